@@ -1,0 +1,338 @@
+"""Where a constraint force may live.
+
+A cone K here is any closed convex set of forces in contact axes (tangent, tangent, normal): a whole space, a half-line, a
+friction cone, an interval. Every K is the image K = G P of a product P of simple *parts* (line, half-line, interval,
+second-order cone): `generators` gives (G, parts). From that one form come the rays of the pyramid QP (`rays`), the corner
+forces of a patch, and the true cones of a conic solver.
+
+The n-facet pyramid *circumscribes* the friction cone, its first facet across the contact's x axis (n = 4 reads
+|fx|, |fy| <= mu fz): rays at (2k + 1) pi / n with tangential radius mu / cos(pi / n). The *inscribed* one has radius mu.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from scipy.optimize import nnls
+
+from rbd.errors import InputError
+
+Array: TypeAlias = np.ndarray
+
+
+@dataclass(frozen=True)
+class Line:
+    """The whole real line: a component that pulls and pushes."""
+
+    dim: int = 1
+
+
+@dataclass(frozen=True)
+class HalfLine:
+    """The numbers >= 0: a component that only pushes."""
+
+    dim: int = 1
+
+
+@dataclass(frozen=True)
+class Interval:
+    """The numbers from `lo` to `hi`."""
+
+    lo: float
+    hi: float
+    dim: int = 1
+
+
+@dataclass(frozen=True)
+class SecondOrderCone:
+    """Forces (tangent, tangent, normal) with |f_t| <= mu f_n; `facets` says how a pyramid is to replace it."""
+
+    mu: float
+    facets: int = 4
+    dim: int = 3
+
+
+Part: TypeAlias = Line | HalfLine | Interval | SecondOrderCone
+
+
+class Cone(Protocol):
+    """A closed convex set of forces."""
+
+    @property
+    def dim(self) -> int:
+        """Number of force components."""
+
+    def project(self, force: Array) -> Array:
+        """The nearest force in the set, shape (dim,), in the Euclidean norm of the components as given."""
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """(G, parts): the set is G times the product of the parts; G has shape (dim, sum of the parts' dims)."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """All of R^dim: the constraint holds, whatever force that takes."""
+
+    dim: int
+
+    def project(self, force: Array) -> Array:
+        """The force itself."""
+        return force
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and lines."""
+        return np.eye(self.dim), (Line(),) * self.dim
+
+
+@dataclass(frozen=True)
+class NonNegative:
+    """Forces that only push: every component >= 0."""
+
+    dim: int = 1
+
+    def project(self, force: Array) -> Array:
+        """Negative components become zero."""
+        return np.maximum(force, 0.0)
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and half-lines."""
+        return np.eye(self.dim), (HalfLine(),) * self.dim
+
+
+@dataclass(frozen=True)
+class FrictionCone:
+    """Coulomb's cone |f_t| <= mu f_n on (tangent, tangent, normal).
+
+    Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
+    """
+
+    mu: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        check_friction(self.mu, self.facets)
+
+    @property
+    def dim(self) -> int:
+        """Three."""
+        return 3
+
+    def project(self, force: Array) -> Array:
+        """The nearest force in the true (circular) cone; closed form."""
+        tangential = math.hypot(force[0], force[1])
+        normal = float(force[2])
+        if tangential <= self.mu * normal:
+            return force
+        if self.mu * tangential <= -normal:
+            return np.zeros(3)
+        on_axis = (self.mu * tangential + normal) / (1.0 + self.mu**2)
+        scale = self.mu * on_axis / tangential
+        return np.array([scale * force[0], scale * force[1], on_axis])
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and one second-order cone."""
+        return np.eye(3), (SecondOrderCone(self.mu, self.facets),)
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Forces between two bounds, component by component, e.g. dry friction in a joint."""
+
+    lo: Array
+    hi: Array
+
+    def __post_init__(self) -> None:
+        lo, hi = np.atleast_1d(np.asarray(self.lo, float)), np.atleast_1d(np.asarray(self.hi, float))
+        if lo.shape != hi.shape or lo.ndim != 1 or not (lo <= hi).all():
+            raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r}, hi = {self.hi!r}.")
+        object.__setattr__(self, "lo", lo)
+        object.__setattr__(self, "hi", hi)
+
+    @property
+    def dim(self) -> int:
+        """Number of bounded components."""
+        return len(self.lo)
+
+    def project(self, force: Array) -> Array:
+        """Each component clipped."""
+        return np.clip(force, self.lo, self.hi)
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and intervals."""
+        return np.eye(self.dim), tuple(Interval(float(a), float(b)) for a, b in zip(self.lo, self.hi, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchCone:
+    """Wrenches (force, moment about the patch's centre) that forces in friction cones at the patch's corners can make.
+
+    Corner force p_i at corner c_i gives force p_i and moment c_i x p_i; all in contact axes.
+
+    Args:
+        corners: Corner points from the patch's centre, shape (k, 3) [m].
+        mu: Friction coefficient; 0 leaves the normal components only.
+        facets: Facets of each corner's pyramid in the QP.
+    """
+
+    corners: Array
+    mu: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        check_friction(self.mu, self.facets)
+
+    @property
+    def dim(self) -> int:
+        """Six."""
+        return 6
+
+    @cached_property
+    def corner_map(self) -> Array:
+        """The wrench of stacked corner forces, shape (6, 3k); its transpose takes a twist rate to corner accelerations."""
+        return np.hstack([np.vstack([np.eye(3), cross_matrix(c)]) for c in self.corners])
+
+    def project(self, force: Array) -> Array:
+        """The nearest wrench of the corner pyramids (not of the true cones), by nonnegative least squares.
+
+        Newtons and newton metres are weighed alike.
+        """
+        G = rays(self).G
+        return G @ nnls(G, force)[0]
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """The corner map and one second-order cone a corner; without friction, its normal columns and half-lines."""
+        k = len(self.corners)
+        if self.mu == 0.0:
+            return self.corner_map[:, 2::3], (HalfLine(),) * k
+        return self.corner_map, (SecondOrderCone(self.mu, self.facets),) * k
+
+
+@dataclass(frozen=True)
+class Product:
+    """Several sets side by side, their components stacked."""
+
+    cones: tuple[Cone, ...]
+
+    def __init__(self, cones: Sequence[Cone]) -> None:
+        object.__setattr__(self, "cones", tuple(cones))
+
+    @property
+    def dim(self) -> int:
+        """Sum of the members' dimensions."""
+        return sum(c.dim for c in self.cones)
+
+    def project(self, force: Array) -> Array:
+        """Each member projects its own components."""
+        ends = np.cumsum([c.dim for c in self.cones])[:-1]
+        return np.concatenate([c.project(f) for c, f in zip(self.cones, np.split(force, ends), strict=True)])
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Block-diagonal G; the members' parts in order."""
+        blocks = [c.generators() for c in self.cones]
+        return block_diagonal([g for g, _ in blocks]), tuple(part for _, parts in blocks for part in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """A polyhedral set as weights on columns: {G w : lower <= w <= upper}.
+
+    Attributes:
+        G: Columns, shape (dim, r).
+        lower: Lower bounds of the weights, shape (r,): -inf for a line, 0 for a ray.
+        upper: Upper bounds of the weights, shape (r,).
+        facets: Facets of the pyramids that stand for second-order cones; empty where there are none.
+    """
+
+    G: Array
+    lower: Array
+    upper: Array
+    facets: frozenset[int] = field(default=frozenset())
+
+    @cached_property
+    def all_lines(self) -> bool:
+        """Whether every weight is free."""
+        return bool(np.isneginf(self.lower).all() and np.isposinf(self.upper).all())
+
+    @cached_property
+    def has_intervals(self) -> bool:
+        """Whether some weight has a finite bound other than zero from below."""
+        return bool((np.isfinite(self.upper) | (np.isfinite(self.lower) & (self.lower != 0.0))).any())
+
+
+@lru_cache(maxsize=512)  # contacts keep one cone for life: computed once a contact
+def rays(cone: Cone, *, inscribed: bool = False) -> Rays:
+    """The set with every second-order cone replaced by its pyramid, as weights on columns.
+
+    Args:
+        cone: Any set; hashable, as frozen dataclasses are.
+        inscribed: Take the pyramid inside the cone (tangential radius mu) in place of the one around it
+            (mu / cos(pi / n)).
+    """
+    G, parts = cone.generators()
+    columns, lower, upper, facets, at = [], [], [], set(), 0
+    for part in parts:
+        block = G[:, at : at + part.dim]
+        at += part.dim
+        if isinstance(part, SecondOrderCone):
+            block = block @ pyramid(part.mu, part.facets, inscribed=inscribed)
+            facets.add(part.facets)
+        r = block.shape[1]
+        columns.append(block)
+        low, high = _bounds(part)
+        lower += [low] * r
+        upper += [high] * r
+    return Rays(_locked(np.hstack(columns)), _locked(np.array(lower)), _locked(np.array(upper)), frozenset(facets))
+
+
+def _locked(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
+
+
+def _bounds(part: Part) -> tuple[float, float]:
+    if isinstance(part, Line):
+        return -math.inf, math.inf
+    if isinstance(part, Interval):
+        return part.lo, part.hi
+    return 0.0, math.inf
+
+
+def pyramid(mu: float, facets: int, *, inscribed: bool = False) -> Array:
+    """Rays of the friction pyramid as columns (tangent, tangent, 1), shape (3, facets)."""
+    angle = (2 * np.arange(facets) + 1) * math.pi / facets
+    radius = mu if inscribed else mu / math.cos(math.pi / facets)
+    return np.vstack([radius * np.cos(angle), radius * np.sin(angle), np.ones(facets)])
+
+
+def cross_matrix(p: Array) -> Array:
+    """The matrix of p x, shape (3, 3)."""
+    x, y, z = p
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Matrices along the diagonal; zero elsewhere."""
+    out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    i = j = 0
+    for b in blocks:
+        out[i : i + b.shape[0], j : j + b.shape[1]] = b
+        i += b.shape[0]
+        j += b.shape[1]
+    return out
+
+
+def check_friction(mu: float, facets: int) -> None:
+    """Refuse a friction coefficient or a facet count that means nothing.
+
+    Raises:
+        InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.
+    """
+    if not isinstance(mu, int | float | np.floating | np.integer) or isinstance(mu, bool) or not 0.0 <= mu < math.inf:
+        raise InputError(f"friction is {mu!r}; expected a finite number >= 0, or None for a contact that holds.")
+    if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or facets < 3:
+        raise InputError(f"facets is {facets!r}; expected a whole number >= 3 (4 is usual).")

@@ -1,0 +1,131 @@
+"""Every error and warning of `rbd`, in one tree.
+
+    RbdError
+      InputError (also a ValueError)    something given is wrong; nothing was computed
+        UnknownName                     a name that is not in the model; nearest names in the message
+          UnknownRobot, FrameNotFound, JointNotFound
+        DuplicateName                   two constraints, or two rows, under one name
+      ModelError                        a robot file is missing, broken or not a robot
+      ContactMoves                      a contact that can break or slip already moves
+      NotAtRest                         statics asked of a moving robot
+      Unsupported                       this solver cannot take this problem; the message says why
+      SingularInertia                   M(q) is not positive definite
+      NoSolution                        no answer within tolerance; carries problem and result
+        CannotHold                      no motor torques hold this pose
+      PictureError                      a page or a screenshot could not be made
+
+    RbdWarning (a UserWarning)
+      EffortLimitWarning                a torque given is beyond a motor's limit
+      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
+      ModelWarning                      a robot file that loads, but is not what it seems
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rbd.problem import GaussProblem
+    from rbd.solution import Solution
+
+
+class RbdError(Exception):
+    """The root of all errors that `rbd` raises on purpose."""
+
+
+class InputError(RbdError, ValueError):
+    """An argument is wrong: the message says what came, what was expected, what to try."""
+
+
+class UnknownName(InputError):
+    """A name that is not there."""
+
+
+class UnknownRobot(UnknownName):
+    """No robot or file goes by this name."""
+
+
+class FrameNotFound(UnknownName):
+    """No frame of the robot goes by this name."""
+
+
+class JointNotFound(UnknownName):
+    """No joint of the robot goes by this name."""
+
+
+class DuplicateName(InputError):
+    """Two constraints share one name, so their forces could not be told apart."""
+
+
+class ModelError(RbdError):
+    """A robot file is missing, broken, or not a robot."""
+
+
+class ContactMoves(RbdError):
+    """A contact that can break or slip has a velocity: sliding and impacts are not solved here."""
+
+
+class NotAtRest(RbdError):
+    """A static question was asked about a moving robot."""
+
+
+class Unsupported(RbdError):
+    """The solver cannot take the problem; raised before it starts."""
+
+
+class SingularInertia(RbdError):
+    """The joint-space inertia matrix is not positive definite."""
+
+
+class NoSolution(RbdError):
+    """No answer within tolerance.
+
+    Attributes:
+        problem: What was to be solved, or None where no contact problem was posed.
+        result: The best that was found, residuals and all, or None.
+    """
+
+    def __init__(self, message: str, *, problem: GaussProblem | None = None, result: Solution | None = None) -> None:
+        super().__init__(message)
+        self.problem = problem
+        self.result = result
+
+
+class CannotHold(NoSolution):
+    """No motor torques within the limits, with forces within the cones, keep this pose still."""
+
+
+class PictureError(RbdError):
+    """A page or a screenshot could not be made."""
+
+
+class RbdWarning(UserWarning):
+    """The root of all warnings of `rbd`."""
+
+
+class EffortLimitWarning(RbdWarning):
+    """A torque given is beyond the limit that the robot's file states."""
+
+
+class InaccurateWarning(RbdWarning):
+    """The answer's residuals are above 1e-9, though at most 1e-7, scaled."""
+
+
+class ModelWarning(RbdWarning):
+    """A robot file that loads, but of which something is missing or left out."""
+
+
+def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
+    """The names most like `name`, quoted, for the end of an error message."""
+    known = list(names)
+    if not known:
+        return "there are none"
+    close = difflib.get_close_matches(str(name), known, n=count, cutoff=0.5)
+    if not close:
+        lower = str(name).lower()
+        close = [n for n in known if lower and lower in n.lower()][:count]
+    if close:
+        return "nearest: " + ", ".join(repr(n) for n in close)
+    return "there are " + ", ".join(repr(n) for n in known[:8]) + (", ..." if len(known) > 8 else "")

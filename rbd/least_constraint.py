@@ -1,0 +1,142 @@
+"""The one door: from a state, motor torques and constraints to a proved answer."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from rbd.cones import Array
+from rbd.dynamics import free_force
+from rbd.errors import ContactMoves, EffortLimitWarning, InaccurateWarning, InputError, NoSolution, Unsupported
+from rbd.external import External
+from rbd.problem import GaussProblem
+from rbd.rows import Rows
+from rbd.solution import Solution, Status
+from rbd.solvers import Solver
+from rbd.solvers.proxqp import ProxQP
+from rbd.state import State
+
+REST_SPEED = 1e-6
+"""A contact that can break or slip must not move faster than this [m/s, rad/s]."""
+
+
+class Constraint(Protocol):
+    """Anything that gives named rows at a state; inactive ones give zero rows."""
+
+    @property
+    def name(self) -> str:
+        """The role it plays, unique in a problem."""
+
+    def rows(self, state: State) -> Rows:
+        """Its rows at this state."""
+
+
+def solve(
+    state: State,
+    tau: Array,
+    constraints: Sequence[Constraint] = (),
+    *,
+    external: External = None,
+    solver: Solver = ProxQP(),  # noqa: B008  a frozen record of settings
+    check: bool = True,
+) -> Solution:
+    """Acceleration and constraint forces of a robot: Gauss's principle of least constraint.
+
+    a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers; equivalently
+    M a + h = S^T tau + tau_ext + J^T f.
+
+    Args:
+        state: The robot at (q, v).
+        tau: Motor torques, shape (nu,) [N, N m]; a warning is given beyond the effort limits.
+        constraints: Contacts and other constraints, each with its own name.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
+        solver: `ProxQP()` for anything, `KKT()` for constraints that hold.
+        check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
+
+    Returns:
+        The answer with its certificate, `solution.residuals`.
+
+    Raises:
+        InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
+        ContactMoves: a contact that can break or slip has a velocity above 1e-6.
+        Unsupported: the solver cannot take the problem.
+        NoSolution: no answer within tolerance; names the worst row and carries problem and result.
+    """
+    problem = gauss_problem(state, tau, constraints, external=external)
+    reason = solver.reason_unsupported(problem)
+    if reason is not None:
+        raise Unsupported(reason)
+    solution = solver.solve(problem)
+    if solution.status is not Status.SOLVED and check:
+        _complain(state, solution)
+    return solution
+
+
+def gauss_problem(
+    state: State, tau: Array, constraints: Sequence[Constraint] = (), *, external: External = None
+) -> GaussProblem:
+    """The arrays of the least-constraint problem; arguments and errors as `solve`."""
+    rhs, wrench = free_force(state, tau, external)
+    robot = state.robot
+    beyond = np.abs(rhs_tau := np.asarray(tau, float)) > robot.effort_limit
+    if beyond.any():
+        worst = int(np.argmax(np.abs(rhs_tau) / robot.effort_limit))
+        warnings.warn(
+            f"tau of {robot.actuated_names[worst]} is {rhs_tau[worst]:.4g}, beyond its effort limit of "
+            f"{robot.effort_limit[worst]:.4g} N m; {int(beyond.sum())} of {robot.nu} motors are beyond theirs.",
+            EffortLimitWarning,
+            stacklevel=3,
+        )
+    rows = []
+    for constraint in _sequence(constraints):
+        r = constraint.rows(state)
+        if not isinstance(r, Rows):
+            raise InputError(f"constraint {constraint.name!r} gave {type(r).__name__} in place of rbd Rows.")
+        rows.append(r)
+    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench))
+    if not problem.bilateral:
+        _refuse_moving(problem)
+    return problem
+
+
+def _sequence(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
+    if hasattr(constraints, "rows"):
+        raise InputError("constraints is a single constraint; give a list, [constraint].")
+    return constraints
+
+
+def _refuse_moving(problem: GaussProblem) -> None:
+    for r in problem.rows:
+        if r.speed > REST_SPEED and not _holds(r):
+            raise ContactMoves(
+                f"contact {r.name!r} moves at {r.speed:.3g} m/s, and it can slip or break: sliding and impacts are not "
+                f"solved here (limit {REST_SPEED:g}). Use friction=None for a contact that holds, or a state at rest."
+            )
+
+
+def _holds(r: Rows) -> bool:
+    from rbd.cones import rays
+
+    return rays(r.cone).all_lines
+
+
+def _complain(state: State, solution: Solution) -> None:
+    res = solution.residuals
+    scaled = ", ".join(f"{name} {value:.1e}" for name, value in res.scaled.items())
+    if solution.status is Status.INACCURATE:
+        warnings.warn(
+            f"{solution.solver} is inaccurate on {state.robot.name}: scaled residuals {scaled} (solved is 1e-9).",
+            InaccurateWarning,
+            stacklevel=3,
+        )
+        return
+    why = "no acceleration satisfies the constraints together" if solution.infeasible else "no answer within tolerance"
+    raise NoSolution(
+        f"{solution.worst}: {why} ({solution.solver}, law {solution.law}; scaled residuals {scaled}). Rows that repeat each "
+        "other contradict each other once the robot moves: a sole is one SurfaceContact, not four held points.",
+        problem=solution.problem,
+        result=solution,
+    )

@@ -1,0 +1,245 @@
+"""The checked `pin.Model`: names, actuation, limits, and a pool of `pin.Data`.
+
+Pinocchio crashes on unknown frame and joint ids, and computes on with NaN or with quaternions off the unit sphere; nothing
+reaches it here unchecked.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.cones import Array
+from rbd.errors import FrameNotFound, InputError, JointNotFound, nearest
+from rbd.rows import check_finite
+
+UNIT_TOLERANCE = 1e-6
+"""How far a quaternion's norm may be from one before it is refused."""
+
+_tickets = itertools.count(1)
+
+
+class CheckedModel:
+    """A pin.Model whose names, sizes and numbers are checked before Pinocchio sees them.
+
+    Args:
+        model: The Pinocchio model; it is not to be changed afterwards.
+        passive: Names of joints that carry no motor. A floating base never does.
+        name: Name for messages; the model's own by default.
+
+    Attributes:
+        name: The robot's name.
+        model: The pin.Model.
+        actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
+        actuated: Indices in v of the actuated coordinates, shape (nu,).
+        actuated_names: Their joints' names, in the order of tau.
+        effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
+        floating: Whether all bodies hang from one free-flyer joint.
+        mass: Total mass of the moving bodies [kg].
+    """
+
+    def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
+        self.model = model
+        self.name = name or model.name
+        self.nq: int = model.nq
+        self.nv: int = model.nv
+        self.mass = float(pin.computeTotalMass(model))
+        self.gravity = np.array(model.gravity.linear)
+        self._joints = {n: i for i, n in enumerate(model.names) if i > 0}
+        self._frames = _frame_ids(model)
+        self.passive = self._check_passive(passive)
+        root_type = model.joints[1].shortname() if model.njoints > 1 else ""
+        self.floating = root_type == "JointModelFreeFlyer" and all(model.parents[i] for i in range(2, model.njoints))
+        motors = [
+            (n, model.joints[i].idx_v + k)
+            for n, i in self._joints.items()
+            if model.joints[i].shortname() != "JointModelFreeFlyer" and n not in self.passive
+            for k in range(model.joints[i].nv)
+        ]
+        self.actuated = np.array([i for _, i in motors], dtype=int)
+        self.actuated_names = tuple(n for n, _ in motors)
+        self.nu = len(motors)
+        self.actuation = np.eye(self.nv)[self.actuated]
+        limit = np.array(model.effortLimit, float)[self.actuated]
+        # Zero, missing and +-DBL_MAX all mean that the file states no limit.
+        self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
+        self._unit_blocks = [(b, e) for j in model.joints for b, e in _unit_blocks(j)]
+        self.pool = DataPool(model)
+
+    def frames(self) -> list[str]:
+        """Names of all frames: links, joints and fixed marks."""
+        return list(self._frames)
+
+    def joints(self) -> list[str]:
+        """Names of all joints, the floating base included."""
+        return list(self._joints)
+
+    def frame(self, name: str) -> pin.Frame:
+        """The Pinocchio frame of this name; a link goes before a joint of the same name.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        return self.model.frames[self.frame_id(name)]
+
+    def frame_id(self, name: str) -> int:
+        """Index of the frame in the model.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        try:
+            return self._frames[name]
+        except (KeyError, TypeError):
+            raise FrameNotFound(
+                f"no frame {name!r} in {self.name}; {nearest(name, self._frames)}. See robot.frames()."
+            ) from None
+
+    def joint_id(self, name: str) -> int:
+        """Index of the joint in the model.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        try:
+            return self._joints[name]
+        except (KeyError, TypeError):
+            raise JointNotFound(
+                f"no joint {name!r} in {self.name}; {nearest(name, self._joints)}. See robot.joints()."
+            ) from None
+
+    def check_q(self, q: Array) -> Array:
+        """A configuration, copied, its unit quaternions (and unit circles) normalised; refused if far from unit.
+
+        Raises:
+            InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
+        """
+        q = self._vector("q", q, self.nq, "nq")
+        for begin, end in self._unit_blocks:
+            block = q[begin:end].tolist()
+            norm = math.sqrt(sum(x * x for x in block))
+            if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+                what = "quaternion (x, y, z, w)" if end - begin == 4 else "unit circle (cos, sin)"
+                raise InputError(
+                    f"q[{begin}:{end}] is the {what} {[round(x, 9) for x in block]} of norm {norm:.9g}; expected norm 1 to "
+                    f"{UNIT_TOLERANCE:g}. Divide it by its norm, or build q with robot.model's pinocchio.integrate."
+                )
+            if norm != 1.0:
+                q[begin:end] /= norm
+        return q
+
+    def check_v(self, v: Array, what: str = "v") -> Array:
+        """A velocity, an acceleration or a generalised force, copied, shape (nv,).
+
+        Raises:
+            InputError: wrong size or not finite.
+        """
+        return self._vector(what, v, self.nv, "nv")
+
+    def check_tau(self, tau: Array) -> Array:
+        """Motor torques, copied, shape (nu,).
+
+        Raises:
+            InputError: wrong size (the floating base and passive joints have no entry) or not finite.
+        """
+        return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
+
+    def _vector(self, what: str, value: Array, size: int, meaning: str) -> Array:
+        try:
+            out = np.array(value, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{what} of {self.name} is not an array of numbers: {error}") from None
+        if out.shape != (size,):
+            hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
+            raise InputError(
+                f"{what} of {self.name} has shape {out.shape}; expected ({size},): {meaning}.{hint}"
+            )
+        check_finite(f"{what} of {self.name}", out)
+        return out
+
+    def _check_passive(self, passive: Iterable[str]) -> frozenset[str]:
+        if isinstance(passive, str):
+            passive = (passive,)
+        names = frozenset(passive)
+        for n in names:
+            self.joint_id(n)
+        return names
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, nq={self.nq}, nv={self.nv}, nu={self.nu}, mass={self.mass:.3f} kg)"
+
+
+class Slot:
+    """One pin.Data and the ticket of the state whose kinematics it holds."""
+
+    __slots__ = ("data", "ticket")
+
+    def __init__(self, data: pin.Data) -> None:
+        self.data = data
+        self.ticket = 0
+
+
+class DataPool:
+    """A few `pin.Data`, lent to states by ticket.
+
+    Making one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
+    else needs it, and runs its kinematics again when it was taken away. All use is under `lock`.
+    """
+
+    def __init__(self, model: pin.Model, size: int = 4) -> None:
+        self._model = model
+        self._size = size
+        self._lent: list[Slot] = []
+        self._free: list[Slot] = []
+        self.lock = threading.RLock()
+
+    def take(self, fill: Callable[[pin.Data], None]) -> tuple[Slot, int]:
+        """A slot filled for a new ticket: a free one, a new one while there are few, else the one lent longest."""
+        if self._free:
+            slot = self._free.pop()
+        elif len(self._lent) < self._size:
+            slot = Slot(self._model.createData())
+        else:
+            slot = self._lent.pop(0)
+        slot.ticket = 0
+        self._lent.append(slot)
+        fill(slot.data)
+        slot.ticket = next(_tickets)
+        return slot, slot.ticket
+
+    def give_back(self, slot: Slot, ticket: int) -> None:
+        """End a loan; nothing happens if the slot has gone to another ticket meanwhile."""
+        with self.lock:
+            if slot.ticket == ticket and slot in self._lent:
+                slot.ticket = 0
+                self._lent.remove(slot)
+                self._free.append(slot)
+
+
+def _frame_ids(model: pin.Model) -> dict[str, int]:
+    ids: dict[str, int] = {}
+    for i, f in enumerate(model.frames):
+        if f.name not in ids or f.type == pin.FrameType.BODY:
+            ids[f.name] = i
+    return ids
+
+
+def _unit_blocks(joint: pin.JointModel) -> list[tuple[int, int]]:
+    """Index ranges in q that must have unit norm."""
+    name, at = joint.shortname(), joint.idx_q
+    if name == "JointModelFreeFlyer":
+        return [(at + 3, at + 7)]
+    if name in ("JointModelSpherical",):
+        return [(at, at + 4)]
+    if name == "JointModelPlanar":
+        return [(at + 2, at + 4)]
+    if name.startswith("JointModelR") and "Unbounded" in name or name.startswith("JointModelRUB"):
+        return [(at, at + 2)]
+    if name == "JointModelComposite":
+        return [block for part in joint.extract().joints for block in _unit_blocks(part)]
+    return []

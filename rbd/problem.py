@@ -1,0 +1,186 @@
+"""Gauss's least-constraint problem, in arrays: no robot, no solver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import lapack
+
+from rbd.cones import Array, Cone, Product, Rays, block_diagonal, rays
+from rbd.errors import DuplicateName, InputError, SingularInertia
+from rbd.rows import Rows, check_finite
+
+
+@dataclass(frozen=True, eq=False)
+class MomentumBalance:
+    """What the rate of centroidal momentum must equal, in arrays, without any contact Jacobian.
+
+    The rate is A_g a + rate_bias, linear then angular, about the centre of mass, in world axes.
+
+    Attributes:
+        A_g: Centroidal momentum matrix, shape (6, nv).
+        rate_bias: A_g_dot v, shape (6,) [N, N m].
+        wrench: Weight and external forces about the centre of mass, shape (6,) [N, N m].
+        com: Centre of mass in W, shape (3,) [m].
+        base_point: Origin of the floating base in W, shape (3,) [m]; with `base_axes`, used for rows that have no
+            resultant of their own.
+        base_axes: R_WB of the floating base, shape (3, 3).
+    """
+
+    A_g: Array
+    rate_bias: Array
+    wrench: Array
+    com: Array
+    base_point: Array
+    base_axes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class GaussProblem:
+    """Find a = argmin 1/2 |a - a_free|_M^2 subject to c = J a + offset in K* (convex law), with forces f in K.
+
+    M a = rhs + J^T f are the equations of motion; rhs = S^T tau + tau_ext - h. It can be built by hand, without a robot.
+
+    Attributes:
+        M: Joint-space inertia, shape (nv, nv), symmetric positive definite.
+        rhs: Generalised force of free motion, shape (nv,).
+        rows: The constraints.
+        balance: What the centroidal residual is computed from, or None.
+
+    Raises:
+        InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
+        DuplicateName: if two rows share a name.
+        SingularInertia: when M is first factorised, if it is not positive definite.
+    """
+
+    M: Array
+    rhs: Array
+    rows: Sequence[Rows] = ()
+    balance: MomentumBalance | None = None
+
+    def __post_init__(self) -> None:
+        M, rhs, rows = np.asarray(self.M, float), np.asarray(self.rhs, float), tuple(self.rows)
+        object.__setattr__(self, "M", M)
+        object.__setattr__(self, "rhs", rhs)
+        object.__setattr__(self, "rows", rows)
+        if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape[0] == 0:
+            raise InputError(f"M has shape {M.shape}; expected a square (nv, nv).")
+        n = M.shape[0]
+        if rhs.shape != (n,):
+            raise InputError(f"rhs has shape {rhs.shape}; expected ({n},), as M is {M.shape}.")
+        check_finite("M", M)
+        check_finite("rhs", rhs)
+        if np.abs(M - M.T).max() > 1e-9 * np.abs(M).max():
+            raise InputError(f"M is not symmetric: |M - M^T| reaches {np.abs(M - M.T).max():.2g}.")
+        names = [r.name for r in rows]
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
+        for r in rows:
+            if r.J.shape[1] != n:
+                raise InputError(f"rows {r.name!r}: J has {r.J.shape[1]} columns; expected nv = {n}.")
+        check_finite("the constraint Jacobian J", self.J)
+        check_finite("the constraint bias", self.offset)
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom."""
+        return len(self.rhs)
+
+    @property
+    def m(self) -> int:
+        """Number of scalar rows."""
+        return self.J.shape[0]
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Where each constraint's rows stand in the stack."""
+        out, at = {}, 0
+        for r in self.rows:
+            out[r.name] = slice(at, at + len(r))
+            at += len(r)
+        return out
+
+    @cached_property
+    def ray_slices(self) -> list[slice]:
+        """Where each constraint's rays stand among the columns of `rays`, in the order of `rows`."""
+        ends = np.cumsum([0] + [rays(r.cone).G.shape[1] for r in self.rows]).tolist()
+        return [slice(i, j) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+
+    @cached_property
+    def J(self) -> Array:
+        """Stacked Jacobian, shape (m, nv)."""
+        return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.nv))
+
+    @cached_property
+    def bias(self) -> Array:
+        """Stacked J_dot v, shape (m,)."""
+        return np.concatenate([r.bias for r in self.rows]) if self.rows else np.zeros(0)
+
+    @cached_property
+    def offset(self) -> Array:
+        """Stacked bias + feedback, shape (m,)."""
+        if not self.rows:
+            return np.zeros(0)
+        return self.bias + np.concatenate([r.feedback for r in self.rows])
+
+    @cached_property
+    def cone(self) -> Cone:
+        """The product of the rows' sets."""
+        return Product([r.cone for r in self.rows])
+
+    @cached_property
+    def bilateral(self) -> bool:
+        """Whether every row holds, whatever force that takes."""
+        return all(rays(r.cone).all_lines for r in self.rows)
+
+    @cached_property
+    def rays(self) -> Rays:
+        """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r)."""
+        parts = [rays(r.cone) for r in self.rows]
+        if not parts:
+            return Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+        return Rays(
+            block_diagonal([p.G for p in parts]),
+            np.concatenate([p.lower for p in parts]),
+            np.concatenate([p.upper for p in parts]),
+            frozenset().union(*(p.facets for p in parts)),
+        )
+
+    @cached_property
+    def factor(self) -> Array:
+        """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv)."""
+        L, info = lapack.dpotrf(self.M, lower=1, clean=0)
+        if info != 0:
+            raise SingularInertia(
+                f"M({self.nv} x {self.nv}) is not positive definite (leading minor {abs(info)}); "
+                "a joint carries no inertia, or an inertia in the file is not physical."
+            )
+        return L
+
+    def solve_M(self, b: Array) -> Array:
+        """M^-1 b."""
+        return lapack.dpotrs(self.factor, b, lower=1)[0]
+
+    @cached_property
+    def a_free(self) -> Array:
+        """Acceleration without constraints, M^-1 rhs, shape (nv,)."""
+        return self.solve_M(self.rhs)
+
+    @cached_property
+    def whitened(self) -> Array:
+        """W = L^-1 J^T, shape (nv, m): J in coordinates where the inertia metric is the Euclidean one."""
+        return lapack.dtrtrs(self.factor, self.J.T, lower=1)[0] if self.m else np.zeros((self.nv, 0))
+
+    @cached_property
+    def delassus(self) -> Array:
+        """J M^-1 J^T = W^T W, shape (m, m)."""
+        return self.whitened.T @ self.whitened
+
+    @cached_property
+    def free_row_acceleration(self) -> Array:
+        """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
+        return self.J @ self.a_free + self.offset

@@ -1,0 +1,165 @@
+"""The certificate of an answer: every equation of the law, recomputed in physical units and scaled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.cones import Array
+from rbd.problem import GaussProblem
+
+SOLVED = 1e-9
+"""Scaled residuals up to this are `solved`."""
+USABLE = 1e-7
+"""Scaled residuals up to this are `inaccurate`; above, there is no answer."""
+
+_EQUATIONS = ("stationarity", "feasibility", "cone", "complementarity", "centroidal")
+_UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
+
+
+class Residual(float):
+    """A residual in physical units that also carries `scaled`, its size against the terms that make it up."""
+
+    scaled: float
+
+    def __new__(cls, value: float, scale: float) -> Residual:
+        """The value, and the value over the scale."""
+        self = super().__new__(cls, value)
+        self.scaled = float(value) / scale
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """How far an answer is from the equations of its law; largest entries, zero for an exact answer.
+
+    Attributes:
+        stationarity: |M a - rhs - J^T f| [N, N m]; over max(1, |M||a|, |rhs|, |f|).
+        feasibility: Distance of c = J a + offset to K* [m/s2, rad/s2], along its unit rays; over
+            max(1, |J||a| + |bias|).
+        cone: Distance of f to K [N, N m]; over the scale of stationarity.
+        complementarity: |f . c|, the worst of the constraints [N m/s2]; over the product of the two scales.
+        centroidal: Contact wrenches plus weight plus external forces, less the rate of centroidal momentum, about the
+            centre of mass [N, N m]; over max(1, its largest term). It uses no contact Jacobian where the constraints
+            have resultants, so it catches a wrong J. None where there is no floating base: the base's reaction is
+            unknown.
+    """
+
+    stationarity: Residual
+    feasibility: Residual
+    cone: Residual
+    complementarity: Residual
+    centroidal: Residual | None
+
+    @property
+    def scaled(self) -> dict[str, float]:
+        """{equation: scaled residual}, centroidal left out where there is none."""
+        return {name: r.scaled for name, r in self._given()}
+
+    @property
+    def worst(self) -> float:
+        """The largest scaled residual; NaN if any is."""
+        found = [r.scaled for _, r in self._given()]
+        return math.nan if any(x != x for x in found) else max(found)
+
+    def _given(self) -> list[tuple[str, Residual]]:
+        every = ((name, getattr(self, name)) for name in _EQUATIONS)
+        return [(name, r) for name, r in every if r is not None]
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
+
+
+def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) -> Residuals:
+    """The certificate of acceleration a and row forces f for the convex (or bilateral) law.
+
+    Args:
+        problem: What is answered.
+        a: Acceleration, shape (nv,).
+        f: Row forces, shape (m,).
+        weights: Weights of `problem.rays`, shape (r,); needed unless every row holds.
+    """
+    P = problem
+    terms = _Terms(P, a, f, weights)
+    force_scale = max(1.0, _largest(np.abs(P.M) @ np.abs(a)), _largest(P.rhs), _largest(f))
+    row_scale = max(1.0, _largest(np.abs(P.J) @ np.abs(a) + np.abs(P.offset)))
+    return Residuals(
+        stationarity=Residual(_largest(P.M @ a - P.rhs - P.J.T @ f), force_scale),
+        feasibility=Residual(_largest(terms.gap), row_scale),
+        cone=Residual(_largest(terms.off_cone), force_scale),
+        complementarity=Residual(_largest(terms.slack), force_scale * row_scale),
+        centroidal=_centroidal(P, a, f),
+    )
+
+
+class _Terms:
+    """Row accelerations against row forces: `gap` and `slack` by ray (by row where all rows hold), `off_cone` by row."""
+
+    def __init__(self, P: GaussProblem, a: Array, f: Array, weights: Array | None) -> None:
+        c = P.J @ a + P.offset
+        self.by_ray = not (P.bilateral or weights is None)
+        if not self.by_ray:
+            self.gap, self.off_cone, self.slack = np.abs(c), np.zeros(0), np.zeros(0)
+            return
+        R = P.rays
+        w = np.minimum(np.maximum(weights, R.lower), R.upper)
+        along = R.G.T @ c
+        opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
+        below, above = np.isfinite(R.lower), np.isfinite(R.upper)
+        # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
+        self.gap = np.where(below, 0.0, opens) + np.where(above, 0.0, closes)
+        self.slack = np.where(below, w - np.where(below, R.lower, 0.0), 0.0) * opens
+        self.slack += np.where(above, np.where(above, R.upper, 0.0) - w, 0.0) * closes
+        self.off_cone = f - R.G @ w
+
+
+def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None) -> str:
+    """The constraint that misses its equations most, and by how much, in words."""
+    if not problem.m:
+        return "no constraint"
+    terms = _Terms(problem, a, f, weights)
+    found = [(-1.0, "")]
+    for i, rows in enumerate(problem.rows):
+        part, ray = problem.slices[rows.name], problem.ray_slices[i]
+        gap = _largest(terms.gap[ray if terms.by_ray else part])
+        off = _largest(terms.off_cone[part]) if terms.by_ray else 0.0
+        slack = _largest(terms.slack[ray]) if terms.by_ray else 0.0
+        found.append((gap, f"{rows.name} cannot hold: residual {gap:.2g} m/s2"))
+        found.append((off, f"{rows.name} leaves its cone: by {off:.2g} N"))
+        found.append((slack, f"{rows.name} pushes while it opens: by {slack:.2g} N m/s2"))
+    return max(found)[1]
+
+
+def _centroidal(P: GaussProblem, a: Array, f: Array) -> Residual | None:
+    b = P.balance
+    if b is None:
+        return None
+    rate = b.A_g @ a + b.rate_bias
+    total = b.wrench.copy()
+    for rows in P.rows:
+        part = f[P.slices[rows.name]]
+        if rows.resultant is not None and rows.patch is not None:
+            wrench, point = rows.resultant @ part, rows.patch.point
+        else:
+            base = rows.J[:, :6].T @ part
+            wrench, point = np.concatenate([b.base_axes @ base[:3], b.base_axes @ base[3:]]), b.base_point
+        add_wrench(total, wrench, point - b.com)
+    scale = max(1.0, _largest(rate), _largest(b.wrench), _largest(f))
+    return Residual(_largest(rate - total), scale)
+
+
+def add_wrench(total: Array, wrench: Array, arm: Array) -> None:
+    """Add a force (3,) or wrench (6,) that acts at `arm` to the wrench `total` (6,), in place."""
+    # Plain floats: np.cross costs ten times the rest of this function.
+    (x, y, z), (fx, fy, fz) = arm.tolist(), wrench[:3].tolist()
+    total[:3] += wrench[:3]
+    total[3:] += (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
+    if len(wrench) == 6:
+        total[3:] += wrench[3:]
+
+
+def _largest(x: Array) -> float:
+    """Largest absolute entry; zero of an empty array; NaN if any entry is."""
+    return float(np.abs(x).max()) if x.size else 0.0

@@ -1,0 +1,116 @@
+"""Rows: what a constraint says at one state, in arrays, before any solver."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rbd.cones import Array, Cone
+from rbd.errors import InputError
+
+_NOT_GIVEN = np.empty(0)
+
+
+def _not_given() -> Array:
+    return _NOT_GIVEN
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Patch:
+    """Where a contact acts, for resultants, tables and pictures.
+
+    Attributes:
+        point: Contact point or patch centre, in W, shape (3,) [m].
+        axes: R_WP, columns tangent, tangent, normal in W, shape (3, 3).
+        corners: Corner points from `point`, in contact axes, shape (k, 3) [m]; one zero row for a point contact.
+        friction: Coefficient, or None for a contact that holds.
+    """
+
+    point: Array
+    axes: Array
+    corners: Array
+    friction: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rows:
+    """m scalar constraint rows under one name: c = J a + bias + feedback, with forces in a cone.
+
+    Attributes:
+        name: The constraint's name.
+        J: Jacobian, shape (m, nv).
+        bias: J_dot v (classical acceleration), shape (m,) [m/s2, rad/s2].
+        cone: Set K of the row forces, of dimension m.
+        velocity: J v less the surface's velocity, shape (m,) [m/s, rad/s]; zero if not given.
+        error: Position residual, shape (m,), or None where position is not constrained.
+        feedback: Stabilisation, shape (m,), kept apart from the physics; zero if not given.
+        resultant: Takes row forces to the force (k = 3) or wrench (k = 6) on the robot in world axes, shape (k, m), or
+            None where the rows have none.
+        patch: Where the contact acts, or None.
+
+    Raises:
+        InputError: on sizes that do not fit.
+    """
+
+    name: str
+    J: Array
+    bias: Array
+    cone: Cone
+    velocity: Array = field(default_factory=_not_given)
+    error: Array | None = None
+    feedback: Array = field(default_factory=_not_given)
+    resultant: Array | None = None
+    patch: Patch | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.J, np.ndarray) or self.J.dtype != float:
+            object.__setattr__(self, "J", np.asarray(self.J, float))
+        if self.J.ndim != 2:
+            raise InputError(f"rows {self.name!r}: J has shape {self.J.shape}; expected (m, nv).")
+        m = self.J.shape[0]
+        for what in ("bias", "velocity", "feedback", "error"):
+            value = getattr(self, what)
+            if value is _NOT_GIVEN:
+                object.__setattr__(self, what, np.zeros(m))
+            elif value is not None and not (type(value) is np.ndarray and value.shape == (m,) and value.dtype == float):
+                object.__setattr__(self, what, _vector(self.name, what, value, m))
+        if self.cone.dim != m:
+            raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
+        if self.resultant is not None and (self.resultant.ndim != 2 or self.resultant.shape[1] != m):
+            raise InputError(f"rows {self.name!r}: resultant has shape {self.resultant.shape}; expected (k, {m}).")
+
+    def __len__(self) -> int:
+        return self.J.shape[0]
+
+    def __repr__(self) -> str:
+        return f"Rows({self.name!r}, m={len(self)}, nv={self.J.shape[1]}, cone={type(self.cone).__name__})"
+
+    def __len__(self) -> int:
+        return self.J.shape[0]
+
+    @property
+    def speed(self) -> float:
+        """Largest entry of |velocity|."""
+        return float(np.abs(self.velocity).max(initial=0.0))
+
+
+def _vector(name: str, what: str, value: Array, m: int) -> Array:
+    out = np.asarray(value, float)
+    if out.shape != (m,):
+        raise InputError(f"rows {name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
+    return out
+
+
+def check_finite(what: str, value: Array) -> None:
+    """Refuse NaN and infinity.
+
+    Raises:
+        InputError: naming the first bad entry.
+    """
+    # The sum is finite unless an entry is not (or 1e308s overflow, which is as bad): one pass, no temporary.
+    if not math.isfinite(value.sum()):
+        bad = np.argwhere(~np.isfinite(value))
+        where = f" at {tuple(int(i) for i in bad[0])}: {value[tuple(bad[0])]}" if len(bad) else ": too large to add up"
+        raise InputError(f"{what} is not finite{where}. Check what it was computed from.")

@@ -1,0 +1,79 @@
+"""The closed form for constraints that hold."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lapack
+
+from rbd.cones import Array
+from rbd.problem import GaussProblem
+from rbd.solution import RANK_TOLERANCE, Solution
+
+
+@dataclass(frozen=True)
+class KKT:
+    """Lagrange's closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
+
+    For constraints that hold. Where rows are redundant f is the one of minimum norm, and where they contradict each other a
+    is the least-squares one, whose residuals say so.
+
+    Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
+    """
+
+    law: str = "bilateral"
+
+    def reason_unsupported(self, problem: GaussProblem) -> str | None:
+        """Names the first constraint that can break or slip."""
+        if problem.bilateral:
+            return None
+        bad = next(r for r in problem.rows if not GaussProblem(problem.M, problem.rhs, [r]).bilateral)
+        return (
+            f"KKT takes constraints that hold, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
+            "Use rbd.ProxQP(), or friction=None for a contact that holds."
+        )
+
+    def solve(self, problem: GaussProblem) -> Solution:
+        """The closed form; by Cholesky where the rows are independent, else by singular values."""
+        start = time.perf_counter()
+        P = problem
+        infeasible = False
+        if not P.m:
+            a, f = P.a_free.copy(), np.zeros(0)
+        else:
+            c = P.free_row_acceleration
+            R = independent_factor(P.delassus)
+            if R is not None:
+                f = -lapack.dpotrs(R, c)[0]
+            else:
+                f, missed = _minimum_norm(P.whitened, c)
+                infeasible = missed > 1e-6 * max(1.0, float(np.abs(c).max()))
+            a = constrained(P, f)
+        seconds = time.perf_counter() - start
+        return Solution(P, a, f, None, "bilateral", "KKT", 1, seconds, infeasible)
+
+
+def independent_factor(delassus: Array) -> Array | None:
+    """Upper R with R^T R = delassus, or None where its pivots tell that rows depend on each other."""
+    R, info = lapack.dpotrf(delassus, lower=0, clean=1)
+    if info != 0:
+        return None
+    pivots = R.diagonal()
+    # Pivots are bounded below by the least singular value of W; 1e-5 leaves ten digits to f, else the SVD takes over.
+    return R if pivots.min() > 1e-5 * pivots.max() else None
+
+
+def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
+    """(f, missed): minimum-norm f with W^T W f = -c as nearly as can be, and how much of c no f reaches."""
+    _, s, Vt = np.linalg.svd(W, full_matrices=False)
+    kept = s > RANK_TOLERANCE * s[0]
+    Vt, s = Vt[kept], s[kept]
+    along = Vt @ c
+    return -Vt.T @ (along / s**2), float(np.abs(c - Vt.T @ along).max())
+
+
+def constrained(P: GaussProblem, f: Array) -> Array:
+    """a = a_free + M^-1 J^T f."""
+    return P.a_free + lapack.dtrtrs(P.factor, P.whitened @ f, lower=1, trans=1)[0]

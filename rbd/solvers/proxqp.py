@@ -1,0 +1,88 @@
+"""Gauss's principle as a quadratic program in the acceleration, by ProxSuite."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.cones import Array
+from rbd.problem import GaussProblem
+from rbd.residuals import SOLVED
+from rbd.solution import Solution
+from rbd.solvers import qp
+from rbd.solvers.kkt import constrained, independent_factor
+
+
+@dataclass(frozen=True)
+class ProxQP:
+    """Gauss's least-constraint problem, minimise 1/2 |a - a_free|_M^2, as a ProxSuite QP; forces are its multipliers.
+
+    Constraints that hold are equalities; for every ray r of a force cone, r . (J a + offset) >= 0 is one inequality, its
+    multiplier is that ray's weight, and the force is the sum of weight times ray. Circular cones are replaced by the
+    circumscribed pyramids of their contacts' `facets`.
+
+    The QP is posed in z, with a = a_free + L^-T Q z: L L^T = M makes the inertia metric Euclidean, and W = L^-1 J^T = Q R
+    leaves out the directions that no row feels. Its Hessian is the identity whatever the robot's inertia, so ProxSuite
+    needs no preconditioner.
+
+    Attributes:
+        policy: Settings of ProxSuite to try in order; each answer is judged by its own residuals.
+    """
+
+    policy: tuple[qp.Setting, ...] = qp.POLICY
+    law: str = "convex"
+
+    def reason_unsupported(self, problem: GaussProblem) -> str | None:
+        """Names the first constraint whose forces are bounded on both sides."""
+        if not problem.rays.has_intervals:
+            return None
+        bad = next(r for r in problem.rows if GaussProblem(problem.M, problem.rhs, [r]).rays.has_intervals)
+        return f"ProxQP takes cones, and {bad.name!r} has forces in a bounded set ({type(bad.cone).__name__})."
+
+    def solve(self, problem: GaussProblem) -> Solution:
+        """The best of the attempts; the first that is `solved`, most often the first of all."""
+        start = time.perf_counter()
+        P = problem
+        if not P.m:
+            return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
+        R = independent_factor(P.delassus)
+        if R is None:
+            R = np.linalg.qr(P.whitened, mode="r")
+        rays, c = P.rays, P.free_row_acceleration
+        along, opening = rays.G.T @ R.T, rays.G.T @ c
+        holds = np.isneginf(rays.lower)
+        A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
+        n = R.shape[0]
+        best: Solution | None = None
+        for attempt in qp.attempts(np.eye(n), np.zeros(n), A, b, C, l, None, policy=self.policy):
+            weights = np.empty(len(holds))
+            weights[holds] = attempt.y
+            weights[~holds] = np.maximum(attempt.z, 0.0)
+            found = self._solution(P, weights, attempt.iterations, time.perf_counter() - start)
+            if best is None or not found.residuals.worst >= best.residuals.worst:
+                best = found
+            if best.residuals.worst <= SOLVED:
+                return best
+        assert best is not None
+        violation = qp.least_violation(A, b, C, l)
+        infeasible = not math.isnan(violation) and violation > 1e-6 * max(1.0, float(np.abs(opening).max()))
+        return Solution(
+            P, best.a, best.multipliers, best.weights, best.law, "ProxQP", best.iterations,
+            time.perf_counter() - start, infeasible,
+        )  # fmt: skip
+
+    def _solution(self, P: GaussProblem, weights: Array, iterations: int, seconds: float) -> Solution:
+        f = P.rays.G @ weights
+        a = constrained(P, f)
+        return Solution(P, a, f, None if P.bilateral else weights, law_name(P), "ProxQP", iterations, seconds)
+
+
+def law_name(P: GaussProblem) -> str:
+    """The law with what stands in for circular cones, e.g. "convex, 4 facets"."""
+    if P.bilateral:
+        return "bilateral"
+    facets = sorted(P.rays.facets)
+    return "convex" + (f", {' and '.join(map(str, facets))} facets" if facets else "")

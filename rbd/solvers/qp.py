@@ -1,0 +1,130 @@
+"""Quadratic programs, by ProxSuite: the only file that imports it.
+
+    minimise 1/2 x^T H x + g^T x   subject to   A x = b,   l <= C x <= u
+
+One sign: H x + g = A^T y + C^T z, so that z >= 0 where a lower bound holds and z <= 0 where an upper one does: a
+multiplier is the force of its constraint. One retry policy: `attempts` yields one result a setting, best bet first, and its
+caller judges by its own residuals when to stop. ProxSuite's own status is not asked: it reports infeasible on feasible
+problems, and solved on NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import proxsuite
+from scipy.optimize import linprog
+
+from rbd.cones import Array
+from rbd.rows import check_finite
+
+_NO_GUESS = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
+_UNBOUNDED = 1e20  # what ProxSuite takes for infinity
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One way to run ProxSuite. The preconditioner costs time and fails on near-singular H; off, others fail."""
+
+    eps_abs: float = 1e-10
+    precondition: bool = False
+    rho: float = 1e-9
+    mu_eq: float = 1e-8
+    mu_in: float = 1e-1
+    max_iter: int = 1000
+
+
+POLICY = (
+    Setting(),
+    Setting(precondition=True),
+    Setting(mu_in=1e-2),
+    Setting(precondition=True, rho=1e-6, mu_eq=1e-3),
+    Setting(eps_abs=1e-12, precondition=True, rho=1e-7, mu_eq=1e-5, max_iter=5000),
+    Setting(eps_abs=1e-11, rho=1e-8, mu_eq=1e-6, mu_in=1e-3, max_iter=5000),
+)
+"""Settings in the order they are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class QPResult:
+    """One attempt: minimiser x, multipliers y (equalities) and z (bounds), signed as forces, and iterations so far."""
+
+    x: Array
+    y: Array
+    z: Array
+    iterations: int
+
+
+def attempts(
+    H: Array,
+    g: Array,
+    A: Array | None,
+    b: Array | None,
+    C: Array | None,
+    l: Array | None,
+    u: Array | None,
+    *,
+    policy: tuple[Setting, ...] = POLICY,
+) -> Iterator[QPResult]:
+    """One result a setting, until the caller stops asking.
+
+    Args:
+        H: Positive semidefinite, shape (n, n).
+        g: Shape (n,).
+        A: Equalities, shape (p, n), or None.
+        b: Shape (p,).
+        C: Inequalities, shape (k, n), or None.
+        l: Lower bounds, shape (k,); -inf where there is none, None where there are none.
+        u: Upper bounds, likewise.
+        policy: Settings to try, in order.
+
+    Raises:
+        InputError: if an entry is NaN or infinite: ProxSuite would run on and call it solved.
+    """
+    for what, value in (("H", H), ("g", g), ("A", A), ("b", b), ("C", C)):
+        if value is not None:
+            check_finite(f"{what} of the QP", value)
+    n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
+    low, high = _bounds(l, k, -_UNBOUNDED), _bounds(u, k, _UNBOUNDED)
+    total = 0
+    for setting in policy:
+        qp = proxsuite.proxqp.dense.QP(n, p, k)
+        s = qp.settings
+        s.eps_abs, s.eps_rel, s.initial_guess, s.max_iter = setting.eps_abs, 0.0, _NO_GUESS, setting.max_iter
+        qp.init(
+            H, g, A if p else None, b if p else None, C if k else None, low, high,
+            compute_preconditioner=setting.precondition, rho=setting.rho, mu_eq=setting.mu_eq, mu_in=setting.mu_in,
+        )  # fmt: skip
+        qp.solve()
+        r = qp.results
+        total += r.info.iter
+        # ProxSuite: H x + g + A^T y + C^T z = 0; a force is minus its multiplier.
+        yield QPResult(np.array(r.x), -np.array(r.y), -np.array(r.z), total)
+
+
+def _bounds(given: Array | None, k: int, default: float) -> Array | None:
+    if not k:
+        return None
+    if given is None:
+        return np.full(k, default)
+    out = np.clip(given, -_UNBOUNDED, _UNBOUNDED)
+    if math.isnan(out.sum()):
+        check_finite("bounds of the QP", out)
+    return out
+
+
+def least_violation(A: Array, b: Array, C: Array, l: Array) -> float:
+    """Smallest t for which some x has |A x - b| <= t and C x >= l - t, by a linear program (HiGHS); NaN if it fails.
+
+    Zero, up to HiGHS's tolerance of about 1e-7, if and only if the constraints can be met.
+    """
+    n = A.shape[1] if len(A) else C.shape[1]
+    one = np.ones
+    rows = [M for M in (np.c_[A, -one(len(A))], np.c_[-A, -one(len(A))], np.c_[-C, -one(len(C))]) if len(M)]
+    right = np.concatenate([b, -b, -l])
+    cost = np.r_[np.zeros(n), 1.0]
+    answer = linprog(cost, A_ub=np.vstack(rows), b_ub=right, bounds=[(None, None)] * n + [(0, None)], method="highs")
+    return float(answer.fun) if answer.status == 0 else math.nan

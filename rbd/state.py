@@ -1,0 +1,165 @@
+"""State: a robot at (q, v), with its dynamics and kinematics run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.cones import Array
+from rbd.errors import InputError
+from rbd.model import CheckedModel
+from rbd.problem import MomentumBalance
+from rbd.rows import check_finite
+
+
+@dataclass(frozen=True, eq=False)
+class FrameKinematics:
+    """Where a frame is and how it moves: world axes, linear then angular.
+
+    Attributes:
+        X_WF: Pose in W; its origin is the point asked for.
+        J: Jacobian, shape (6, nv): J v is the velocity of the point and the angular velocity.
+        v: Velocity J v, shape (6,) [m/s, rad/s].
+        bias: J_dot v, shape (6,): the classical acceleration of the point, and the angular one, when v_dot = 0
+            [m/s2, rad/s2].
+    """
+
+    X_WF: pin.SE3
+    J: Array
+    v: Array
+    bias: Array
+
+
+class State:
+    """A robot at configuration q with velocity v; complete when it exists.
+
+    Its terms are computed at once and never change. It makes no pin.Data of its own: it borrows one of the robot's, and any
+    number of states of one robot may live side by side.
+
+    Args:
+        robot: The robot.
+        q: Configuration, shape (nq,); quaternions x, y, z, w. It is copied and normalised.
+        v: Velocity, shape (nv,) [m/s, rad/s]; of a floating base in the base's axes. Zero if not given.
+
+    Attributes:
+        M: Joint-space inertia, shape (nv, nv), rotor inertia included.
+        h: C(q, v) v - tau_g, shape (nv,) [N, N m]. File damping and friction are in no term of it.
+
+    Raises:
+        InputError: wrong sizes, NaN or infinity, a quaternion off the unit sphere by more than 1e-6.
+    """
+
+    def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+        self.robot = robot
+        self.q = robot.check_q(q)
+        self.v = np.zeros(robot.nv) if v is None else robot.check_v(v)
+        self.q.flags.writeable = self.v.flags.writeable = False
+        self._pool = robot.pool
+        with self._pool.lock:
+            self._slot, self._ticket = self._pool.take(self._run)
+            data = self._slot.data
+            self.M: Array = data.M.copy("F")
+            self.h: Array = data.nle.copy()
+
+    def __del__(self) -> None:
+        slot = getattr(self, "_slot", None)
+        if slot is not None:
+            self._pool.give_back(slot, self._ticket)
+
+    def __repr__(self) -> str:
+        return f"State({self.robot.name!r}, |v| = {np.linalg.norm(self.v):.3g})"
+
+    def with_velocity(self, v: Array) -> State:
+        """The same configuration with another velocity."""
+        return State(self.robot, self.q, v)
+
+    def _run(self, data: pin.Data) -> None:
+        model, q, v = self.robot.model, self.q, self.v
+        pin.crba(model, data, q, pin.Convention.WORLD)  # M, and the joint Jacobians
+        pin.nonLinearEffects(model, data, q, v)  # h
+        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))  # last: leaves accelerations for v_dot = 0
+
+    def _data(self) -> pin.Data:
+        """Data with this state's kinematics; only under the pool's lock."""
+        if self._slot.ticket != self._ticket:
+            self._slot, self._ticket = self._pool.take(self._run)
+        return self._slot.data
+
+    def moving(self, joint: int, X_JP: pin.SE3, axes: pin.ReferenceFrame) -> tuple[pin.SE3, Array, Array, Array]:
+        """(X_WP, J, v, bias) of a pose P fixed to a joint's body, in world axes or in P's own (frozen) axes.
+
+        For constraints; `frame` is the checked door. `axes` is pin.LOCAL_WORLD_ALIGNED or pin.LOCAL. The bias is
+        classical: in P's axes it is R_WP^T times the one in world axes, the turning of the axes left out.
+        """
+        model = self.robot.model
+        with self._pool.lock:
+            data = self._data()
+            return (
+                data.oMi[joint] * X_JP,
+                pin.getFrameJacobian(model, data, joint, X_JP, axes),
+                pin.getFrameVelocity(model, data, joint, X_JP, axes).vector,
+                pin.getFrameClassicalAcceleration(model, data, joint, X_JP, axes).vector,
+            )
+
+    def frame(self, name: str, offset: Sequence[float] | Array = (0.0, 0.0, 0.0)) -> FrameKinematics:
+        """Pose, Jacobian, velocity and J_dot v of a frame, or of a point fixed to it.
+
+        Args:
+            name: Frame of the robot.
+            offset: The point, in the frame's axes, from its origin [m].
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: if the offset is not three finite numbers.
+        """
+        f = self.robot.frame(name)
+        X_FP = pin.SE3(np.eye(3), three("offset", offset))
+        X_WF, J, v, bias = self.moving(f.parentJoint, f.placement * X_FP, pin.LOCAL_WORLD_ALIGNED)
+        return FrameKinematics(X_WF, J, v, bias)
+
+    @cached_property
+    def com(self) -> Array:
+        """Centre of mass in W, shape (3,) [m]."""
+        with self._pool.lock:
+            return pin.centerOfMass(self.robot.model, self._data(), False).copy()
+
+    def balance(self, wrench: Array) -> MomentumBalance | None:
+        """What the centroidal residual is computed from; None unless all bodies hang from one floating base.
+
+        Args:
+            wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
+        """
+        robot = self.robot
+        if not robot.floating:
+            return None
+        with self._pool.lock:
+            data = self._data()
+            # Fills A_g, its derivative and the centre of mass; placements, velocities and J come out as they were.
+            pin.computeCentroidalMapTimeVariation(robot.model, data, self.q, self.v)
+            A_g, bias, com = data.Ag.copy(), data.dAg @ self.v, data.com[0].copy()
+            X_WB = data.oMi[1].copy()
+        total = wrench.copy()
+        total[:3] += robot.mass * robot.gravity
+        return MomentumBalance(A_g, bias, total, com, X_WB.translation, X_WB.rotation)
+
+
+def three(what: str, value: Sequence[float] | Array) -> Array:
+    """Three finite numbers as an array.
+
+    Raises:
+        InputError: if they are not.
+    """
+    try:
+        out = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} is {value!r}; expected three numbers.") from None
+    if out.shape != (3,):
+        raise InputError(f"{what} has shape {out.shape}; expected three numbers, (3,).")
+    check_finite(what, out)
+    return out
