@@ -3,6 +3,7 @@
 from rbd import dynamics
 from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.constraints import PointContact, SurfaceContact
+from rbd.equilibrium import Hold, hold
 from rbd.errors import (
     CannotHold,
     ContactMoves,
@@ -16,6 +17,7 @@ from rbd.errors import (
 from rbd.external import ExternalForce
 from rbd.least_constraint import gauss_problem, solve
 from rbd.problem import GaussProblem
+from rbd.robot import Robot, load_robot
 from rbd.rows import Rows
 from rbd.solution import Solution, Status
 from rbd.solvers.kkt import KKT

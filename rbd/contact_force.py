@@ -56,10 +56,10 @@ def contact_force(patch: Patch, force: Array) -> ContactForce:
     return ContactForce(force[:3], normal, tangential, used, cop)
 
 
-def split_to_corners(rows: Rows, f: Array, weights: Array | None) -> Array:
+def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool = False) -> Array:
     """Corner forces (k, 3) in world axes of row forces f, from the rays' weights where there are any.
 
-    Without weights the split is the minimum-norm one.
+    Without weights the split is the minimum-norm one. `inscribed` tells which pyramids the weights belong to.
     """
     assert rows.patch is not None
     k = len(rows.patch.corners)
@@ -76,6 +76,6 @@ def split_to_corners(rows: Rows, f: Array, weights: Array | None) -> Array:
                 local[i, 2] = weights[at]
                 at += 1
             elif isinstance(part, SecondOrderCone):
-                local[i] = pyramid(part.mu, part.facets) @ weights[at : at + part.facets]
+                local[i] = pyramid(part.mu, part.facets, inscribed=inscribed) @ weights[at : at + part.facets]
                 at += part.facets
     return local @ rows.patch.axes.T

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from rbd.cones import Array
-from rbd.contact_force import ContactForce, contact_force, split_to_corners
+from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.problem import GaussProblem
 from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals
 
@@ -116,7 +116,7 @@ class Solution:
             if rows.patch is not None:
                 part = self.multipliers[self.problem.slices[rows.name]]
                 weights = None if self.weights is None else self.weights[self.problem.ray_slices[i]]
-                out[rows.name] = split_to_corners(rows, part, weights)
+                out[rows.name] = corner_split(rows, part, weights)
         return out
 
     @cached_property
