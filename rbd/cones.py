@@ -20,9 +20,8 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
+from rbd.arrays import Array
 from rbd.errors import InputError
-
-Array: TypeAlias = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.cones import Array, HalfLine, SecondOrderCone, WrenchCone, pyramid
+from rbd.arrays import Array
+from rbd.cones import HalfLine, SecondOrderCone, WrenchCone, pyramid
 from rbd.rows import Patch, Rows
 
 CARRIES_NOTHING_N = 1e-6

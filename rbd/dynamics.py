@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.external import External, generalised
 from rbd.problem import GaussProblem
 from rbd.rows import Rows

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linprog
 
-from rbd.cones import Array, block_diagonal, rays
+from rbd.arrays import Array
+from rbd.cones import block_diagonal, rays
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.errors import CannotHold, DuplicateName, NotAtRest
 from rbd.external import External

@@ -8,10 +8,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array, three
 from rbd.errors import InputError
 from rbd.residuals import add_wrench
-from rbd.state import State, three
+from rbd.state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,27 +52,27 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
         in world axes, shape (6,). Of a generalised force, the wrench is its base part; it means nothing on a fixed base.
     """
-    robot, wrench = state.robot, np.zeros(6)
+    robot, wrench = state.robot, [0.0] * 6
     if external is None:
-        return np.zeros(robot.nv), wrench
+        return np.zeros(robot.nv), np.zeros(6)
     if isinstance(external, ExternalForce):
         external = (external,)
     forces = [e for e in external if isinstance(e, ExternalForce)]
     if forces and len(forces) == len(external):
-        tau_ext, com = np.zeros(robot.nv), state.com
+        tau_ext, com = np.zeros(robot.nv), state.com.tolist()
         for e in forces:
             at = state.frame(e.frame, e.offset)
             given = np.concatenate([e.force, e.moment])
             tau_ext += at.J.T @ given
-            add_wrench(wrench, given, at.X_WF.translation - com)
-        return tau_ext, wrench
+            add_wrench(wrench, given.tolist(), at.X_WF.translation.tolist(), com)
+        return tau_ext, np.array(wrench)
     if forces:
         raise InputError("external mixes ExternalForce with something else; give one kind: (nv,) numbers, or ExternalForces.")
     if len(external) == 0:
-        return np.zeros(robot.nv), wrench
+        return np.zeros(robot.nv), np.zeros(6)
     tau_ext = robot.check_v(np.asarray(external), "external")
     if robot.floating:
         X_WB = state.frame(robot.model.names[1]).X_WF
-        base = np.concatenate([X_WB.rotation @ tau_ext[:3], X_WB.rotation @ tau_ext[3:6]])
-        add_wrench(wrench, base, X_WB.translation - state.com)
-    return tau_ext, wrench
+        base = [*(X_WB.rotation @ tau_ext[:3]), *(X_WB.rotation @ tau_ext[3:6])]
+        add_wrench(wrench, base, X_WB.translation.tolist(), state.com.tolist())
+    return tau_ext, np.array(wrench)

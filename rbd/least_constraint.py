@@ -8,10 +8,12 @@ from typing import Protocol
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
+from rbd.cones import rays
 from rbd.dynamics import free_force
 from rbd.errors import ContactMoves, EffortLimitWarning, InaccurateWarning, InputError, NoSolution, Unsupported
 from rbd.external import External
+from rbd.model import CheckedModel
 from rbd.problem import GaussProblem
 from rbd.rows import Rows
 from rbd.solution import Solution, Status
@@ -80,26 +82,29 @@ def gauss_problem(
 ) -> GaussProblem:
     """The arrays of the least-constraint problem; arguments and errors as `solve`."""
     rhs, wrench = free_force(state, tau, external)
-    robot = state.robot
-    beyond = np.abs(rhs_tau := np.asarray(tau, float)) > robot.effort_limit
-    if beyond.any():
-        worst = int(np.argmax(np.abs(rhs_tau) / robot.effort_limit))
-        warnings.warn(
-            f"tau of {robot.actuated_names[worst]} is {rhs_tau[worst]:.4g}, beyond its effort limit of "
-            f"{robot.effort_limit[worst]:.4g} N m; {int(beyond.sum())} of {robot.nu} motors are beyond theirs.",
-            EffortLimitWarning,
-            stacklevel=3,
-        )
+    _warn_of_effort(state.robot, np.asarray(tau, float))
     rows = []
     for constraint in _sequence(constraints):
         r = constraint.rows(state)
         if not isinstance(r, Rows):
             raise InputError(f"constraint {constraint.name!r} gave {type(r).__name__} in place of rbd Rows.")
         rows.append(r)
-    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench))
+    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench), from_state=True)
     if not problem.bilateral:
         _refuse_moving(problem)
     return problem
+
+
+def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
+    beyond = np.abs(tau) > robot.effort_limit
+    if np.count_nonzero(beyond):
+        worst = int(np.argmax(np.abs(tau) / robot.effort_limit))
+        warnings.warn(
+            f"tau of {robot.actuated_names[worst]} is {tau[worst]:.4g}, beyond its effort limit of "
+            f"{robot.effort_limit[worst]:.4g} N m; {np.count_nonzero(beyond)} of {robot.nu} motors are beyond theirs.",
+            EffortLimitWarning,
+            stacklevel=4,
+        )
 
 
 def _sequence(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
@@ -110,17 +115,11 @@ def _sequence(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
 
 def _refuse_moving(problem: GaussProblem) -> None:
     for r in problem.rows:
-        if r.speed > REST_SPEED and not _holds(r):
+        if r.speed > REST_SPEED and not rays(r.cone).all_lines:
             raise ContactMoves(
                 f"contact {r.name!r} moves at {r.speed:.3g} m/s, and it can slip or break: sliding and impacts are not "
                 f"solved here (limit {REST_SPEED:g}). Use friction=None for a contact that holds, or a state at rest."
             )
-
-
-def _holds(r: Rows) -> bool:
-    from rbd.cones import rays
-
-    return rays(r.cone).all_lines
 
 
 def _complain(state: State, solution: Solution) -> None:

@@ -14,9 +14,8 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pinocchio as pin
 
-from rbd.cones import Array
+from rbd.arrays import Array, check_finite
 from rbd.errors import FrameNotFound, InputError, JointNotFound, nearest
-from rbd.rows import check_finite
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""
@@ -41,6 +40,8 @@ class CheckedModel:
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
         floating: Whether all bodies hang from one free-flyer joint.
         mass: Total mass of the moving bodies [kg].
+        gravity: In W, shape (3,) [m/s2].
+        zero_v: A velocity of zero, shape (nv,), read-only.
     """
 
     def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
@@ -69,6 +70,8 @@ class CheckedModel:
         # Zero, missing and +-DBL_MAX all mean that the file states no limit.
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
         self._unit_blocks = [(b, e) for j in model.joints for b, e in _unit_blocks(j)]
+        self.zero_v = np.zeros(self.nv)
+        self.zero_v.flags.writeable = False
         self.pool = DataPool(model)
 
     def frames(self) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
 
 
 def convex_hull(points: Array) -> Array:

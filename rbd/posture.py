@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.errors import ModelError
 from rbd.model import CheckedModel

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.cones import Array, Cone, Product, Rays, block_diagonal, rays
+from rbd.arrays import Array, check_finite, is_finite
+from rbd.cones import Cone, Product, Rays, block_diagonal, rays
 from rbd.errors import DuplicateName, InputError, SingularInertia
-from rbd.rows import Rows, check_finite
+from rbd.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,13 @@ class GaussProblem:
         rows: The constraints.
         balance: What the centroidal residual is computed from, or None.
 
+    Args:
+        M: See above.
+        rhs: See above.
+        rows: See above.
+        balance: See above.
+        from_state: M and rhs come from a `State`, which has checked them.
+
     Raises:
         InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
         DuplicateName: if two rows share a name.
@@ -60,12 +68,30 @@ class GaussProblem:
     rhs: Array
     rows: Sequence[Rows] = ()
     balance: MomentumBalance | None = None
+    from_state: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
-        M, rhs, rows = np.asarray(self.M, float), np.asarray(self.rhs, float), tuple(self.rows)
+    def __post_init__(self, from_state: bool) -> None:
+        if not from_state:
+            self._check_inertia()
+        rows = tuple(self.rows)
+        object.__setattr__(self, "rows", rows)
+        names = [r.name for r in rows]
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
+        for r in rows:
+            if r.J.shape[1] != self.nv:
+                raise InputError(f"rows {r.name!r}: J has {r.J.shape[1]} columns; expected nv = {self.nv}.")
+        if not (is_finite(self.J) and is_finite(self.offset)):
+            for r in rows:
+                check_finite(f"J of rows {r.name!r}", r.J)
+                check_finite(f"bias of rows {r.name!r}", r.bias)
+                check_finite(f"feedback of rows {r.name!r}", r.feedback)
+
+    def _check_inertia(self) -> None:
+        M, rhs = _numbers("M", self.M), _numbers("rhs", self.rhs)
         object.__setattr__(self, "M", M)
         object.__setattr__(self, "rhs", rhs)
-        object.__setattr__(self, "rows", rows)
         if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape[0] == 0:
             raise InputError(f"M has shape {M.shape}; expected a square (nv, nv).")
         n = M.shape[0]
@@ -75,15 +101,6 @@ class GaussProblem:
         check_finite("rhs", rhs)
         if np.abs(M - M.T).max() > 1e-9 * np.abs(M).max():
             raise InputError(f"M is not symmetric: |M - M^T| reaches {np.abs(M - M.T).max():.2g}.")
-        names = [r.name for r in rows]
-        if len(set(names)) != len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
-        for r in rows:
-            if r.J.shape[1] != n:
-                raise InputError(f"rows {r.name!r}: J has {r.J.shape[1]} columns; expected nv = {n}.")
-        check_finite("the constraint Jacobian J", self.J)
-        check_finite("the constraint bias", self.offset)
 
     @property
     def nv(self) -> int:
@@ -184,3 +201,10 @@ class GaussProblem:
     def free_row_acceleration(self) -> Array:
         """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
         return self.J @ self.a_free + self.offset
+
+
+def _numbers(what: str, value: Array) -> Array:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} is not an array of numbers, but {type(value).__name__}.") from None

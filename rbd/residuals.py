@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array, is_finite, largest
 from rbd.problem import GaussProblem
 
 SOLVED = 1e-9
@@ -15,6 +16,7 @@ SOLVED = 1e-9
 USABLE = 1e-7
 """Scaled residuals up to this are `inaccurate`; above, there is no answer."""
 
+_NONE = np.zeros(0)
 _EQUATIONS = ("stationarity", "feasibility", "cone", "complementarity", "centroidal")
 _UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 
@@ -82,14 +84,18 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) 
         weights: Weights of `problem.rays`, shape (r,); needed unless every row holds.
     """
     P = problem
+    if not (is_finite(a) and is_finite(f)):
+        nan = Residual(math.nan, 1.0)
+        return Residuals(nan, nan, nan, nan, nan)
     terms = _Terms(P, a, f, weights)
-    force_scale = max(1.0, _largest(np.abs(P.M) @ np.abs(a)), _largest(P.rhs), _largest(f))
-    row_scale = max(1.0, _largest(np.abs(P.J) @ np.abs(a) + np.abs(P.offset)))
+    size = np.abs(a)
+    force_scale = max(1.0, largest(np.abs(P.M) @ size), largest(P.rhs), largest(f))
+    row_scale = max(1.0, largest(np.abs(P.J) @ size + np.abs(P.offset)))
     return Residuals(
-        stationarity=Residual(_largest(P.M @ a - P.rhs - P.J.T @ f), force_scale),
-        feasibility=Residual(_largest(terms.gap), row_scale),
-        cone=Residual(_largest(terms.off_cone), force_scale),
-        complementarity=Residual(_largest(terms.slack), force_scale * row_scale),
+        stationarity=Residual(largest(P.M @ a - P.rhs - P.J.T @ f), force_scale),
+        feasibility=Residual(largest(terms.gap), row_scale),
+        cone=Residual(largest(terms.off_cone), force_scale),
+        complementarity=Residual(largest(terms.slack), force_scale * row_scale),
         centroidal=_centroidal(P, a, f),
     )
 
@@ -101,7 +107,7 @@ class _Terms:
         c = P.J @ a + P.offset
         self.by_ray = not (P.bilateral or weights is None)
         if not self.by_ray:
-            self.gap, self.off_cone, self.slack = np.abs(c), np.zeros(0), np.zeros(0)
+            self.gap, self.off_cone, self.slack = c, _NONE, _NONE
             return
         R = P.rays
         w = np.minimum(np.maximum(weights, R.lower), R.upper)
@@ -123,9 +129,9 @@ def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None) -> s
     found = [(-1.0, "")]
     for i, rows in enumerate(problem.rows):
         part, ray = problem.slices[rows.name], problem.ray_slices[i]
-        gap = _largest(terms.gap[ray if terms.by_ray else part])
-        off = _largest(terms.off_cone[part]) if terms.by_ray else 0.0
-        slack = _largest(terms.slack[ray]) if terms.by_ray else 0.0
+        gap = largest(terms.gap[ray if terms.by_ray else part])
+        off = largest(terms.off_cone[part]) if terms.by_ray else 0.0
+        slack = largest(terms.slack[ray]) if terms.by_ray else 0.0
         found.append((gap, f"{rows.name} cannot hold: residual {gap:.2g} m/s2"))
         found.append((off, f"{rows.name} leaves its cone: by {off:.2g} N"))
         found.append((slack, f"{rows.name} pushes while it opens: by {slack:.2g} N m/s2"))
@@ -136,30 +142,31 @@ def _centroidal(P: GaussProblem, a: Array, f: Array) -> Residual | None:
     b = P.balance
     if b is None:
         return None
-    rate = b.A_g @ a + b.rate_bias
-    total = b.wrench.copy()
+    rate = (b.A_g @ a + b.rate_bias).tolist()
+    total, com = b.wrench.tolist(), b.com.tolist()
     for rows in P.rows:
         part = f[P.slices[rows.name]]
         if rows.resultant is not None and rows.patch is not None:
-            wrench, point = rows.resultant @ part, rows.patch.point
+            add_wrench(total, (rows.resultant @ part).tolist(), rows.patch.point.tolist(), com)
         else:
             base = rows.J[:, :6].T @ part
-            wrench, point = np.concatenate([b.base_axes @ base[:3], b.base_axes @ base[3:]]), b.base_point
-        add_wrench(total, wrench, point - b.com)
-    scale = max(1.0, _largest(rate), _largest(b.wrench), _largest(f))
-    return Residual(_largest(rate - total), scale)
+            wrench = [*(b.base_axes @ base[:3]).tolist(), *(b.base_axes @ base[3:]).tolist()]
+            add_wrench(total, wrench, b.base_point.tolist(), com)
+    scale = max(1.0, max(map(abs, rate)), largest(b.wrench), largest(f))
+    return Residual(max(abs(x - y) for x, y in zip(rate, total, strict=True)), scale)
 
 
-def add_wrench(total: Array, wrench: Array, arm: Array) -> None:
-    """Add a force (3,) or wrench (6,) that acts at `arm` to the wrench `total` (6,), in place."""
-    # Plain floats: np.cross costs ten times the rest of this function.
-    (x, y, z), (fx, fy, fz) = arm.tolist(), wrench[:3].tolist()
-    total[:3] += wrench[:3]
-    total[3:] += (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
-    if len(wrench) == 6:
-        total[3:] += wrench[3:]
+def add_wrench(total: list[float], wrench: Sequence[float], point: Sequence[float], about: Sequence[float]) -> None:
+    """Add a force (3) or wrench (6) that acts at `point` to the wrench `total` (6) about another point, in place.
 
-
-def _largest(x: Array) -> float:
-    """Largest absolute entry; zero of an empty array; NaN if any entry is."""
-    return float(np.abs(x).max()) if x.size else 0.0
+    Plain floats: np.cross alone costs ten times as much.
+    """
+    x, y, z = point[0] - about[0], point[1] - about[1], point[2] - about[2]
+    fx, fy, fz = wrench[:3]
+    mx, my, mz = wrench[3:] if len(wrench) == 6 else (0.0, 0.0, 0.0)
+    total[0] += fx
+    total[1] += fy
+    total[2] += fz
+    total[3] += mx + y * fz - z * fy
+    total[4] += my + z * fx - x * fz
+    total[5] += mz + x * fy - y * fx

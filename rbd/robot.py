@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd import catalogue
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import CheckedModel
@@ -153,7 +153,7 @@ class Robot(CheckedModel):
         try:
             if _is_mjcf(self.urdf):
                 return pin.buildGeomFromMJCF(self.model, str(self.urdf), kind)
-            return pin.buildGeomFromUrdf(self.model, str(self.urdf), kind, folders)
+            return pin.buildGeomFromUrdf(self.model, str(self.urdf), kind, package_dirs=folders)
         except (ValueError, RuntimeError) as error:
             warnings.warn(
                 f"the {kind.name.lower()} geometry of {self.name} is left out: {_first_line(error)} Give the folder "

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.cones import Array, Cone
+from rbd.arrays import Array
+from rbd.cones import Cone
 from rbd.errors import InputError
 
 _NOT_GIVEN = np.empty(0)
@@ -81,9 +81,6 @@ class Rows:
         if self.resultant is not None and (self.resultant.ndim != 2 or self.resultant.shape[1] != m):
             raise InputError(f"rows {self.name!r}: resultant has shape {self.resultant.shape}; expected (k, {m}).")
 
-    def __len__(self) -> int:
-        return self.J.shape[0]
-
     def __repr__(self) -> str:
         return f"Rows({self.name!r}, m={len(self)}, nv={self.J.shape[1]}, cone={type(self.cone).__name__})"
 
@@ -101,16 +98,3 @@ def _vector(name: str, what: str, value: Array, m: int) -> Array:
     if out.shape != (m,):
         raise InputError(f"rows {name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
     return out
-
-
-def check_finite(what: str, value: Array) -> None:
-    """Refuse NaN and infinity.
-
-    Raises:
-        InputError: naming the first bad entry.
-    """
-    # The sum is finite unless an entry is not (or 1e308s overflow, which is as bad): one pass, no temporary.
-    if not math.isfinite(value.sum()):
-        bad = np.argwhere(~np.isfinite(value))
-        where = f" at {tuple(int(i) for i in bad[0])}: {value[tuple(bad[0])]}" if len(bad) else ": too large to add up"
-        raise InputError(f"{what} is not finite{where}. Check what it was computed from.")

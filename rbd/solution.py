@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.problem import GaussProblem
 from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals

@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from rbd.cones import Array
+from rbd.arrays import Array, three
 from rbd.errors import InputError
 from rbd.model import CheckedModel
 from rbd.problem import MomentumBalance
-from rbd.rows import check_finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +80,9 @@ class State:
 
     def _run(self, data: pin.Data) -> None:
         model, q, v = self.robot.model, self.q, self.v
-        pin.crba(model, data, q, pin.Convention.WORLD)  # M, and the joint Jacobians
+        pin.crba(model, data, q, pin.Convention.WORLD)  # M, the joint Jacobians, A_g and the centre of mass
         pin.nonLinearEffects(model, data, q, v)  # h
-        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))  # last: leaves accelerations for v_dot = 0
+        pin.forwardKinematics(model, data, q, v, self.robot.zero_v)  # last: leaves accelerations for v_dot = 0
 
     def _data(self) -> pin.Data:
         """Data with this state's kinematics; only under the pool's lock."""
@@ -127,7 +126,7 @@ class State:
     def com(self) -> Array:
         """Centre of mass in W, shape (3,) [m]."""
         with self._pool.lock:
-            return pin.centerOfMass(self.robot.model, self._data(), False).copy()
+            return self._data().com[0].copy()
 
     def balance(self, wrench: Array) -> MomentumBalance | None:
         """What the centroidal residual is computed from; None unless all bodies hang from one floating base.
@@ -138,28 +137,13 @@ class State:
         robot = self.robot
         if not robot.floating:
             return None
-        with self._pool.lock:
-            data = self._data()
-            # Fills A_g, its derivative and the centre of mass; placements, velocities and J come out as they were.
-            pin.computeCentroidalMapTimeVariation(robot.model, data, self.q, self.v)
-            A_g, bias, com = data.Ag.copy(), data.dAg @ self.v, data.com[0].copy()
-            X_WB = data.oMi[1].copy()
         total = wrench.copy()
         total[:3] += robot.mass * robot.gravity
-        return MomentumBalance(A_g, bias, total, com, X_WB.translation, X_WB.rotation)
-
-
-def three(what: str, value: Sequence[float] | Array) -> Array:
-    """Three finite numbers as an array.
-
-    Raises:
-        InputError: if they are not.
-    """
-    try:
-        out = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} is {value!r}; expected three numbers.") from None
-    if out.shape != (3,):
-        raise InputError(f"{what} has shape {out.shape}; expected three numbers, (3,).")
-    check_finite(what, out)
-    return out
+        with self._pool.lock:
+            data = self._data()
+            # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the centre of mass.
+            rate_bias = pin.computeCentroidalMomentumTimeVariation(robot.model, data).vector
+            X_WB = data.oMi[1]
+            return MomentumBalance(
+                data.Ag.copy(), rate_bias, total, data.com[0].copy(), X_WB.translation.copy(), X_WB.rotation.copy()
+            )

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.cones import Array, Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
+from rbd.arrays import Array, three
+from rbd.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
 from rbd.errors import InputError
 from rbd.rows import Patch, Rows
-from rbd.state import State, three
+from rbd.state import State
 
 
 @dataclass(frozen=True, eq=False)

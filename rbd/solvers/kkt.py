@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.cones import Array
+from rbd.arrays import Array
+from rbd.cones import rays
 from rbd.problem import GaussProblem
 from rbd.solution import RANK_TOLERANCE, Solution
 
@@ -29,7 +30,7 @@ class KKT:
         """Names the first constraint that can break or slip."""
         if problem.bilateral:
             return None
-        bad = next(r for r in problem.rows if not GaussProblem(problem.M, problem.rhs, [r]).bilateral)
+        bad = next(r for r in problem.rows if not rays(r.cone).all_lines)
         return (
             f"KKT takes constraints that hold, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
             "Use rbd.ProxQP(), or friction=None for a contact that holds."

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
+from rbd.cones import rays
 from rbd.problem import GaussProblem
 from rbd.residuals import SOLVED
 from rbd.solution import Solution
@@ -41,9 +42,9 @@ class ProxQP:
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first constraint whose forces are bounded on both sides."""
-        if not problem.rays.has_intervals:
+        bad = next((r for r in problem.rows if rays(r.cone).has_intervals), None)
+        if bad is None:
             return None
-        bad = next(r for r in problem.rows if GaussProblem(problem.M, problem.rhs, [r]).rays.has_intervals)
         return f"ProxQP takes cones, and {bad.name!r} has forces in a bounded set ({type(bad.cone).__name__})."
 
     def solve(self, problem: GaussProblem) -> Solution:
@@ -55,9 +56,7 @@ class ProxQP:
         R = independent_factor(P.delassus)
         if R is None:
             R = np.linalg.qr(P.whitened, mode="r")
-        rays, c = P.rays, P.free_row_acceleration
-        along, opening = rays.G.T @ R.T, rays.G.T @ c
-        holds = np.isneginf(rays.lower)
+        along, opening, holds = _ray_rows(P, R)
         A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
         n = R.shape[0]
         best: Solution | None = None
@@ -80,8 +79,16 @@ class ProxQP:
         )  # fmt: skip
 
 
+def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
+    """(along, opening, holds): rays accelerate at `along z + opening`; those that hold must keep still."""
+    if P.bilateral:
+        return R.T, P.free_row_acceleration, np.ones(P.m, dtype=bool)
+    G = P.rays.G
+    return G.T @ R.T, G.T @ P.free_row_acceleration, np.isneginf(P.rays.lower)
+
+
 def _solution(P: GaussProblem, weights: Array, iterations: int, start: float) -> Solution:
-    f = P.rays.G @ weights
+    f = weights if P.bilateral else P.rays.G @ weights
     a = constrained(P, f)
     kept = None if P.bilateral else weights
     return Solution(P, a, f, kept, law_name(P), "ProxQP", iterations, time.perf_counter() - start)

@@ -18,8 +18,7 @@ import numpy as np
 import proxsuite
 from scipy.optimize import linprog
 
-from rbd.cones import Array
-from rbd.rows import check_finite
+from rbd.arrays import Array, check_finite
 
 _NO_GUESS = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
 _UNBOUNDED = 1e20  # what ProxSuite takes for infinity
@@ -85,7 +84,7 @@ def attempts(
         InputError: if an entry is NaN or infinite: ProxSuite would run on and call it solved.
     """
     for what, value in (("H", H), ("g", g), ("A", A), ("b", b), ("C", C)):
-        if value is not None:
+        if value is not None and len(value):
             check_finite(f"{what} of the QP", value)
     n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
     low, high = _bounds(l, k, -_UNBOUNDED), _bounds(u, k, _UNBOUNDED)
@@ -110,9 +109,8 @@ def _bounds(given: Array | None, k: int, default: float) -> Array | None:
         return None
     if given is None:
         return np.full(k, default)
-    out = np.clip(given, -_UNBOUNDED, _UNBOUNDED)
-    if math.isnan(out.sum()):
-        check_finite("bounds of the QP", out)
+    out = np.minimum(np.maximum(given, -_UNBOUNDED), _UNBOUNDED)
+    check_finite("bounds of the QP", out)
     return out
 
 

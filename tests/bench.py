@@ -1,0 +1,191 @@
+"""What an answer costs: medians of one run, side by side, as multiples of one `constraintDynamics` call.
+
+Every call has its own q, v and tau. The columns take turns of a few calls, so that a noisy machine troubles them alike. Run by
+`make bench`; timing is never part of the tests.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads cost more than they give on 38 x 38 matrices
+
+import statistics
+import time
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from rich.console import Console
+from rich.table import Table
+
+import rbd
+from rbd.errors import EffortLimitWarning
+
+DRAWS = 300
+MARKS = {"held": (10.0, 8.0), "frictional": (25.0, 18.0)}
+
+
+class Draws:
+    """Random states and torques of one robot: at rest for frictional soles, moving for held ones."""
+
+    def __init__(self, name: str) -> None:
+        self.robot = robot = rbd.load_robot(name)
+        rng = np.random.default_rng(7)
+        standing = robot.standing()
+        tau = rbd.hold(standing, robot.feet()).tau
+        dq = 0.02 * rng.normal(size=(DRAWS, robot.nv))
+        self.q = [pin.integrate(robot.model, standing.q, d) for d in dq]
+        limit = robot.effort_limit
+        self.tau = list(np.clip(tau + 5.0 * rng.normal(size=(DRAWS, robot.nu)), -limit, limit))
+        self.held = robot.soles(friction=None)
+        self.frictional = robot.soles(friction=0.7)
+        self.zero = np.zeros(robot.nv)
+        self.v = [self._resting_soles(q, 0.1 * rng.normal(size=robot.nv)) for q in self.q]
+
+    def _resting_soles(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """v with the soles' motion taken out: where a sole moves, constraintDynamics' drift is another one."""
+        J = np.concatenate([sole.rows(rbd.State(self.robot, q)).J for sole in self.held])
+        return v - np.linalg.lstsq(J, J @ v, rcond=None)[0]
+
+
+def raw_terms(d: Draws) -> Callable[[int], object]:
+    """M, h, joint Jacobians and drift: what any method needs from Pinocchio."""
+    model, data = d.robot.model, d.robot.model.createData()
+
+    def run(i: int) -> object:
+        pin.crba(model, data, d.q[i], pin.Convention.WORLD)
+        pin.nonLinearEffects(model, data, d.q[i], d.v[i])
+        pin.forwardKinematics(model, data, d.q[i], d.v[i], d.zero)
+        return data.M
+
+    return run
+
+
+def constraint_dynamics(d: Draws) -> Callable[[int], object]:
+    """Pinocchio's own proximal solver for held soles."""
+    model, data = d.robot.model, d.robot.model.createData()
+    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for sole in d.held:
+        f = d.robot.frame(sole.frame)
+        m = pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_6D, model, f.parentJoint, f.placement * sole.placement, pin.ReferenceFrame.LOCAL
+        )
+        models.append(m)
+        datas.append(m.createData())
+    pin.initConstraintDynamics(model, data, models, datas)
+    settings = pin.ProximalSettings(1e-12, 1e-12, 1e-8, 10)
+    tau = [np.concatenate([np.zeros(6), t]) for t in d.tau]
+
+    def run(i: int) -> np.ndarray:
+        return pin.constraintDynamics(model, data, d.q[i], d.v[i], tau[i], models, datas, settings)
+
+    return run
+
+
+def plain_script(d: Draws) -> Callable[[int], object]:
+    """What one writes in ten lines with Pinocchio and NumPy for held soles, unchecked."""
+    model, data = d.robot.model, d.robot.model.createData()
+    ids = [model.getFrameId(sole.frame) for sole in d.held]
+    lwa = pin.LOCAL_WORLD_ALIGNED
+
+    def run(i: int) -> np.ndarray:
+        q, v, n = d.q[i], d.v[i], model.nv
+        pin.crba(model, data, q)
+        pin.nonLinearEffects(model, data, q, v)
+        pin.computeJointJacobians(model, data, q)
+        pin.forwardKinematics(model, data, q, v, d.zero)
+        pin.updateFramePlacements(model, data)
+        J = np.vstack([pin.getFrameJacobian(model, data, f, lwa) for f in ids])
+        bias = np.concatenate([pin.getFrameClassicalAcceleration(model, data, f, lwa).vector for f in ids])
+        m = len(J)
+        K = np.block([[data.M, J.T], [J, np.zeros((m, m))]])
+        rhs = np.concatenate([np.concatenate([np.zeros(6), d.tau[i]]) - data.nle, -bias])
+        return np.linalg.solve(K, rhs)[:n]
+
+    return run
+
+
+def ours(d: Draws, kind: str, solver: rbd.ProxQP | rbd.KKT) -> Callable[[int], object]:
+    """The whole pipeline from (q, v, tau) to a certified answer."""
+    contacts = d.held if kind == "held" else d.frictional
+
+    def run(i: int) -> rbd.Solution:
+        v = d.v[i] if kind == "held" else None
+        return rbd.solve(rbd.State(d.robot, d.q[i], v), d.tau[i], contacts, solver=solver)
+
+    return run
+
+
+def agree(d: Draws) -> float:
+    """Largest difference between constraintDynamics and our held accelerations, relative."""
+    theirs, mine = constraint_dynamics(d), ours(d, "held", rbd.ProxQP())
+    worst = 0.0
+    for i in range(20):
+        a = mine(i).a  # type: ignore[attr-defined]
+        worst = max(worst, float(np.abs(theirs(i) - a).max() / max(1.0, np.abs(a).max())))  # type: ignore[operator]
+    return worst
+
+
+def interleaved(columns: dict[str, Callable[[int], object]], rounds: int = 5, turn: int = 25) -> dict[str, float]:
+    """Median seconds of each column, the columns taking turns of `turn` calls, as a control loop or a sweep would."""
+    times: dict[str, list[float]] = {name: [] for name in columns}
+    for _ in range(rounds):
+        for begin in range(0, DRAWS, turn):
+            for name, run in columns.items():
+                for i in range(begin, begin + turn):
+                    start = time.perf_counter()
+                    run(i)
+                    times[name].append(time.perf_counter() - start)
+    return {name: statistics.median(t) for name, t in times.items()}
+
+
+def stages(d: Draws, kind: str) -> dict[str, Callable[[int], object]]:
+    """The pipeline's own parts, each from inputs made beforehand."""
+    contacts = d.held if kind == "held" else d.frictional
+    v = d.v if kind == "held" else [None] * DRAWS
+    states = [rbd.State(d.robot, d.q[0], v[0])] * DRAWS
+
+    def problem(i: int) -> rbd.GaussProblem:
+        return rbd.gauss_problem(states[i], d.tau[i], contacts)
+
+    return {
+        "State": lambda i: rbd.State(d.robot, d.q[i], v[i]),
+        "rows": lambda i: [c.rows(states[i]) for c in contacts],
+        "rows + problem": problem,
+        "+ ProxQP + certificate": lambda i: rbd.ProxQP().solve(problem(i)).status,
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    warnings.simplefilter("ignore", EffortLimitWarning)
+    console = Console()
+    for name in ("talos", "g1"):
+        d = Draws(name)
+        columns = {
+            "raw terms (M, h, J, drift)": raw_terms(d),
+            "constraintDynamics, held": constraint_dynamics(d),
+            "plain pin + NumPy script, held": plain_script(d),
+            "rbd held, KKT": ours(d, "held", rbd.KKT()),
+            "rbd held, ProxQP": ours(d, "held", rbd.ProxQP()),
+            "rbd frictional, ProxQP": ours(d, "frictional", rbd.ProxQP()),
+        }
+        medians = interleaved(columns)
+        unit = medians["constraintDynamics, held"]
+        table = Table(title=f"{name}: nv = {d.robot.nv}, two soles; agreement in a: {agree(d):.1e}")
+        for heading in ("", "median", "x constraintDynamics", "mark, second mark"):
+            table.add_column(heading, justify="left" if not heading else "right")
+        for label, seconds in medians.items():
+            kind = next((k for k in MARKS if label.startswith(f"rbd {k}, ProxQP")), None)
+            mark = f"{MARKS[kind][0]:.0f}, {MARKS[kind][1]:.0f}" if kind else ""
+            table.add_row(label, f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", mark)
+        for kind in MARKS:
+            for label, seconds in interleaved(stages(d, kind), rounds=2).items():
+                table.add_row(f"  {kind}: {label}", f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", "")
+        console.print(table)
+
+
+if __name__ == "__main__":
+    main()
