@@ -1,17 +1,27 @@
 """Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof."""
 
-from rbd import dynamics
+from rbd import dynamics, errors
 from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.constraints import PointContact, SurfaceContact
 from rbd.equilibrium import Hold, hold
 from rbd.errors import (
     CannotHold,
     ContactMoves,
+    DuplicateName,
+    EffortLimitWarning,
+    FrameNotFound,
+    InaccurateWarning,
     InputError,
+    JointNotFound,
     ModelError,
+    ModelWarning,
     NoSolution,
     NotAtRest,
     RbdError,
+    RbdWarning,
+    SingularInertia,
+    UnknownName,
+    UnknownRobot,
     Unsupported,
 )
 from rbd.external import ExternalForce
@@ -25,3 +35,49 @@ from rbd.solvers.proxqp import ProxQP
 from rbd.state import State
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "KKT",
+    "Box",
+    "CannotHold",
+    "ContactMoves",
+    "DuplicateName",
+    "EffortLimitWarning",
+    "ExternalForce",
+    "FrameNotFound",
+    "Free",
+    "FrictionCone",
+    "GaussProblem",
+    "Hold",
+    "InaccurateWarning",
+    "InputError",
+    "JointNotFound",
+    "ModelError",
+    "ModelWarning",
+    "NoSolution",
+    "NonNegative",
+    "NotAtRest",
+    "PointContact",
+    "Product",
+    "ProxQP",
+    "RbdError",
+    "RbdWarning",
+    "Robot",
+    "Rows",
+    "SingularInertia",
+    "Solution",
+    "State",
+    "Status",
+    "SurfaceContact",
+    "UnknownName",
+    "UnknownRobot",
+    "Unsupported",
+    "WrenchCone",
+    "__version__",
+    "dynamics",
+    "errors",
+    "gauss_problem",
+    "hold",
+    "load_robot",
+    "solve",
+]

@@ -20,7 +20,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from rbd.arrays import Array
+from rbd.arrays import Array, numbers
 from rbd.errors import InputError
 
 
@@ -60,7 +60,7 @@ Part: TypeAlias = Line | HalfLine | Interval | SecondOrderCone
 
 
 class Cone(Protocol):
-    """A closed convex set of forces."""
+    """A closed convex set of forces; hashable, so that its rays are computed once."""
 
     @property
     def dim(self) -> int:
@@ -71,6 +71,8 @@ class Cone(Protocol):
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """(G, parts): the set is G times the product of the parts; G has shape (dim, sum of the parts' dims)."""
+
+    def __hash__(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ class Box:
     hi: Array
 
     def __post_init__(self) -> None:
-        lo, hi = np.atleast_1d(np.asarray(self.lo, float)), np.atleast_1d(np.asarray(self.hi, float))
+        lo, hi = np.atleast_1d(numbers("lo of a Box", self.lo)), np.atleast_1d(numbers("hi of a Box", self.hi))
         if lo.shape != hi.shape or lo.ndim != 1 or not (lo <= hi).all():
             raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r}, hi = {self.hi!r}.")
         object.__setattr__(self, "lo", lo)
@@ -285,7 +287,8 @@ def rays(cone: Cone, *, inscribed: bool = False) -> Rays:
         low, high = _bounds(part)
         lower += [low] * r
         upper += [high] * r
-    return Rays(_locked(np.hstack(columns)), _locked(np.array(lower)), _locked(np.array(upper)), frozenset(facets))
+    together = np.hstack(columns) if columns else np.zeros((cone.dim, 0))
+    return Rays(_locked(together), _locked(np.array(lower)), _locked(np.array(upper)), frozenset(facets))
 
 
 def _locked(array: Array) -> Array:
@@ -331,7 +334,7 @@ def check_friction(mu: float, facets: int) -> None:
     Raises:
         InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.
     """
-    if not isinstance(mu, int | float | np.floating | np.integer) or isinstance(mu, bool) or not 0.0 <= mu < math.inf:
-        raise InputError(f"friction is {mu!r}; expected a finite number >= 0, or None for a contact that holds.")
-    if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or facets < 3:
-        raise InputError(f"facets is {facets!r}; expected a whole number >= 3 (4 is usual).")
+    if isinstance(mu, bool) or not isinstance(mu, int | float | np.floating | np.integer) or not 0.0 <= mu < 1e100:
+        raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a contact that holds.")
+    if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or not 3 <= facets <= 1000:
+        raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")

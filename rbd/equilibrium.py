@@ -12,9 +12,9 @@ from scipy.optimize import linprog
 from rbd.arrays import Array
 from rbd.cones import block_diagonal, rays
 from rbd.contact_force import ContactForce, contact_force, corner_split
+from rbd.dynamics import free_force
 from rbd.errors import CannotHold, DuplicateName, NotAtRest
 from rbd.external import External
-from rbd.dynamics import free_force
 from rbd.least_constraint import Constraint
 from rbd.polygon import convex_hull, inside_distance
 from rbd.rows import Rows
@@ -187,7 +187,7 @@ class _Statics:
         return max(out, float((np.abs(self.t - self.T @ x) / self.limit).max(initial=0.0)) - 1.0)
 
     def _exact(self, x: Array) -> Array:
-        """x moved, within the weights that carry something, so that A x = b to rounding."""
+        """X moved, within the weights that carry something, so that A x = b to rounding."""
         free = (x > self.low + 1e-6) & (x < self.high - 1e-6)
         for _ in range(2):
             x = x.copy()

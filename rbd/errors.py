@@ -1,23 +1,23 @@
 """Every error and warning of `rbd`, in one tree.
 
-    RbdError
-      InputError (also a ValueError)    something given is wrong; nothing was computed
-        UnknownName                     a name that is not in the model; nearest names in the message
-          UnknownRobot, FrameNotFound, JointNotFound
-        DuplicateName                   two constraints, or two rows, under one name
-      ModelError                        a robot file is missing, broken or not a robot
-      ContactMoves                      a contact that can break or slip already moves
-      NotAtRest                         statics asked of a moving robot
-      Unsupported                       this solver cannot take this problem; the message says why
-      SingularInertia                   M(q) is not positive definite
-      NoSolution                        no answer within tolerance; carries problem and result
-        CannotHold                      no motor torques hold this pose
-      PictureError                      a page or a screenshot could not be made
+RbdError
+InputError (also a ValueError)    something given is wrong; nothing was computed
+UnknownName                     a name that is not in the model; nearest names in the message
+UnknownRobot, FrameNotFound, JointNotFound
+DuplicateName                   two constraints, or two rows, under one name
+ModelError                        a robot file is missing, broken or not a robot
+ContactMoves                      a contact that can break or slip already moves
+NotAtRest                         statics asked of a moving robot
+Unsupported                       this solver cannot take this problem; the message says why
+SingularInertia                   M(q) is not positive definite
+NoSolution                        no answer within tolerance; carries problem and result
+CannotHold                      no motor torques hold this pose
+PictureError                      a page or a screenshot could not be made
 
-    RbdWarning (a UserWarning)
-      EffortLimitWarning                a torque given is beyond a motor's limit
-      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
-      ModelWarning                      a robot file that loads, but is not what it seems
+RbdWarning (a UserWarning)
+EffortLimitWarning                a torque given is beyond a motor's limit
+InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
+ModelWarning                      a robot file that loads, but is not what it seems
 """
 
 from __future__ import annotations

@@ -8,9 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, three
+from rbd.arrays import Array, add_wrench, three
 from rbd.errors import InputError
-from rbd.residuals import add_wrench
 from rbd.state import State
 
 

@@ -67,6 +67,8 @@ def solve(
         Unsupported: the solver cannot take the problem.
         NoSolution: no answer within tolerance; names the worst row and carries problem and result.
     """
+    if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
+        raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
     problem = gauss_problem(state, tau, constraints, external=external)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
@@ -81,14 +83,11 @@ def gauss_problem(
     state: State, tau: Array, constraints: Sequence[Constraint] = (), *, external: External = None
 ) -> GaussProblem:
     """The arrays of the least-constraint problem; arguments and errors as `solve`."""
+    if not isinstance(state, State):
+        raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state.robot, np.asarray(tau, float))
-    rows = []
-    for constraint in _sequence(constraints):
-        r = constraint.rows(state)
-        if not isinstance(r, Rows):
-            raise InputError(f"constraint {constraint.name!r} gave {type(r).__name__} in place of rbd Rows.")
-        rows.append(r)
+    rows = rows_of(state, constraints)
     problem = GaussProblem(state.M, rhs, rows, state.balance(wrench), from_state=True)
     if not problem.bilateral:
         _refuse_moving(problem)
@@ -107,10 +106,27 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
         )
 
 
-def _sequence(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
+def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
+    """Each constraint's rows at a state, in order.
+
+    Raises:
+        InputError: if something in the list is no constraint.
+    """
     if hasattr(constraints, "rows"):
         raise InputError("constraints is a single constraint; give a list, [constraint].")
-    return constraints
+    try:
+        given = list(constraints)
+    except TypeError:
+        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
+    out = []
+    for constraint in given:
+        if isinstance(constraint, type) or not callable(getattr(constraint, "rows", None)):
+            raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give contacts, e.g. robot.soles().")
+        r = constraint.rows(state)
+        if not isinstance(r, Rows):
+            raise InputError(f"constraint {constraint.name!r} gave a {type(r).__name__} in place of rbd.Rows.")
+        out.append(r)
+    return out
 
 
 def _refuse_moving(problem: GaussProblem) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite
+from rbd.arrays import Array, check_finite, numbers
 from rbd.errors import FrameNotFound, InputError, JointNotFound, nearest
 
 UNIT_TOLERANCE = 1e-6
@@ -153,10 +153,7 @@ class CheckedModel:
         return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
 
     def _vector(self, what: str, value: Array, size: int, meaning: str) -> Array:
-        try:
-            out = np.array(value, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{what} of {self.name} is not an array of numbers: {error}") from None
+        out = numbers(f"{what} of {self.name}", value)
         if out.shape != (size,):
             hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
             raise InputError(
@@ -168,10 +165,13 @@ class CheckedModel:
     def _check_passive(self, passive: Iterable[str]) -> frozenset[str]:
         if isinstance(passive, str):
             passive = (passive,)
-        names = frozenset(passive)
+        try:
+            names = list(passive)
+        except TypeError:
+            raise InputError(f"passive is {passive!r:.80}; expected a list of joints' names.") from None
         for n in names:
             self.joint_id(n)
-        return names
+        return frozenset(names)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, nq={self.nq}, nv={self.nv}, nu={self.nu}, mass={self.mass:.3f} kg)"

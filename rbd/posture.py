@@ -59,7 +59,7 @@ def semantic_postures(robot: CheckedModel, srdf: Path) -> dict[str, Array]:
 
 
 def stand(robot: CheckedModel, q: Array, feet: Sequence[Foot]) -> Array:
-    """q with its base turned so that the feet lie flat, moved so that the lowest is on z = 0, and balanced if on points."""
+    """Q with its base turned so that the feet lie flat, moved so that the lowest is on z = 0, and balanced if on points."""
     q = q.copy()
     _turn(q, _levelling(robot, q, feet))
     if not any(isinstance(foot, SurfaceContact) for foot in feet):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
-from functools import cached_property
+from itertools import accumulate, pairwise
 
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, check_finite, is_finite
+from rbd.arrays import Array, check_finite, is_finite, lazy, numbers
 from rbd.cones import Cone, Product, Rays, block_diagonal, rays
 from rbd.errors import DuplicateName, InputError, SingularInertia
 from rbd.rows import Rows
@@ -73,7 +73,7 @@ class GaussProblem:
     def __post_init__(self, from_state: bool) -> None:
         if not from_state:
             self._check_inertia()
-        rows = tuple(self.rows)
+        rows = _rows(self.rows)
         object.__setattr__(self, "rows", rows)
         names = [r.name for r in rows]
         if len(set(names)) != len(names):
@@ -89,7 +89,7 @@ class GaussProblem:
                 check_finite(f"feedback of rows {r.name!r}", r.feedback)
 
     def _check_inertia(self) -> None:
-        M, rhs = _numbers("M", self.M), _numbers("rhs", self.rhs)
+        M, rhs = numbers("M", self.M), numbers("rhs", self.rhs)
         object.__setattr__(self, "M", M)
         object.__setattr__(self, "rhs", rhs)
         if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape[0] == 0:
@@ -112,7 +112,7 @@ class GaussProblem:
         """Number of scalar rows."""
         return self.J.shape[0]
 
-    @cached_property
+    @lazy
     def slices(self) -> dict[str, slice]:
         """Where each constraint's rows stand in the stack."""
         out, at = {}, 0
@@ -121,40 +121,40 @@ class GaussProblem:
             at += len(r)
         return out
 
-    @cached_property
+    @lazy
     def ray_slices(self) -> list[slice]:
         """Where each constraint's rays stand among the columns of `rays`, in the order of `rows`."""
-        ends = np.cumsum([0] + [rays(r.cone).G.shape[1] for r in self.rows]).tolist()
-        return [slice(i, j) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+        ends = list(accumulate((rays(r.cone).G.shape[1] for r in self.rows), initial=0))
+        return [slice(i, j) for i, j in pairwise(ends)]
 
-    @cached_property
+    @lazy
     def J(self) -> Array:
         """Stacked Jacobian, shape (m, nv)."""
         return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.nv))
 
-    @cached_property
+    @lazy
     def bias(self) -> Array:
         """Stacked J_dot v, shape (m,)."""
         return np.concatenate([r.bias for r in self.rows]) if self.rows else np.zeros(0)
 
-    @cached_property
+    @lazy
     def offset(self) -> Array:
         """Stacked bias + feedback, shape (m,)."""
-        if not self.rows:
-            return np.zeros(0)
+        if not any(r.stabilised for r in self.rows):
+            return self.bias
         return self.bias + np.concatenate([r.feedback for r in self.rows])
 
-    @cached_property
+    @lazy
     def cone(self) -> Cone:
         """The product of the rows' sets."""
         return Product([r.cone for r in self.rows])
 
-    @cached_property
+    @lazy
     def bilateral(self) -> bool:
         """Whether every row holds, whatever force that takes."""
         return all(rays(r.cone).all_lines for r in self.rows)
 
-    @cached_property
+    @lazy
     def rays(self) -> Rays:
         """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r)."""
         parts = [rays(r.cone) for r in self.rows]
@@ -167,7 +167,7 @@ class GaussProblem:
             frozenset().union(*(p.facets for p in parts)),
         )
 
-    @cached_property
+    @lazy
     def factor(self) -> Array:
         """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv)."""
         L, info = lapack.dpotrf(self.M, lower=1, clean=0)
@@ -182,29 +182,35 @@ class GaussProblem:
         """M^-1 b."""
         return lapack.dpotrs(self.factor, b, lower=1)[0]
 
-    @cached_property
+    @lazy
     def a_free(self) -> Array:
         """Acceleration without constraints, M^-1 rhs, shape (nv,)."""
         return self.solve_M(self.rhs)
 
-    @cached_property
+    @lazy
     def whitened(self) -> Array:
         """W = L^-1 J^T, shape (nv, m): J in coordinates where the inertia metric is the Euclidean one."""
         return lapack.dtrtrs(self.factor, self.J.T, lower=1)[0] if self.m else np.zeros((self.nv, 0))
 
-    @cached_property
+    @lazy
     def delassus(self) -> Array:
         """J M^-1 J^T = W^T W, shape (m, m)."""
         return self.whitened.T @ self.whitened
 
-    @cached_property
+    @lazy
     def free_row_acceleration(self) -> Array:
         """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
         return self.J @ self.a_free + self.offset
 
 
-def _numbers(what: str, value: Array) -> Array:
+def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:
+    if isinstance(rows, Rows):
+        raise InputError(f"rows are a single Rows, {rows.name!r}; give a list, [rows].")
     try:
-        return np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} is not an array of numbers, but {type(value).__name__}.") from None
+        out = tuple(rows)
+    except TypeError:
+        raise InputError(f"rows are {rows!r:.80}; expected a list of rbd.Rows.") from None
+    for r in out:
+        if not isinstance(r, Rows):
+            raise InputError(f"rows hold a {type(r).__name__}; expected rbd.Rows.")
+    return out

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from rbd.arrays import Array, is_finite, largest
+from rbd.arrays import Array, add_wrench, is_finite, largest, lazy
 from rbd.problem import GaussProblem
 
 SOLVED = 1e-9
@@ -22,15 +23,31 @@ _UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementar
 
 
 class Residual(float):
-    """A residual in physical units that also carries `scaled`, its size against the terms that make it up."""
+    """A residual in physical units that also tells `scaled`, its size against the terms that make it up."""
 
-    scaled: float
+    _scale: Callable[[], float]
 
-    def __new__(cls, value: float, scale: float) -> Residual:
-        """The value, and the value over the scale."""
+    def __new__(cls, value: float, scale: Callable[[], float]) -> Residual:
+        """The value, and how to find the scale (at least 1) if anyone asks."""
         self = super().__new__(cls, value)
-        self.scaled = float(value) / scale
+        self._scale = scale
         return self
+
+    @property
+    def scaled(self) -> float:
+        """The value over the size of its terms."""
+        return float(self) / self._scale()
+
+    def within(self, tolerance: float) -> bool:
+        """Whether the scaled residual is at most `tolerance`; a scale is at least 1, and is looked up only if needed."""
+        return float(self) <= tolerance or self.scaled <= tolerance
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _remade, (float(self), self._scale())
+
+
+def _remade(value: float, scale: float) -> Residual:
+    return Residual(value, lambda: scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +56,7 @@ class Residuals:
 
     Attributes:
         stationarity: |M a - rhs - J^T f| [N, N m]; over max(1, |M||a|, |rhs|, |f|).
-        feasibility: Distance of c = J a + offset to K* [m/s2, rad/s2], along its unit rays; over
+        feasibility: Distance of c = J a + offset to K* [m/s2, rad/s2], along its rays as they are given; over
             max(1, |J||a| + |bias|).
         cone: Distance of f to K [N, N m]; over the scale of stationarity.
         complementarity: |f . c|, the worst of the constraints [N m/s2]; over the product of the two scales.
@@ -66,6 +83,10 @@ class Residuals:
         found = [r.scaled for _, r in self._given()]
         return math.nan if any(x != x for x in found) else max(found)
 
+    def within(self, tolerance: float) -> bool:
+        """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
+        return all(r.within(tolerance) for _, r in self._given())
+
     def _given(self) -> list[tuple[str, Residual]]:
         every = ((name, getattr(self, name)) for name in _EQUATIONS)
         return [(name, r) for name, r in every if r is not None]
@@ -81,23 +102,45 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) 
         problem: What is answered.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: Weights of `problem.rays`, shape (r,); needed unless every row holds.
+        weights: Weights of `problem.rays`, shape (r,); where None and rows can break, the best that can be found.
     """
     P = problem
     if not (is_finite(a) and is_finite(f)):
-        nan = Residual(math.nan, 1.0)
+        nan = _remade(math.nan, 1.0)
         return Residuals(nan, nan, nan, nan, nan)
-    terms = _Terms(P, a, f, weights)
-    size = np.abs(a)
-    force_scale = max(1.0, largest(np.abs(P.M) @ size), largest(P.rhs), largest(f))
-    row_scale = max(1.0, largest(np.abs(P.J) @ size + np.abs(P.offset)))
+    terms, scales = _Terms(P, a, f, weights), _Scales(P, a, f)
     return Residuals(
-        stationarity=Residual(largest(P.M @ a - P.rhs - P.J.T @ f), force_scale),
-        feasibility=Residual(largest(terms.gap), row_scale),
-        cone=Residual(largest(terms.off_cone), force_scale),
-        complementarity=Residual(largest(terms.slack), force_scale * row_scale),
+        stationarity=Residual(largest(P.M @ a - P.rhs - P.J.T @ f), scales.of_force),
+        feasibility=Residual(largest(terms.gap), scales.of_rows),
+        cone=Residual(largest(terms.off_cone), scales.of_force),
+        complementarity=Residual(largest(terms.slack), lambda: scales.of_force() * scales.of_rows()),
         centroidal=_centroidal(P, a, f),
     )
+
+
+class _Scales:
+    """Sizes of the terms of the equations; at least 1, in their units."""
+
+    def __init__(self, P: GaussProblem, a: Array, f: Array) -> None:
+        self._given = P, a, f
+
+    def of_force(self) -> float:
+        """max(1, |M||a|, |rhs|, |f|)."""
+        return self._force
+
+    def of_rows(self) -> float:
+        """max(1, |J||a| + |bias|)."""
+        return self._rows
+
+    @lazy
+    def _force(self) -> float:
+        P, a, f = self._given
+        return max(1.0, largest(np.abs(P.M) @ np.abs(a)), largest(P.rhs), largest(f))
+
+    @lazy
+    def _rows(self) -> float:
+        P, a, _ = self._given
+        return max(1.0, largest(np.abs(P.J) @ np.abs(a) + np.abs(P.offset)))
 
 
 class _Terms:
@@ -105,11 +148,13 @@ class _Terms:
 
     def __init__(self, P: GaussProblem, a: Array, f: Array, weights: Array | None) -> None:
         c = P.J @ a + P.offset
-        self.by_ray = not (P.bilateral or weights is None)
+        self.by_ray = not P.bilateral
         if not self.by_ray:
             self.gap, self.off_cone, self.slack = c, _NONE, _NONE
             return
         R = P.rays
+        if weights is None:  # any weights within the bounds that make the force as nearly as can be
+            weights = lsq_linear(R.G, f, (R.lower, R.upper), tol=1e-14).x
         w = np.minimum(np.maximum(weights, R.lower), R.upper)
         along = R.G.T @ c
         opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
@@ -152,21 +197,7 @@ def _centroidal(P: GaussProblem, a: Array, f: Array) -> Residual | None:
             base = rows.J[:, :6].T @ part
             wrench = [*(b.base_axes @ base[:3]).tolist(), *(b.base_axes @ base[3:]).tolist()]
             add_wrench(total, wrench, b.base_point.tolist(), com)
-    scale = max(1.0, max(map(abs, rate)), largest(b.wrench), largest(f))
-    return Residual(max(abs(x - y) for x, y in zip(rate, total, strict=True)), scale)
-
-
-def add_wrench(total: list[float], wrench: Sequence[float], point: Sequence[float], about: Sequence[float]) -> None:
-    """Add a force (3) or wrench (6) that acts at `point` to the wrench `total` (6) about another point, in place.
-
-    Plain floats: np.cross alone costs ten times as much.
-    """
-    x, y, z = point[0] - about[0], point[1] - about[1], point[2] - about[2]
-    fx, fy, fz = wrench[:3]
-    mx, my, mz = wrench[3:] if len(wrench) == 6 else (0.0, 0.0, 0.0)
-    total[0] += fx
-    total[1] += fy
-    total[2] += fz
-    total[3] += mx + y * fz - z * fy
-    total[4] += my + z * fx - x * fz
-    total[5] += mz + x * fy - y * fx
+    return Residual(
+        max(abs(x - y) for x, y in zip(rate, total, strict=True)),
+        lambda: max(1.0, max(map(abs, rate)), largest(b.wrench), largest(f)),
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, numbers, zeros
 from rbd.cones import Cone
 from rbd.errors import InputError
 
@@ -65,17 +65,21 @@ class Rows:
     patch: Patch | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.J, np.ndarray) or self.J.dtype != float:
-            object.__setattr__(self, "J", np.asarray(self.J, float))
+        if not isinstance(self.name, str) or not self.name:
+            raise InputError(f"the name of rows is {self.name!r}; expected a word, e.g. 'left_sole'.")
+        if type(self.J) is not np.ndarray or self.J.dtype != float:
+            object.__setattr__(self, "J", numbers(f"J of rows {self.name!r}", self.J))
         if self.J.ndim != 2:
             raise InputError(f"rows {self.name!r}: J has shape {self.J.shape}; expected (m, nv).")
         m = self.J.shape[0]
         for what in ("bias", "velocity", "feedback", "error"):
             value = getattr(self, what)
             if value is _NOT_GIVEN:
-                object.__setattr__(self, what, np.zeros(m))
+                object.__setattr__(self, what, zeros(m))
             elif value is not None and not (type(value) is np.ndarray and value.shape == (m,) and value.dtype == float):
                 object.__setattr__(self, what, _vector(self.name, what, value, m))
+        if not hasattr(self.cone, "generators"):
+            raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.Free({m}).")
         if self.cone.dim != m:
             raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
         if self.resultant is not None and (self.resultant.ndim != 2 or self.resultant.shape[1] != m):
@@ -88,13 +92,18 @@ class Rows:
         return self.J.shape[0]
 
     @property
+    def stabilised(self) -> bool:
+        """Whether a feedback was given."""
+        return self.feedback is not zeros(len(self))
+
+    @property
     def speed(self) -> float:
         """Largest entry of |velocity|."""
         return float(np.abs(self.velocity).max(initial=0.0))
 
 
-def _vector(name: str, what: str, value: Array, m: int) -> Array:
-    out = np.asarray(value, float)
+def _vector(name: str, what: str, value: object, m: int) -> Array:
+    out = numbers(f"{what} of rows {name!r}", value)
     if out.shape != (m,):
         raise InputError(f"rows {name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
     return out

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.problem import GaussProblem
 from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals
@@ -77,22 +76,21 @@ class Solution:
         """Acceleration without the constraints, shape (nv,)."""
         return self.problem.a_free
 
-    @cached_property
+    @lazy
     def residuals(self) -> Residuals:
         """How far a and f are from the equations of the law; see `Residuals`."""
         return residuals(self.problem, self.a, self.multipliers, self.weights)
 
-    @cached_property
+    @lazy
     def status(self) -> Status:
         """What the residuals amount to."""
-        worst = self.residuals.worst
-        if worst <= SOLVED:
+        if self.residuals.within(SOLVED):
             return Status.SOLVED
-        if worst <= USABLE:
+        if self.residuals.within(USABLE):
             return Status.INACCURATE
         return Status.INFEASIBLE if self.infeasible else Status.FAILED
 
-    @cached_property
+    @lazy
     def forces(self) -> dict[str, Array]:
         """Force (3,) of a point, wrench (6,) of a surface at its centre: on the robot, world axes [N, N m].
 
@@ -104,7 +102,7 @@ class Solution:
             out[rows.name] = part.copy() if rows.resultant is None else rows.resultant @ part
         return out
 
-    @cached_property
+    @lazy
     def corner_forces(self) -> dict[str, Array]:
         """Forces at the corners of each contact, shape (k, 3), on the robot, world axes [N]; a point has one corner.
 
@@ -119,18 +117,18 @@ class Solution:
                 out[rows.name] = corner_split(rows, part, weights)
         return out
 
-    @cached_property
+    @lazy
     def contacts(self) -> dict[str, ContactForce]:
         """Normal and tangential parts, friction used and centre of pressure of each contact."""
         return {r.name: contact_force(r.patch, self.forces[r.name]) for r in self.problem.rows if r.patch is not None}
 
-    @cached_property
+    @lazy
     def accelerations(self) -> dict[str, Array]:
         """J a + J_dot v of each constraint, shape (m,), in its own axes, feedback left out [m/s2, rad/s2]."""
         c = self.problem.J @ self.a + self.problem.bias
         return {name: c[part] for name, part in self.problem.slices.items()}
 
-    @cached_property
+    @lazy
     def gauss(self) -> Gauss:
         """Gauss's function and each constraint's share of it."""
         P = self.problem
@@ -139,7 +137,7 @@ class Solution:
         shares = {name: 0.5 * float(work[part].sum()) for name, part in P.slices.items()}
         return Gauss(0.5 * float(moved @ P.M @ moved), shares)
 
-    @cached_property
+    @lazy
     def rank(self) -> int:
         """Rank of J, at singular values above `RANK_TOLERANCE` times the largest."""
         if not self.problem.m:

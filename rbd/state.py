@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -46,6 +45,7 @@ class State:
 
     Attributes:
         M: Joint-space inertia, shape (nv, nv), rotor inertia included.
+        com: Centre of mass in W, shape (3,) [m].
         h: C(q, v) v - tau_g, shape (nv,) [N, N m]. File damping and friction are in no term of it.
 
     Raises:
@@ -58,13 +58,15 @@ class State:
         self.robot = robot
         self.q = robot.check_q(q)
         self.v = np.zeros(robot.nv) if v is None else robot.check_v(v)
-        self.q.flags.writeable = self.v.flags.writeable = False
         self._pool = robot.pool
         with self._pool.lock:
             self._slot, self._ticket = self._pool.take(self._run)
             data = self._slot.data
             self.M: Array = data.M.copy("F")
             self.h: Array = data.nle.copy()
+            self.com: Array = data.com[0].copy()
+        for array in (self.q, self.v, self.M, self.h, self.com):
+            array.flags.writeable = False
 
     def __del__(self) -> None:
         slot = getattr(self, "_slot", None)
@@ -122,12 +124,6 @@ class State:
         X_WF, J, v, bias = self.moving(f.parentJoint, f.placement * X_FP, pin.LOCAL_WORLD_ALIGNED)
         return FrameKinematics(X_WF, J, v, bias)
 
-    @cached_property
-    def com(self) -> Array:
-        """Centre of mass in W, shape (3,) [m]."""
-        with self._pool.lock:
-            return self._data().com[0].copy()
-
     def balance(self, wrench: Array) -> MomentumBalance | None:
         """What the centroidal residual is computed from; None unless all bodies hang from one floating base.
 
@@ -145,5 +141,5 @@ class State:
             rate_bias = pin.computeCentroidalMomentumTimeVariation(robot.model, data).vector
             X_WB = data.oMi[1]
             return MomentumBalance(
-                data.Ag.copy(), rate_bias, total, data.com[0].copy(), X_WB.translation.copy(), X_WB.rotation.copy()
+                data.Ag.copy(), rate_bias, total, self.com, X_WB.translation.copy(), X_WB.rotation.copy()
             )

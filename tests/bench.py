@@ -45,7 +45,7 @@ class Draws:
         self.v = [self._resting_soles(q, 0.1 * rng.normal(size=robot.nv)) for q in self.q]
 
     def _resting_soles(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """v with the soles' motion taken out: where a sole moves, constraintDynamics' drift is another one."""
+        """V with the soles' motion taken out: where a sole moves, constraintDynamics' drift is another one."""
         J = np.concatenate([sole.rows(rbd.State(self.robot, q)).J for sole in self.held])
         return v - np.linalg.lstsq(J, J @ v, rcond=None)[0]
 

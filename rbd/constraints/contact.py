@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, three
+from rbd.arrays import Array, check_finite, is_finite, numbers, three
 from rbd.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
 from rbd.errors import InputError
 from rbd.rows import Patch, Rows
@@ -61,6 +61,8 @@ class PointContact:
         friction: float | None = None,
         facets: int = 4,
     ) -> None:
+        _check_names(name, frame)
+        check_friction(0.0 if friction is None else friction, facets)
         put = object.__setattr__
         put(self, "name", name)
         put(self, "frame", frame)
@@ -74,7 +76,6 @@ class PointContact:
         if friction is None:
             put(self, "_cone", Free(3))
         else:
-            check_friction(friction, facets)
             put(self, "_cone", NonNegative(1) if friction == 0.0 else FrictionCone(float(friction), int(facets)))
 
     @property
@@ -88,7 +89,7 @@ class PointContact:
         Raises:
             FrameNotFound: with the nearest names.
         """
-        f = state.robot.frame(self.frame)
+        f = _check_state(state, self.name).robot.frame(self.frame)
         X_WP, J, v, bias = state.moving(f.parentJoint, f.placement * self._X_FP, pin.LOCAL_WORLD_ALIGNED)
         R = self._axes
         J, v, bias = J[:3], v[:3], bias[:3]
@@ -98,7 +99,7 @@ class PointContact:
         if self._cone.dim == 1:
             J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
         patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction)
-        return Rows(self.name, J, bias, self._cone, v, None, resultant=resultant, patch=patch)
+        return Rows(self.name, J, bias, self._cone, v, resultant=resultant, patch=patch)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +149,8 @@ class SurfaceContact:
         friction: float | None = None,
         facets: int = 4,
     ) -> None:
+        _check_names(name, frame)
+        check_friction(0.0 if friction is None else friction, facets)
         put = object.__setattr__
         put(self, "name", name)
         put(self, "frame", frame)
@@ -158,7 +161,6 @@ class SurfaceContact:
         if friction is None:
             put(self, "_cone", Free(6))
         else:
-            check_friction(friction, facets)
             put(self, "_cone", WrenchCone(self.corners, float(friction), int(facets)))
 
     def rows(self, state: State) -> Rows:
@@ -167,16 +169,29 @@ class SurfaceContact:
         Raises:
             FrameNotFound: with the nearest names.
         """
-        f = state.robot.frame(self.frame)
+        f = _check_state(state, self.name).robot.frame(self.frame)
         X_WP, J, v, bias = state.moving(f.parentJoint, f.placement * self.placement, pin.LOCAL)
         R = X_WP.rotation
         resultant = np.zeros((6, 6))
         resultant[:3, :3] = resultant[3:, 3:] = R
         patch = Patch(X_WP.translation, R, self.corners, self.friction)
-        return Rows(self.name, J, bias, self._cone, v, None, resultant=resultant, patch=patch)
+        return Rows(self.name, J, bias, self._cone, v, resultant=resultant, patch=patch)
 
 
 _ONE_CORNER = np.zeros((1, 3))
+_ONE_CORNER.flags.writeable = False
+
+
+def _check_names(name: str, frame: str) -> None:
+    for what, value in (("name", name), ("frame", frame)):
+        if not isinstance(value, str) or not value:
+            raise InputError(f"the {what} of a contact is {value!r:.80}; expected a word, e.g. 'left_sole'.")
+
+
+def _check_state(state: State, name: str) -> State:
+    if not isinstance(state, State):
+        raise InputError(f"rows of {name!r} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
+    return state
 
 
 def contact_axes(normal: Array) -> Array:
@@ -201,24 +216,18 @@ def _corners(
     if (half_lengths is None) == (corners is None):
         raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
     if half_lengths is not None:
-        try:
-            X, Y = (float(x) for x in half_lengths)
-        except (TypeError, ValueError):
-            raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r}; expected two numbers.") from None
-        if not (0.0 < X < np.inf and 0.0 < Y < np.inf):
-            raise InputError(f"half_lengths of contact {name!r} are {(X, Y)}; expected two finite lengths > 0 [m].")
+        half = numbers(f"half_lengths of contact {name!r}", half_lengths)
+        if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
+            raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
+        X, Y = half
         return np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
-    try:
-        given = np.array(corners, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"corners of contact {name!r} are not an array of numbers.") from None
+    given = numbers(f"corners of contact {name!r}", corners)
     if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
         raise InputError(
             f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 3. "
             "For one point use PointContact."
         )
-    if not np.isfinite(given).all():
-        raise InputError(f"corners of contact {name!r} are not finite.")
+    check_finite(f"corners of contact {name!r}", given)
     out = np.zeros((len(given), 3))
     out[:, : given.shape[1]] = given
     spread = np.linalg.svd(out - out.mean(axis=0), compute_uv=False)
@@ -230,8 +239,8 @@ def _corners(
 def _placement(name: str, placement: pin.SE3 | Array | None) -> pin.SE3:
     if placement is None:
         return pin.SE3.Identity()
-    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else np.array(placement, dtype=float)
+    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else numbers(f"placement of contact {name!r}", placement)
     R = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
-    if not np.isfinite(matrix).all() or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
+    if not is_finite(matrix) or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
         raise InputError(f"placement of contact {name!r} is no rigid placement; expected pin.SE3 or a 4 x 4 matrix.")
     return pin.SE3(R, matrix[:3, 3])

@@ -76,5 +76,5 @@ def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
 
 
 def constrained(P: GaussProblem, f: Array) -> Array:
-    """a = a_free + M^-1 J^T f."""
+    """A = a_free + M^-1 J^T f."""
     return P.a_free + lapack.dtrtrs(P.factor, P.whitened @ f, lower=1, trans=1)[0]

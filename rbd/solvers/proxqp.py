@@ -8,14 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, identity, zeros
 from rbd.cones import rays
 from rbd.problem import GaussProblem
 from rbd.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, independent_factor
-
 
 POLISH = 1e-12
 """An answer whose scaled residuals are above this gets one step on its active rays; kept if it is better."""
@@ -53,30 +52,39 @@ class ProxQP:
         P = problem
         if not P.m:
             return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
-        R = independent_factor(P.delassus)
-        if R is None:
-            R = np.linalg.qr(P.whitened, mode="r")
+        R = _factor(P)
         along, opening, holds = _ray_rows(P, R)
-        A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
+        if P.bilateral:
+            A, b, C, l = along, -opening, None, None
+        else:
+            A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
         n = R.shape[0]
         best: Solution | None = None
-        for attempt in qp.attempts(np.eye(n), np.zeros(n), A, b, C, l, None, policy=self.policy):
-            weights = np.empty(len(holds))
-            weights[holds] = attempt.y
-            weights[~holds] = np.maximum(attempt.z, 0.0)
+        for attempt in qp.attempts(identity(n), zeros(n), A, b, C, l, None, policy=self.policy):
+            weights = attempt.y
+            if C is not None:
+                weights = np.empty(len(holds))
+                weights[holds] = attempt.y
+                weights[~holds] = np.maximum(attempt.z, 0.0)
             found = _solution(P, weights, attempt.iterations, start)
-            if found.residuals.worst > POLISH:
+            if not found.residuals.within(POLISH):
                 found = _better(found, _solution(P, _polished(weights, along, opening, holds), attempt.iterations, start))
             best = found if best is None else _better(best, found)
-            if best.residuals.worst <= SOLVED:
+            if best.residuals.within(SOLVED):
                 return best
         assert best is not None
-        violation = qp.least_violation(A, b, C, l)
+        violation = qp.least_violation(A, b, np.zeros((0, n)) if C is None else C, zeros(0) if l is None else l)
         infeasible = not math.isnan(violation) and violation > 1e-6 * max(1.0, float(np.abs(opening).max()))
         return Solution(
             P, best.a, best.multipliers, best.weights, best.law, "ProxQP", best.iterations,
             time.perf_counter() - start, infeasible,
         )  # fmt: skip
+
+
+def _factor(P: GaussProblem) -> Array:
+    """R with R^T R = J M^-1 J^T, shape (k, m): m x m where the rows are independent, else from W = Q R."""
+    R = independent_factor(P.delassus)
+    return np.asarray(np.linalg.qr(P.whitened, mode="r")) if R is None else R
 
 
 def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
