@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+import pinocchio as pin
 
-from rbd.arrays import Array, add_wrench, three
+from rbd.arrays import Array, add_wrench, numbers, three
 from rbd.errors import InputError
 from rbd.state import State
 
@@ -51,27 +52,40 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
         in world axes, shape (6,). Of a generalised force, the wrench is its base part; it means nothing on a fixed base.
     """
-    robot, wrench = state.robot, [0.0] * 6
+    robot = state.robot
     if external is None:
         return np.zeros(robot.nv), np.zeros(6)
+    if isinstance(external, np.ndarray):
+        return _generalised_force(state, external)
     if isinstance(external, ExternalForce):
         external = (external,)
-    forces = [e for e in external if isinstance(e, ExternalForce)]
-    if forces and len(forces) == len(external):
-        tau_ext, com = np.zeros(robot.nv), state.com.tolist()
-        for e in forces:
-            at = state.frame(e.frame, e.offset)
-            given = np.concatenate([e.force, e.moment])
-            tau_ext += at.J.T @ given
-            add_wrench(wrench, given.tolist(), at.X_WF.translation.tolist(), com)
-        return tau_ext, np.array(wrench)
-    if forces:
-        raise InputError("external mixes ExternalForce with something else; give one kind: (nv,) numbers, or ExternalForces.")
-    if len(external) == 0:
-        return np.zeros(robot.nv), np.zeros(6)
-    tau_ext = robot.check_v(np.asarray(external), "external")
-    if robot.floating:
-        X_WB = state.frame(robot.model.names[1]).X_WF
+    if not isinstance(external, Sequence) or isinstance(external, str | bytes):
+        raise InputError(f"external is {external!r:.80}; {_WANTED}")
+    pushes = [e for e in external if isinstance(e, ExternalForce)]
+    if len(pushes) < len(external):
+        if pushes:
+            raise InputError(f"external mixes ExternalForce with something else; {_WANTED}")
+        return _generalised_force(state, external)
+    tau_ext, wrench, com = np.zeros(robot.nv), [0.0] * 6, state.com.tolist()
+    for push in pushes:
+        at = state.frame(push.frame, push.offset)
+        given = np.concatenate([push.force, push.moment])
+        tau_ext += at.J.T @ given
+        add_wrench(wrench, given.tolist(), at.X_WF.translation.tolist(), com)
+    return tau_ext, np.array(wrench)
+
+
+_WANTED = "expected ExternalForces, e.g. [rbd.ExternalForce(frame, (0, 80, 0))], or one generalised force (nv,)."
+
+
+def _generalised_force(state: State, external: Array | Sequence[float] | Sequence[ExternalForce]) -> tuple[Array, Array]:
+    robot, wrench = state.robot, [0.0] * 6
+    tau_ext = numbers("external", external)
+    if tau_ext.shape in ((3,), (6,)) and len(tau_ext) != robot.nv:
+        raise InputError(f"external has {len(tau_ext)} entries, and a generalised force {robot.nv}; {_WANTED}")
+    tau_ext = robot.check_v(tau_ext, "external")
+    if robot.floating:  # joint 1 is the base: its part is the resultant, about its origin, in its axes
+        X_WB = state.moving(1, pin.SE3.Identity(), pin.LOCAL_WORLD_ALIGNED)[0]
         base = [*(X_WB.rotation @ tau_ext[:3]), *(X_WB.rotation @ tau_ext[3:6])]
         add_wrench(wrench, base, X_WB.translation.tolist(), state.com.tolist())
     return tau_ext, np.array(wrench)

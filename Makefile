@@ -1,0 +1,41 @@
+# Every target does its own set-up. `make demo` and `make test` are all one needs; the rest is for those who change things.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+MARKER := $(VENV)/installed
+
+.PHONY: help demo test lint bench pictures clean
+
+help:
+	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
+	@echo "make test      all tests"
+	@echo "make bench     what an answer costs beside one constraintDynamics call"
+	@echo "make lint      ruff and mypy"
+	@echo "make pictures  the pictures of README and docs again (needs Chromium)"
+
+# pip only: a lock file would name package hosts. The stamp is renewed when the dependencies change.
+$(MARKER): pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(f"rbd needs Python 3.11 or newer, and {sys.executable} is {v.major}.{v.minor}: make PYTHON=python3.12" if v < (3, 11) else 0)'
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "installing into $(VENV) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
+	@touch $(MARKER)
+
+demo: $(MARKER)
+	$(BIN)/rbd stand talos --push 0,80,0 --at torso_2_link --html talos.html
+
+test: $(MARKER)
+	$(BIN)/python -m pytest
+
+lint: $(MARKER)
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(MARKER)
+	$(BIN)/python tests/bench.py
+
+pictures: $(MARKER)
+	$(BIN)/python docs/pictures/make.py
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache talos.html

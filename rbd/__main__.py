@@ -1,0 +1,5 @@
+"""`python -m rbd`."""
+
+from rbd.cli import main
+
+main()

@@ -1,0 +1,160 @@
+"""Robots in contact, from the command line.
+
+Exit codes: 0 done, 1 no solution (the message says which limit is in the way), 2 bad input.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+
+from rbd.arrays import Array, three
+from rbd.equilibrium import hold
+from rbd.errors import InputError, NoSolution, RbdError
+from rbd.external import ExternalForce
+from rbd.least_constraint import solve
+from rbd.report import StandReport
+from rbd.robot import load_robot
+
+NO_SOLUTION, BAD_INPUT = 1, 2
+
+app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.callback()
+def rbd() -> None:
+    """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
+
+
+@app.command()
+def stand(
+    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
+    friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
+    facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
+    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force [N] ...")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
+    posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")] = False,
+) -> None:
+    """Stand a robot on its feet: holding torques, contact forces, the proof, and a picture.
+
+    Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
+    and prints what each foot carries.
+    """
+    console = _console()
+    with _answering(console):
+        force = _push(push, at)
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "load"):
+            loaded = load_robot(robot, package_dirs=package_dir or ())
+        with _timed(seconds, "stand"):
+            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
+        external = [] if force is None or at is None else [ExternalForce(at, force)]
+        for e in external:
+            loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
+        with _timed(seconds, "hold"):
+            held = hold(state, feet)
+        with _timed(seconds, "solve"):
+            solution = solve(state, held.tau, feet, external=external)
+            solution.residuals  # noqa: B018  the certificate is part of the answer
+        report = StandReport(held, solution, force, at, seconds)
+        if html is not None or show:
+            from rbd.visual import Scene
+
+            with Scene(loaded) as scene:
+                with _timed(seconds, "picture"):
+                    scene.show(state, solution, external=external)
+                    written = None if html is None else scene.export(html)
+                _write_json(json_, report)
+                console.print(report)
+                if written is not None:
+                    console.print(f"picture: {written}", soft_wrap=True)
+                if show:
+                    _serve(console, scene.open())
+        else:
+            _write_json(json_, report)
+            console.print(report)
+
+
+def _push(push: str | None, at: str | None) -> Array | None:
+    if push is None and at is None:
+        return None
+    if push is None or at is None:
+        missing, given = ("--push X,Y,Z", "--at") if push is None else ("--at FRAME", "--push")
+        raise InputError(f"{given} came without {missing}; a push wants both, e.g. --push 0,80,0 --at torso_2_link.")
+    try:
+        numbers = [float(x) for x in push.split(",")]
+    except ValueError:
+        raise InputError(f"--push is {push!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
+    return three("--push", numbers)
+
+
+def _write_json(path: Path | None, report: StandReport) -> None:
+    if path is None:
+        return
+    try:
+        path.write_text(json.dumps(report.data(), indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--json {path} cannot be written: {error.strerror}.") from None
+
+
+def _serve(console: Console, url: str) -> None:
+    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True)
+    try:
+        while True:
+            time.sleep(3600.0)
+    except KeyboardInterrupt:
+        console.print("ended")
+
+
+def _console() -> Console:
+    console = Console()
+    # A file or a pipe has no width; tables cut at 80 columns would lose numbers.
+    return console if console.is_terminal else Console(width=140)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], what: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[what] = time.perf_counter() - start
+
+
+@contextmanager
+def _answering(console: Console) -> Iterator[None]:
+    """Turn this package's errors into messages and exit codes, and its warnings into lines."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield
+        except NoSolution as error:
+            _fail("no solution", error, NO_SOLUTION)
+        except RbdError as error:
+            _fail("bad input", error, BAD_INPUT)
+        finally:
+            for warning in caught:
+                if not issubclass(warning.category, DeprecationWarning):
+                    Console(stderr=True, soft_wrap=True).print(f"[yellow]warning[/]: {warning.message}", highlight=False)
+
+
+def _fail(what: str, error: RbdError, code: int) -> NoReturn:
+    from rich.markup import escape
+
+    Console(stderr=True, soft_wrap=True).print(f"[red]{what}[/]: {escape(str(error))}", highlight=False)
+    raise typer.Exit(code)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

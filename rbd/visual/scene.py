@@ -1,0 +1,305 @@
+"""A robot with its forces, in Meshcat: live in a browser, or as one page in a file."""
+
+from __future__ import annotations
+
+import json
+import webbrowser
+from collections.abc import Iterable, Sequence
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import meshcat
+import numpy as np
+import pinocchio as pin
+from meshcat.geometry import MeshLambertMaterial, MeshPhongMaterial, TriangularMeshGeometry
+
+from rbd.cones import Array
+from rbd.errors import InputError, PictureError
+from rbd.visual import marks
+from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, rgb_number
+from rbd.visual.forces import Push, ShownForce, pushes, shown_forces, support_polygon
+from rbd.visual.page import offline_page
+from rbd.visual.recorder import Recorder
+from rbd.visual.robot_parts import RobotPart, robot_parts
+from rbd.visual.server import LiveServer
+from rbd.visual.shapes import Mesh
+
+if TYPE_CHECKING:
+    from rbd.equilibrium import Hold
+    from rbd.robot import Robot
+    from rbd.solution import Solution
+    from rbd.state import State
+
+# Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
+WEIGHTLESS_N = 100.0
+
+
+class Scene:
+    """A picture of a robot in contact: meshes, forces, friction cones, support polygon, centre of mass.
+
+    Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
+    scale for the whole scene, stated in the legend. A sole's big arrow is the resultant at the centre of pressure, its
+    thin ones are the corner forces; an arrow that leaves its translucent cone slips. Marks shine faintly through the
+    robot. Moments, joint torques and the forces of loops and limits are not drawn.
+
+        with Scene(robot) as scene:
+            scene.show(state, solution)
+            scene.export("standing.html")
+
+    Args:
+        robot: Whose meshes to draw; without visual meshes its collision shapes, without those a skeleton.
+        arrow_per_weight: Length of an arrow as large as the robot's weight [m]. By default 1 m for a human's size,
+            and about half the robot's size otherwise.
+        ground: Whether to draw the ground z = 0 as a grid.
+        seen_from: Direction from the robot to the camera at first, in W, shape (3,); from the front left by default.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        arrow_per_weight: float | None = None,
+        ground: bool = True,
+        seen_from: Sequence[float] | Array = (1.0, 0.62, 0.34),
+    ) -> None:
+        if arrow_per_weight is not None and not 0.0 < arrow_per_weight < np.inf:
+            raise InputError(f"arrow_per_weight is {arrow_per_weight}; expected a length above zero, in metres.")
+        seen = np.asarray(seen_from, float)
+        if seen.shape != (3,) or not np.isfinite(seen).all() or not seen[:2].any():
+            raise InputError(
+                f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down."
+            )
+        self._seen_from = seen
+        self._robot = robot
+        self._arrow_per_weight = arrow_per_weight
+        self._ground = ground
+        self._recorder = Recorder()
+        self._viewer = meshcat.Visualizer(window=self._recorder)
+        self._parts: list[RobotPart] = []
+        self._data: pin.Data | None = None
+        self._sizes: marks.Sizes | None = None
+        self._seen: list[str] = []
+        self._drawn: list[marks.Mark] = []
+        self._contacts: list[ShownForce] = []
+        self._server: LiveServer | None = None
+
+    @property
+    def contacts(self) -> tuple[ShownForce, ...]:
+        """The contact forces now in the picture."""
+        return tuple(self._contacts)
+
+    @property
+    def drawn(self) -> tuple[marks.Mark, ...]:
+        """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, as triangles in W."""
+        return tuple(self._drawn)
+
+    @property
+    def metres_per_newton(self) -> float:
+        """Length of an arrow over its force [m/N]; constant from the first `show` on."""
+        return self._shown().metres_per_newton
+
+    @property
+    def url(self) -> str:
+        """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
+        if self._server is None:
+            self._server = LiveServer(self._recorder, self._robot.name)
+        return self._server.url
+
+    def open(self) -> str:
+        """Open the live scene in the default browser; returns its address. Later `show`s appear there at once."""
+        address = self.url
+        webbrowser.open(address, new=2)
+        return address
+
+    def show(
+        self, state: State, solution: Solution | Hold | None = None, *, external: Iterable[Push] | Push | None = None
+    ) -> None:
+        """Draw the robot in this state with the forces of this solution, in place of what was shown.
+
+        Args:
+            state: Where the robot is. Velocities are not drawn.
+            solution: Its contact forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
+            external: The `ExternalForce`s that were given to `solve`, drawn from the points they act on.
+
+        Raises:
+            InputError: if the state is of a robot with other joints, or `external` is a generalised force: that has no
+                place in the picture.
+        """
+        model = self._robot.model
+        if len(state.q) != model.nq:
+            raise InputError(
+                f"the state has {len(state.q)} coordinates, {self._robot.name!r} has {model.nq}; "
+                "show a state of the robot that the scene was made for."
+            )
+        first = self._data is None
+        if self._data is None:
+            self._data = model.createData()
+            self._parts = robot_parts(self._robot)
+            self._send_parts()
+        pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
+        self._place_parts(self._data)
+        if self._sizes is None:
+            self._sizes = self._measure(self._extremes(self._data))
+        self._contacts = [] if solution is None else shown_forces(solution)
+        self._seen += [c.name for c in self._contacts if c.name not in self._seen]
+        pushed = pushes(state, external)
+        self._drawn = self._marks(np.asarray(state.com, float), pushed)
+        self._viewer["marks"].delete()
+        for mark in self._drawn:
+            self._send_mark(mark)
+        self._write_legend(pushed)
+        if first:
+            self._recorder.post("view", self._view(self._data))
+
+    def export(self, path: str | PathLike[str]) -> Path:
+        """Write the scene as one HTML file that needs no network and no server; returns its path.
+
+        The camera stands so that robot and arrows fill the view; it can be turned in the browser.
+
+        Raises:
+            PictureError: if nothing has been shown, or the file cannot be written.
+        """
+        self._shown()
+        assert self._data is not None
+        target = Path(path)
+        if target.suffix.lower() not in (".html", ".htm"):
+            raise PictureError(f"cannot export to {str(path)!r}: expected a name that ends in .html.")
+        # A live viewer keeps its camera while the robot moves; a page is framed for what it shows.
+        messages = [*self._recorder.messages()[0], self._view(self._data)]
+        try:
+            target.write_text(offline_page(self._robot.name, messages), encoding="utf-8")
+        except OSError as error:
+            raise PictureError(
+                f"cannot write {str(path)!r}: {error.strerror}. Give a file in a folder that exists and is yours."
+            ) from error
+        return target
+
+    def close(self) -> None:
+        """Stop the live server, if one runs. The scene can still be exported."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _shown(self) -> marks.Sizes:
+        if self._sizes is None:
+            raise PictureError("the scene is empty: call scene.show(state, solution) first.")
+        return self._sizes
+
+    def _measure(self, cloud: Array) -> marks.Sizes:
+        body = float(np.ptp(cloud, axis=0).max()) or 1.0
+        length = self._arrow_per_weight or _round_number(0.5 * body)
+        weight = self._weight()
+        return marks.Sizes(body, length / (weight or WEIGHTLESS_N))
+
+    def _weight(self) -> float:
+        return float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
+
+    def _send_parts(self) -> None:
+        for i, part in enumerate(self._parts):
+            shine = MeshPhongMaterial(color=rgb_number(part.color), opacity=part.opacity)
+            shine.properties.update(specular=0x222222, shininess=20)
+            self._send_mesh(f"robot/{i}", part.mesh, shine)
+
+    def _place_parts(self, data: pin.Data) -> None:
+        for i, part in enumerate(self._parts):
+            X_WG = data.oMi[part.joint] * part.placement
+            self._viewer[f"robot/{i}"].set_transform(X_WG.homogeneous)
+
+    def _extremes(self, data: pin.Data) -> Array:
+        """The outermost points of the robot in W, shape (n, 3) [m]: all that is needed to measure and frame it."""
+        points = [np.zeros((0, 3))]
+        for part in self._parts:
+            X_WG = data.oMi[part.joint] * part.placement
+            points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
+        return _outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
+
+    def _marks(self, com: Array, pushed: list[tuple[str, Array, Array]]) -> list[marks.Mark]:
+        sizes = self._shown()
+        colors = contact_colors(self._seen)
+        drawn = marks.com_marks(com, sizes) + marks.support_marks(support_polygon(self._contacts), sizes)
+        for contact in self._contacts:
+            drawn += marks.contact_marks(contact, colors[contact.name], sizes)
+        drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
+        return [mark for mark in drawn if len(mark.mesh.faces)]
+
+    def _send_mark(self, mark: marks.Mark) -> None:
+        glow = rgb_number(mark.color, share=0.15)
+        solid = MeshLambertMaterial(color=rgb_number(mark.color), opacity=mark.opacity, emissive=glow)
+        if mark.opacity < 1.0:
+            solid.properties.update(depthWrite=False)
+        self._send_mesh(f"marks/{mark.path}", mark.mesh, solid)
+        if mark.seen_through:
+            ghost = MeshLambertMaterial(color=rgb_number(mark.color), opacity=0.6 * mark.opacity, emissive=glow)
+            ghost.properties.update(depthTest=False, depthWrite=False)
+            self._send_mesh(f"marks/{mark.path}_seen_through", mark.mesh, ghost)
+
+    def _send_mesh(self, path: str, mesh: Mesh, material: MeshLambertMaterial | MeshPhongMaterial) -> None:
+        geometry = TriangularMeshGeometry(mesh.vertices, mesh.faces)
+        # Meshcat's own names are made of the network card's number and the clock: ours keep pages equal and private.
+        geometry.uuid, material.uuid = f"{path}#geometry", f"{path}#material"
+        node = meshcat.geometry.Mesh(geometry, material)
+        node.uuid = f"{path}#mesh"
+        self._viewer[path].set_object(node)
+
+    def _write_legend(self, pushed: list[tuple[str, Array, Array]]) -> None:
+        colors = contact_colors(self._seen)
+        sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
+        what = marks.legend(self._robot.name, self._contacts, colors, sizes)
+        rest = [("centre of mass, drop line", COM_COLOR)]
+        if len(support_polygon(self._contacts)):
+            rest.append(("support polygon", SUPPORT_COLOR))
+        entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]
+        notes = []
+        if self._contacts or pushed:
+            per_metre, weight = 1.0 / self._shown().metres_per_newton, self._weight()
+            notes.append(f"1 m of arrow is {per_metre:.4g} N{_share(per_metre, weight)}.")
+        notes.append("Drag to turn, wheel to zoom, right button to shift.")
+        listed = what["entries"]
+        assert isinstance(listed, list)
+        self._recorder.post("legend", json.dumps({"legend": {**what, "entries": listed + entries, "notes": notes}}))
+
+    def _view(self, data: pin.Data) -> str:
+        """Camera, light and ground for the present scene, as the page takes them."""
+        fit = _outermost(np.vstack([self._extremes(data), *[mark.mesh.vertices for mark in self._drawn]]))
+        low, high = fit.min(axis=0), fit.max(axis=0)
+        view = {
+            "direction": self._seen_from.tolist(),
+            "fov": 30.0,
+            "points": np.round(fit, 4).tolist(),
+            "centre": np.round((low + high) / 2.0, 4).tolist(),
+            "radius": round(float(np.linalg.norm(high - low)) / 2.0, 4),
+            "cell": _round_number(0.2 * self._shown().body) if self._ground else 0.0,
+        }
+        return json.dumps({"view": view})
+
+
+def _share(force_N: float, weight_N: float) -> str:
+    if weight_N == 0.0:
+        return ""
+    times = force_N / weight_N
+    return ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
+
+
+def _round_number(x: float) -> float:
+    """The nearest of 1, 2 and 5 times a power of ten, by ratio."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(min((c * power for c in (1.0, 2.0, 5.0, 10.0)), key=lambda c: abs(np.log(c / x))))
+
+
+def _outermost(points: Array, *, directions: int = 300) -> Array:
+    """The points that lie farthest out along evenly spread directions: enough to frame a picture, shape (n, 3)."""
+    k = np.arange(directions) + 0.5
+    z, turn = 1.0 - 2.0 * k / directions, np.pi * (1.0 + np.sqrt(5.0)) * k
+    ring = np.sqrt(1.0 - z**2)
+    spread = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+    return points[np.unique((spread @ points.T).argmax(axis=1))]

@@ -1,0 +1,76 @@
+"""A picture of a page, taken by a browser that nobody sees."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from os import PathLike
+from pathlib import Path
+
+from rbd.errors import InputError, PictureError
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+TIMEOUT_SECONDS = 120.0
+# Quiet, without a graphics card (SwiftShader draws in software), and unable to reach any other machine.
+_FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--force-device-scale-factor=1",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--virtual-time-budget=3000",
+)
+
+
+def find_browser() -> str | None:
+    """Path of Chromium or Chrome on this machine, or None."""
+    return next((found for name in BROWSERS if (found := shutil.which(name))), None)
+
+
+def screenshot(
+    html_path: str | PathLike[str], png_path: str | PathLike[str], *, width: int = 1280, height: int = 960
+) -> Path:
+    """Draw a page in headless Chromium and write what it shows as a PNG; returns the picture's path.
+
+    Args:
+        html_path: The page, as `Scene.export` writes it.
+        png_path: Where the picture goes.
+        width: Pixels across.
+        height: Pixels down.
+
+    Raises:
+        InputError: if the size is not positive.
+        PictureError: if there is no page, no browser, or no picture came of it.
+    """
+    page, picture = Path(html_path), Path(png_path)
+    if width <= 0 or height <= 0:
+        raise InputError(f"a picture of {width} x {height} pixels; expected both above zero.")
+    if not page.is_file():
+        raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
+    if not picture.parent.is_dir():
+        raise PictureError(f"no folder for {str(png_path)!r}; make it first.")
+    browser = find_browser()
+    if browser is None:
+        raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
+    with tempfile.TemporaryDirectory(prefix="rbd-browser-") as profile:
+        taken = Path(profile) / "taken.png"
+        command = [browser, *_FLAGS, f"--window-size={width},{height}", f"--user-data-dir={profile}/profile"]
+        command += [f"--screenshot={taken}", page.resolve().as_uri()]
+        try:
+            run = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_SECONDS, check=False)
+        except subprocess.TimeoutExpired as error:
+            raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s with {str(html_path)!r}.") from error
+        if not taken.is_file():
+            last = (run.stderr.strip().splitlines() or ["it said nothing"])[-1]
+            raise PictureError(f"the browser made no picture of {str(html_path)!r} (exit {run.returncode}): {last}")
+        shutil.move(taken, picture)
+    return picture

@@ -1,0 +1,210 @@
+"""Triangles of the things a picture of forces is made of: arrows, cones, tubes, polygons, balls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.cones import Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Mesh:
+    """Triangles in space.
+
+    Attributes:
+        vertices: Corner points, shape (n, 3) [m].
+        faces: Three vertex numbers a triangle, shape (m, 3).
+    """
+
+    vertices: Array
+    faces: Array
+
+    def placed(self, rotation: Array, translation: Array) -> Mesh:
+        """The same triangles, turned and then shifted: R_AB of shape (3, 3), p_AB of shape (3,) [m]."""
+        return Mesh(self.vertices @ np.asarray(rotation).T + translation, self.faces)
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh with the triangles of all."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    starts = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
+    return Mesh(
+        np.vstack([m.vertices for m in meshes]),
+        np.vstack([m.faces + start for m, start in zip(meshes, starts, strict=True)]),
+    )
+
+
+def axes_along(direction: Array) -> Array:
+    """A rotation whose third column points along `direction`, shape (3, 3); the identity for a zero direction."""
+    length = float(np.linalg.norm(direction))
+    if length == 0.0:
+        return np.eye(3)
+    n = np.asarray(direction, float) / length
+    # The world axis least along n gives the best-conditioned first tangent.
+    t = np.cross(np.eye(3)[int(np.argmin(np.abs(n)))], n)
+    t /= np.linalg.norm(t)
+    return np.column_stack([t, np.cross(n, t), n])
+
+
+def revolved(profile: Sequence[tuple[float, float]], *, smooth: bool = False, segments: int = 32) -> Mesh:
+    """Surface swept by a profile turned about the z axis.
+
+    Args:
+        profile: Points (radius, height) [m], upwards with the outside on their right for outward triangles.
+        smooth: Whether the profile's corners are rounded by the shading; sharp by default.
+        segments: Number of facets around the axis.
+    """
+    angles = 2.0 * np.pi * np.arange(segments) / segments
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    # A sharp edge owns two rings of vertices: shading averages normals over shared vertices only.
+    pairs = [(i, i + 1) for i in range(len(profile) - 1)]
+    rings = range(len(profile)) if smooth else [i for pair in pairs for i in pair]
+    vertices = [np.column_stack([profile[i][0] * circle, np.full(segments, profile[i][1])]) for i in rings]
+    here = np.arange(segments)
+    after = (here + 1) % segments
+    faces = []
+    for k in range(len(pairs)):
+        low = segments * (k if smooth else 2 * k)
+        high = low + segments
+        faces.append(np.column_stack([low + here, low + after, high + after]))
+        faces.append(np.column_stack([low + here, high + after, high + here]))
+    return Mesh(np.vstack(vertices), np.vstack(faces))
+
+
+def ball(radius: float, *, centre: Array | None = None) -> Mesh:
+    """A sphere of this radius [m] about `centre`, shape (3,) [m]; the origin when none is given."""
+    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, 17)
+    mesh = revolved([(radius * np.cos(a), radius * np.sin(a)) for a in latitudes], smooth=True, segments=24)
+    return mesh if centre is None else mesh.placed(np.eye(3), centre)
+
+
+def cylinder(radius: float, length: float) -> Mesh:
+    """A closed cylinder about z, centred on the origin [m]."""
+    h = length / 2.0
+    return revolved([(0.0, -h), (radius, -h), (radius, h), (0.0, h)])
+
+
+def capsule(radius: float, length: float) -> Mesh:
+    """A cylinder about z of this straight length [m], with round ends."""
+    quarter = np.linspace(0.0, np.pi / 2.0, 9)
+    low = [(radius * np.sin(a), -length / 2.0 - radius * np.cos(a)) for a in quarter]
+    high = [(radius * np.cos(a), length / 2.0 + radius * np.sin(a)) for a in quarter]
+    return revolved(low + high, smooth=True, segments=24)
+
+
+def box(half_sides: Array) -> Mesh:
+    """A box about the origin with these half sides, shape (3,) [m]; every face has vertices of its own."""
+    square = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
+    two = np.array([[0, 1, 2], [0, 2, 3]])
+    sides = []
+    for axis in range(3):
+        turned = np.roll(square, axis + 1, axis=1)
+        sides += [Mesh(turned * half_sides, two), Mesh(-turned * half_sides, two[:, ::-1])]
+    return joined(sides)
+
+
+def creased(mesh: Mesh, *, angle_deg: float = 35.0) -> Mesh:
+    """The same triangles with vertices doubled along sharp edges, so that shading rounds only what is round.
+
+    Viewers average normals over the triangles that share a vertex. Here two triangles share one only if a chain of
+    edges flatter than `angle_deg` leads from one to the other around it.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    faces = mesh.faces[(mesh.faces != np.roll(mesh.faces, 1, axis=1)).all(axis=1)]
+    a, b, c = (mesh.vertices[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    # Half edges, each named by its lower and upper vertex; equal neighbours after sorting are one edge of two faces.
+    here = np.arange(faces.size)
+    after = here - here % 3 + (here + 1) % 3
+    ends = np.stack([faces.ravel(), faces.ravel()[after]], axis=1)
+    swap = ends[:, 0] > ends[:, 1]
+    corners = np.where(swap[:, None], np.stack([after, here], axis=1), np.stack([here, after], axis=1))
+    ends.sort(axis=1)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    one, two = order[:-1], order[1:]
+    # Neighbours run along their edge in opposite directions; where they do not, their normals would cancel.
+    same = (ends[one] == ends[two]).all(axis=1) & (swap[one] != swap[two])
+    flat = np.einsum("ij,ij->i", normals[one // 3], normals[two // 3]) > np.cos(np.radians(angle_deg))
+    one, two = one[same & flat], two[same & flat]
+    links = np.concatenate([corners[one], corners[two]], axis=1)
+    rows, columns = links[:, :2].ravel(), links[:, 2:].ravel()
+    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
+    count, group = connected_components(graph, directed=False)
+    vertices = np.zeros((count, 3))
+    vertices[group] = mesh.vertices[faces.ravel()]
+    return Mesh(vertices, group.reshape(-1, 3))
+
+
+def arrow(start: Array, vector: Array, *, radius: float) -> Mesh:
+    """An arrow from `start` along `vector`, both of shape (3,) [m]: its tip is at start + vector.
+
+    The head is six shaft radii long, less on arrows too short for that. A zero vector gives no triangles.
+    """
+    length = float(np.linalg.norm(vector))
+    if length == 0.0:
+        return joined([])
+    head = min(6.0 * radius, 0.5 * length)
+    neck = length - head
+    wide = 2.6 * radius * min(1.0, head / (6.0 * radius) + 0.25)
+    thin = min(radius, 0.6 * wide)
+    profile = [(0.0, 0.0), (thin, 0.0), (thin, neck), (wide, neck), (0.0, length)]
+    return revolved(profile, segments=24).placed(axes_along(vector), start)
+
+
+def friction_cone(apex: Array, axes: Array, friction: float, *, slant: float) -> Mesh:
+    """The cone |f_t| <= friction f_n, from `apex` outwards along the contact normal, without its lid.
+
+    Args:
+        apex: Contact point in W, shape (3,) [m].
+        axes: R_WP, the normal is the third column.
+        friction: Coefficient mu; the half angle is atan(mu).
+        slant: Length of the cone's side [m], the same for every mu.
+    """
+    rim, height = rim_of(friction, slant)
+    return revolved([(0.0, 0.0), (rim, height)], segments=48).placed(axes, apex)
+
+
+def rim_of(friction: float, slant: float) -> tuple[float, float]:
+    """Radius and height [m] of the rim of a friction cone whose side has length `slant` [m]."""
+    height = slant / float(np.hypot(1.0, friction))
+    return friction * height, height
+
+
+def ring(centre: Array, axes: Array, radius: float, *, thickness: float) -> Mesh:
+    """A ring about the third axis of `axes`, drawn as a tube of radius `thickness` [m]."""
+    angles = np.linspace(-np.pi, np.pi, 11)
+    section = [(radius + thickness * np.cos(a), thickness * np.sin(a)) for a in angles]
+    return revolved(section, smooth=True, segments=64).placed(axes, centre)
+
+
+def tube(points: Array, *, radius: float, closed: bool = False) -> Mesh:
+    """A line through `points`, shape (n, 3) [m], thick enough to see: browsers draw plain lines one pixel wide."""
+    ends = np.vstack([points, points[:1]]) if closed else np.asarray(points)
+    pieces = [ball(radius, centre=ends[0])] if len(ends) else []
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        length = float(np.linalg.norm(b - a))
+        if length > 0.0:
+            side = revolved([(radius, 0.0), (radius, length)], segments=10)
+            pieces += [side.placed(axes_along(b - a), a), _knee(radius, b)]
+    return joined(pieces)
+
+
+def _knee(radius: float, centre: Array) -> Mesh:
+    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, 5)
+    return revolved([(radius * np.cos(a), radius * np.sin(a)) for a in latitudes], smooth=True, segments=10).placed(
+        np.eye(3), centre
+    )
+
+
+def polygon(points: Array) -> Mesh:
+    """The inside of a convex polygon with these corners in order, shape (n, 3) [m]; nothing for n < 3."""
+    n = len(points)
+    fan = np.array([[0, i, i + 1] for i in range(1, n - 1)], int).reshape(-1, 3)
+    return Mesh(np.asarray(points, float), fan)

@@ -1,0 +1,316 @@
+"""The picture: right arrows at right places, one offline page, a robot that fills the view."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import urllib.error
+import urllib.request
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import psutil
+import pytest
+import umsgpack
+from PIL import Image
+
+from rbd.equilibrium import hold
+from rbd.errors import InputError, PictureError
+from rbd.external import ExternalForce
+from rbd.robot import load_robot
+from rbd.rows import Patch
+from rbd.visual import Scene, contact_colors, find_browser, screenshot
+from rbd.visual.recorder import Recorder
+from rbd.visual.robot_parts import robot_parts, skeleton
+
+MM = 1e-3
+PUSH = ExternalForce("torso_2_link", [0.0, 60.0, 0.0], offset=[0.0, 0.0, 0.2])
+
+
+@pytest.fixture(scope="module")
+def talos():
+    return load_robot("talos")
+
+
+@pytest.fixture(scope="module")
+def standing(talos):
+    return talos.standing()
+
+
+@pytest.fixture(scope="module")
+def held(talos, standing):
+    """Talos at rest on two soles, pushed sideways."""
+    return hold(standing, talos.soles(), external=PUSH)
+
+
+@pytest.fixture
+def scene(talos, standing, held):
+    with Scene(talos) as scene:
+        scene.show(standing, held, external=PUSH)
+        yield scene
+
+
+@pytest.fixture(scope="module")
+def page(talos, standing, held, tmp_path_factory):
+    with Scene(talos) as scene:
+        scene.show(standing, held, external=PUSH)
+        return scene.export(tmp_path_factory.mktemp("page") / "standing.html")
+
+
+@pytest.fixture(scope="module")
+def picture(page):
+    """A screenshot of the page, shape (720, 960, 3), 0 to 255; skipped where there is no Chromium."""
+    if find_browser() is None:
+        pytest.skip("Chromium is not installed: no screenshot to look at")
+    with Image.open(screenshot(page, page.with_suffix(".png"), width=960, height=720)) as image:
+        return np.asarray(image.convert("RGB"), float)
+
+
+def commands(page):
+    """Meshcat's commands in an exported page, decoded."""
+    packed = re.findall(r'stage\.command\("([^"]*)"\)', page.read_text(encoding="utf-8"))
+    return [umsgpack.unpackb(base64.b64decode(one)) for one in packed]
+
+
+def legend_of(scene, folder):
+    """The legend that a page of this scene shows: (value by name, colour by name, lines below)."""
+    text = scene.export(folder / "legend.html").read_text(encoding="utf-8")
+    notes = [json.loads(note) for note in re.findall(r"stage\.note\((.*)\);", text)]
+    legend = next(note["legend"] for note in notes if "legend" in note)
+    values = {entry["name"]: entry["value"] for entry in legend["entries"]}
+    return values, {entry["name"]: entry["color"] for entry in legend["entries"]}, legend["notes"]
+
+
+# Arrows
+
+
+def test_the_arrows_drawn_are_the_forces_solved_for(scene, held):
+    """Each arrow starts where its contact's resultant acts, and is force times the scene's scale long."""
+    drawn = {mark.path: mark for mark in scene.drawn}
+    for name, wrench in held.forces.items():
+        vertices = drawn[f"contacts/{name}/force"].mesh.vertices
+        vector = scene.metres_per_newton * wrench[:3]
+        start = held.contacts[name].centre_of_pressure
+        along = (vertices - start) @ vector / (vector @ vector)
+        assert abs(along.min()) < 1e-9 and np.allclose(vertices[along.argmax()], start + vector, atol=1e-9)
+        assert abs(start[2]) < MM
+
+
+def test_the_push_starts_at_the_point_that_is_pushed(scene, standing):
+    """The arrow of an external force starts at frame + offset, in world axes."""
+    vertices = next(mark for mark in scene.drawn if mark.path == "pushes/0").mesh.vertices
+    at = standing.frame(PUSH.frame, PUSH.offset).X_WF.translation
+    tail = vertices[vertices[:, 1].argmin()]
+    assert abs(tail[1] - at[1]) < 1e-9 and np.linalg.norm(tail - at) < 0.02
+    assert abs(np.ptp(vertices[:, 1]) - 60.0 * scene.metres_per_newton) < 1e-9
+
+
+def test_one_metre_of_arrow_is_the_weight_of_a_man_sized_robot(scene, talos):
+    """The scale is stated in the legend and does not change when other forces are shown."""
+    assert scene.metres_per_newton * talos.mass * 9.81 == pytest.approx(1.0)
+
+
+# Robot
+
+
+def test_every_mesh_of_talos_is_in_the_page_at_its_place(page, talos, standing):
+    """Each visual geometry has one object, with the pose that Pinocchio gives it."""
+    data, geometry = talos.model.createData(), talos.visual_model
+    geometry_data = pin.GeometryData(geometry)
+    pin.updateGeometryPlacements(talos.model, data, geometry, geometry_data, standing.q)
+    assert len(robot_parts(talos)) == len(geometry.geometryObjects)
+    placed = {c["path"]: c["matrix"] for c in commands(page) if c["type"] == "set_transform"}
+    for i, expected in enumerate(geometry_data.oMg):
+        assert np.allclose(np.reshape(placed[f"/meshcat/robot/{i}"], (4, 4)).T, expected.homogeneous)
+    lowest = [
+        (part.mesh.vertices @ X.rotation.T + X.translation)[:, 2].min()
+        for part, X in zip(robot_parts(talos), geometry_data.oMg, strict=True)
+    ]
+    assert abs(min(lowest)) < 5 * MM  # on the ground
+
+
+def test_a_robot_without_meshes_is_a_skeleton(talos):
+    """A ball on each joint, and bones as long as the model's."""
+    bones = skeleton(talos.model)
+    assert len(bones) == talos.model.njoints - 1
+    assert max(np.abs(part.mesh.vertices).max() for part in bones) > 0.3
+
+
+# Page
+
+
+def test_the_page_asks_for_nothing_from_outside(page):
+    """Nothing outside Meshcat's own script names an address, and the page forbids the browser every request."""
+    text = page.read_text(encoding="utf-8")
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)
+    assert policy and "default-src 'none'" in policy[1] and "connect-src 'none'" in policy[1]
+    scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    ours = text.replace(max(scripts[:1], key=len), "")
+    assert len(ours) < len(text) and not re.search(r"(?:https?|wss?|file)://", ours)
+    assert not re.search(r"<(?:script|link|img|iframe)[^>]+(?:src|href)=", ours)
+
+
+def test_the_page_holds_no_path_of_this_machine(page):
+    """No folder of the maker's computer goes out with the picture."""
+    text = page.read_text(encoding="utf-8")
+    for folder in {str(Path.home()), str(Path(__file__).parents[2]), "site-packages"}:
+        assert folder not in text
+
+
+def test_the_same_scene_gives_the_same_page(talos, standing, held, page, tmp_path):
+    """No clock, no network card's number and no random name goes into a page."""
+    with Scene(talos) as scene:
+        scene.show(standing, held, external=PUSH)
+        again = scene.export(tmp_path / "again.html")
+    assert again.read_bytes() == page.read_bytes()
+
+
+def test_the_legend_names_forces_and_scale(scene, held, tmp_path):
+    """A reader finds every contact with its size in newtons, its colour and the scale."""
+    sizes, colors, notes = legend_of(scene, tmp_path)
+    for name, wrench in held.forces.items():
+        assert sizes[name] == f"{np.linalg.norm(wrench[:3]):.4g} N"
+        assert colors[name] == contact_colors(held.forces)[name]
+    assert sizes["push on torso_2_link"] == "60 N"
+    assert any("the weight" in note for note in notes)
+
+
+def test_names_cannot_break_out_of_the_page(talos, standing, tmp_path):
+    """A contact called </script> is text in the legend, not a part of the page."""
+    with Scene(talos) as scene:
+        name, patch = "</script><b>", Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), 0.6)
+        rows = [SimpleNamespace(name=name, patch=patch)]
+        forces = {name: np.array([0.0, 0.0, 100.0])}
+        solution = SimpleNamespace(problem=SimpleNamespace(rows=rows), forces=forces, corner_forces={})
+        scene.show(standing, solution)
+        text = scene.export(tmp_path / "odd.html").read_text(encoding="utf-8")
+    assert "</script><b>" not in text
+
+
+def test_a_contact_keeps_its_colour_when_another_leaves(talos, standing, held, tmp_path):
+    """Colours go by first appearance in a scene, not by place in the last solution."""
+    with Scene(talos) as scene:
+        scene.show(standing, held)
+        both = legend_of(scene, tmp_path)[1]
+        scene.show(standing, hold(standing, talos.soles(friction=None)[1:]))
+        one = legend_of(scene, tmp_path)[1]
+    assert one["right_sole"] == both["right_sole"] and "left_sole" not in one
+
+
+def test_what_is_no_longer_shown_leaves_the_scene():
+    """A deletion takes everything below its path along, and nothing beside it."""
+    recorder = Recorder()
+    for path in ("/meshcat/marks/a", "/meshcat/marks/b/c", "/meshcat/marksmen"):
+        recorder.send(SimpleNamespace(lower=lambda path=path: {"type": "set_object", "path": path}))
+    seen = recorder.messages()[1]
+    recorder.send(SimpleNamespace(lower=lambda: {"type": "delete", "path": "/meshcat/marks"}))
+    assert sum(b"set_object" in message for message in recorder.messages()[0]) == 1
+    assert [b"delete" in message for message in recorder.messages(after=seen)[0]] == [True]
+
+
+def test_wrong_uses_are_refused_in_words(talos, standing, tmp_path):
+    """What came, what was expected, what to try."""
+    with Scene(talos) as scene:
+        with pytest.raises(PictureError, match="call scene.show"):
+            scene.export(tmp_path / "empty.html")
+        with pytest.raises(InputError, match="external holds a float"):
+            scene.show(standing, external=np.zeros(talos.nv))
+        scene.show(standing)
+        with pytest.raises(PictureError, match="No such file or directory. Give a file in a folder"):
+            scene.export(tmp_path / "no" / "folder.html")
+        with pytest.raises(PictureError, match=r"ends in \.html"):
+            scene.export(tmp_path / "picture.png")
+        with pytest.raises(InputError, match="coordinates"):
+            scene.show(SimpleNamespace(q=np.zeros(3)))
+    with pytest.raises(PictureError, match="no page"):
+        screenshot(tmp_path / "none.html", tmp_path / "none.png")
+    with pytest.raises(InputError, match="arrow_per_weight"):
+        Scene(talos, arrow_per_weight=0.0)
+
+
+def test_the_camera_can_stand_elsewhere(talos, standing, tmp_path):
+    """ICub looks along -x: its picture is better taken from there."""
+    with Scene(talos, seen_from=(-1.0, 0.5, 0.3)) as scene:
+        scene.show(standing)
+        assert '"direction": [-1.0, 0.5, 0.3]' in scene.export(tmp_path / "behind.html").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="seen_from"):
+        Scene(talos, seen_from=(0.0, 0.0, 1.0))
+
+
+# Live
+
+
+def test_the_live_scene_listens_on_this_machine_only(scene):
+    """One listening socket, on 127.0.0.1; requests under another host's name are refused; none after close."""
+    address = urllib.request.urlopen(scene.url, timeout=10)
+    with address:
+        assert b"stage.connect" in address.read()
+    port = int(scene.url.rstrip("/").rsplit(":", 1)[1])
+
+    def listening():
+        return [c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN]
+
+    assert [where.ip for where in listening() if where.port == port] == ["127.0.0.1"]
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(urllib.request.Request(scene.url, headers={"Host": "elsewhere.example"}), timeout=10)
+    refused.value.close()
+    assert refused.value.code == 404
+    scene.close()
+    assert port not in [where.port for where in listening()]
+
+
+def test_a_live_viewer_is_told_what_changes(scene, standing):
+    """A browser whose page is older than the scene gets the difference on its socket."""
+    import asyncio
+
+    from tornado.websocket import websocket_connect
+
+    async def watch():
+        with urllib.request.urlopen(scene.url, timeout=10) as answer:
+            text = answer.read().decode()
+        socket = await websocket_connect(json.loads(re.search(r'stage\.connect\((".*?")\)', text)[1]))
+        scene.show(standing)
+        told = []
+        while not (told and isinstance(told[-1], str)):
+            told.append(await asyncio.wait_for(socket.read_message(), 10))
+        socket.close()
+        return told
+
+    told = asyncio.run(watch())
+    assert any(isinstance(m, bytes) and b"delete" in m for m in told)
+    assert "left_sole" not in told[-1] and "centre of mass" in told[-1]
+
+
+# Looking at it
+
+
+def colored(picture, color, reach=60):
+    """Mask of the pixels whose colour is near '#rrggbb', shape (height, width)."""
+    wanted = np.array(list(bytes.fromhex(color[1:])), float)
+    return np.linalg.norm(picture - wanted, axis=2) < reach
+
+
+def test_the_robot_fills_the_view_whole_and_on_the_ground(picture):
+    """Dark and saturated pixels (the white head is not told from the sky) span 3/4 of the height and touch no edge."""
+    assert picture.shape == (720, 960, 3)
+    view = picture[20:, 340:]  # without the legend and the button of Meshcat's own controls
+    thing = (view.max(axis=2) < 110) | (np.ptp(view, axis=2) > 90)
+    assert thing.mean() > 0.05
+    rows, columns = np.flatnonzero(thing.any(axis=1)) + 20, np.flatnonzero(thing.any(axis=0))
+    assert rows[0] > 5 and rows[-1] < 715 and columns[-1] < view.shape[1] - 5
+    assert 0.75 * 720 < np.ptp(rows) < 0.98 * 720
+
+
+def test_the_arrows_of_two_soles_are_seen_side_by_side(picture, held):
+    """Both contacts' colours are in the lower half, the left foot's on the right of a picture taken from the front."""
+    middle = {}
+    for name in held.forces:
+        seen = colored(picture, contact_colors(held.forces)[name])
+        seen[:, :340] = False
+        assert seen.sum() > 300
+        middle[name] = np.argwhere(seen).mean(axis=0)
+    assert min(row for row, _ in middle.values()) > 360
+    assert middle["left_sole"][1] > middle["right_sole"][1]
