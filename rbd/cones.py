@@ -257,12 +257,48 @@ class Rays:
     @cached_property
     def all_lines(self) -> bool:
         """Whether every weight is free."""
-        return bool(np.isneginf(self.lower).all() and np.isposinf(self.upper).all())
+        return bool(self.is_line.all())
+
+    @cached_property
+    def has_lines(self) -> bool:
+        """Whether some weight is free."""
+        return bool(self.is_line.any())
 
     @cached_property
     def has_intervals(self) -> bool:
         """Whether some weight has a finite bound other than zero from below."""
-        return bool((np.isfinite(self.upper) | (np.isfinite(self.lower) & (self.lower != 0.0))).any())
+        return bool((self.above | (self.below & (self.lower != 0.0))).any())
+
+    @cached_property
+    def below(self) -> Array:
+        """Which weights have a lower bound, shape (r,)."""
+        return np.isfinite(self.lower)
+
+    @cached_property
+    def above(self) -> Array:
+        """Which weights have an upper bound, shape (r,)."""
+        return np.isfinite(self.upper)
+
+    @cached_property
+    def finite_lower(self) -> Array:
+        """Lower bounds, zero where there is none, shape (r,)."""
+        return np.where(self.below, self.lower, 0.0)
+
+    @cached_property
+    def finite_upper(self) -> Array:
+        """Upper bounds, zero where there is none, shape (r,)."""
+        return np.where(self.above, self.upper, 0.0)
+
+    @cached_property
+    def is_line(self) -> Array:
+        """Which weights are free, shape (r,)."""
+        return ~self.below & ~self.above
+
+
+@lru_cache(maxsize=512)
+def stacked_rays(cones: tuple[Cone, ...]) -> Rays:
+    """The rays of several sets side by side, G block-diagonal; kept, as a robot's contacts keep their cones."""
+    return rays(Product(cones)) if cones else Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
 
 
 @lru_cache(maxsize=512)  # contacts keep one cone for life: computed once a contact

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.errors import InputError
 from rbd.external import External, generalised
 from rbd.problem import GaussProblem
 from rbd.rows import Rows
@@ -28,19 +29,30 @@ class HasRows(Protocol):
         """Its rows."""
 
 
+def checked(state: State) -> State:
+    """The state itself.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"expected a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v) or robot.standing().")
+    return state
+
+
 def mass_matrix(state: State) -> Array:
     """Joint-space inertia M(q), shape (nv, nv) [kg, kg m, kg m2]: symmetric, positive definite, rotor inertia included."""
-    return state.M.copy()
+    return checked(state).M.copy()
 
 
 def bias_force(state: State) -> Array:
     """h(q, v) = C(q, v) v - tau_g(q), shape (nv,) [N, N m]; neither damping nor friction of the file is in it."""
-    return state.h.copy()
+    return checked(state).h.copy()
 
 
 def gravity_torque(state: State) -> Array:
     """tau_g(q), shape (nv,) [N, N m]: what gravity does, on the right-hand side; a robot at rest has h = -tau_g."""
-    robot = state.robot
+    robot = checked(state).robot
     with robot.pool.lock:
         slot, ticket = robot.pool.take(lambda data: pin.computeGeneralizedGravity(robot.model, data, state.q))
         tau_g = -slot.data.g
@@ -50,7 +62,7 @@ def gravity_torque(state: State) -> Array:
 
 def coriolis_matrix(state: State) -> Array:
     """C(q, v) with C(q, v) v = h + tau_g, shape (nv, nv): the one for which Mdot - 2 C is skew (Mdot = C + C^T)."""
-    return _coriolis_matrices(state, state.v[:, None])[0]
+    return _coriolis_matrices(checked(state), state.v[:, None])[0]
 
 
 def coriolis_tensor(state: State) -> Array:
@@ -62,16 +74,15 @@ def coriolis_tensor(state: State) -> Array:
 
     Source: Wieber's form of the equations of motion, `docs/theory.md`.
     """
-    by_velocity = _coriolis_matrices(state, np.eye(state.robot.nv))  # [j, i, k]: column k of C(e_j)
+    by_velocity = _coriolis_matrices(checked(state), np.eye(state.robot.nv))  # [j, i, k]: column k of C(e_j)
     tensor = by_velocity.transpose(1, 0, 2)
     return 0.5 * (tensor + tensor.transpose(0, 2, 1))
 
 
 def _coriolis_matrices(state: State, velocities: Array) -> Array:
     robot, out = state.robot, []
-    nothing = lambda data: None  # noqa: E731
     with robot.pool.lock:
-        slot, ticket = robot.pool.take(nothing)
+        slot, ticket = robot.pool.take(lambda data: None)
         for v in velocities.T:
             out.append(pin.computeCoriolisMatrix(robot.model, slot.data, state.q, np.ascontiguousarray(v)).copy())
         robot.pool.give_back(slot, ticket)
@@ -84,7 +95,9 @@ def constraint_hessian(state: State, constraint: HasRows) -> Array:
     Row index first, symmetric in the two velocity indices (the reference text writes n x m x n). By polarising the bias,
     which is quadratic in v: H_jk = 1/2 (b(e_j + e_k) - b(e_j) - b(e_k)).
     """
-    nv = state.robot.nv
+    nv = checked(state).robot.nv
+    if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
+        raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give a contact, e.g. robot.soles()[0].")
     unit = np.eye(nv)
     single = np.array([constraint.rows(state.with_velocity(e)).bias for e in unit])
     H = np.zeros((single.shape[1], nv, nv))
@@ -104,36 +117,37 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
         tau: Motor torques, shape (nu,) [N, N m].
         external: Generalised force (nv,), or `ExternalForce`s.
     """
-    return GaussProblem(state.M, free_force(state, tau, external)[0]).a_free
+    rhs, _ = free_force(state, tau, external)
+    return GaussProblem(state.M, rhs).a_free
 
 
 def free_force(state: State, tau: Array, external: External = None) -> tuple[Array, Array]:
     """(S^T tau + tau_ext - h, external wrench about the centre of mass): shapes (nv,) and (6,)."""
-    robot = state.robot
+    robot = checked(state).robot
     tau_ext, wrench = generalised(state, external)
     rhs = tau_ext - state.h
-    rhs[robot.actuated] += robot.check_tau(tau)
+    rhs[robot.motors] += robot.check_tau(tau)
     return rhs, wrench
 
 
 def inverse_dynamics(state: State, a: Array) -> Array:
     """Generalised force M a + h that gives acceleration a, shape (nv,); its base part is what the world must supply."""
-    return state.M @ state.robot.check_v(a, "a") + state.h
+    return checked(state).M @ state.robot.check_v(a, "a") + state.h
 
 
 def kinetic_energy(state: State) -> float:
     """1/2 v^T M v [J]."""
-    return 0.5 * float(state.v @ state.M @ state.v)
+    return 0.5 * float(checked(state).v @ state.M @ state.v)
 
 
 def potential_energy(state: State) -> float:
     """Minus mass times gravity times centre of mass [J]; zero at the world's origin."""
-    return -state.robot.mass * float(state.robot.gravity @ state.com)
+    return -checked(state).robot.mass * float(state.robot.gravity @ state.com)
 
 
 def momentum(state: State) -> Array:
     """Linear, then angular momentum about the centre of mass, in world axes, shape (6,) [kg m/s, kg m2/s]."""
-    robot = state.robot
+    robot = checked(state).robot
     with robot.pool.lock:
         slot, ticket = robot.pool.take(lambda d: pin.computeCentroidalMomentum(robot.model, d, state.q, state.v))
         hg = slot.data.hg.vector.copy()

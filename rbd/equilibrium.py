@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,12 +12,15 @@ from scipy.optimize import linprog
 
 from rbd.arrays import Array
 from rbd.cones import block_diagonal, rays
+from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.contact_force import ContactForce, contact_force, corner_split
-from rbd.dynamics import free_force
-from rbd.errors import CannotHold, DuplicateName, NotAtRest
+from rbd.dynamics import checked, free_force
+from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.external import External
-from rbd.least_constraint import Constraint
+from rbd.least_constraint import Constraint, rows_of
+from rbd.model import CheckedModel
 from rbd.polygon import convex_hull, inside_distance
+from rbd.residuals import SOLVED, USABLE
 from rbd.rows import Rows
 from rbd.solvers import qp
 from rbd.state import State
@@ -84,13 +88,17 @@ class Hold:
         return Margins(1.0 - np.abs(self.tau) / limit, friction, pressure)
 
     def __str__(self) -> str:
-        used = np.abs(self.tau) / self.state.robot.effort_limit
-        worst = int(np.argmax(used))
-        lines = [
-            f"held: largest torque {100 * used[worst]:.1f} % of its limit ({self.state.robot.actuated_names[worst]}), "
-            f"residual {self.residual:.1e} N"
-        ]
-        return "\n".join(lines + [f"  {name:<16}{c}" for name, c in self.contacts.items()])
+        robot = self.state.robot
+        used = np.abs(self.tau) / robot.effort_limit
+        largest = "without motors"
+        if robot.nu and np.isfinite(robot.effort_limit).any():
+            worst = int(np.argmax(used))
+            largest = f"largest torque {100 * used[worst]:.1f} % of its limit ({robot.actuated_names[worst]})"
+        elif robot.nu:
+            worst = int(np.argmax(np.abs(self.tau)))
+            largest = f"largest torque {abs(self.tau[worst]):.4g} N m ({robot.actuated_names[worst]}; no limits are stated)"
+        head = f"held: {largest}, residual {self.residual:.1e} N"
+        return "\n".join([head] + [f"  {name:<16}{c}" for name, c in self.contacts.items()])
 
 
 def hold(state: State, contacts: Sequence[Constraint], *, external: External = None) -> Hold:
@@ -109,13 +117,15 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
         NotAtRest: if |v| exceeds 1e-9.
         CannotHold: naming the limit in the way: contacts that only push, friction, or a motor.
     """
-    robot = state.robot
+    robot = checked(state).robot
     if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
         raise NotAtRest(f"hold wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
-    rows = tuple(c.rows(state) for c in contacts)
-    if len({r.name for r in rows}) != len(rows):
-        raise DuplicateName(f"two contacts share a name: {[r.name for r in rows]}.")
-    statics = _Statics(state, rows, free_force(state, np.zeros(robot.nu), external)[0])
+    rows = tuple(rows_of(state, contacts))
+    if len(names := [r.name for r in rows]) != len(set(names)):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
+    rhs, _ = free_force(state, np.zeros(robot.nu), external)
+    statics = _Statics(state, tuple(contacts), rows, rhs)
     w = statics.weights()
     f = statics.G @ w
     load = -statics.rhs - statics.J.T @ f  # what is left for the motors
@@ -132,52 +142,60 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
 
 
 class _Statics:
-    """The unknown is w, the rays' weights: f = G w, and tau follows. Forces are in units of body weight."""
+    """The unknown is x, the rays' weights over the body weight: f = G x, and tau follows."""
 
-    def __init__(self, state: State, rows: tuple[Rows, ...], rhs: Array) -> None:
+    def __init__(self, state: State, contacts: tuple[Constraint, ...], rows: tuple[Rows, ...], rhs: Array) -> None:
         robot = state.robot
-        self.state, self.rows, self.rhs = state, rows, rhs
+        self.state, self.contacts, self.rows, self.rhs = state, contacts, rows, rhs
         self.rays = [rays(r.cone, inscribed=True) for r in rows]
         self.J = np.concatenate([r.J for r in rows]) if rows else np.zeros((0, robot.nv))
         self.G = block_diagonal([R.G for R in self.rays])
         none = np.zeros(0)
-        self.lower = np.concatenate([R.lower for R in self.rays] or [none])
-        self.upper = np.concatenate([R.upper for R in self.rays] or [none])
+        lower = np.concatenate([R.lower for R in self.rays] or [none])
+        upper = np.concatenate([R.upper for R in self.rays] or [none])
         self.unit = robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
+        self.low, self.high = lower / self.unit, upper / self.unit
         self.limit = robot.effort_limit
-        motors = np.zeros(robot.nv, dtype=bool)
-        motors[robot.actuated] = True
+        self.limited = np.isfinite(self.limit)
+        idle = _indices(robot, robot.passive)
+        base = np.setdiff1d(np.arange(robot.nv), np.concatenate([robot.actuated, idle]))
         per_ray = self.J.T @ self.G * self.unit
-        self.A, self.b = per_ray[~motors], -rhs[~motors]  # no torque on the base, nor on passive joints
+        self.still = np.concatenate([base, idle])  # no torque on the base, nor on passive joints
+        self.A, self.b = per_ray[self.still], -rhs[self.still]
+        self.passive = np.arange(len(base), len(self.still))
         self.T, self.t = per_ray[robot.actuated], -rhs[robot.actuated]  # tau = t - T x
-        self.low, self.high = self.lower / self.unit, self.upper / self.unit
 
     def weights(self) -> Array:
-        """The optimal weights, their equilibrium made exact."""
-        r = len(self.lower)
+        """The optimal weights [N], their equilibrium made exact.
+
+        Raises:
+            CannotHold: naming the limit in the way.
+        """
+        r = len(self.low)
         if not r:
-            if np.abs(self.b).max(initial=0.0) > 1e-9 * self.unit:
-                raise CannotHold(f"{self.state.robot.name} has no contact, so nothing carries its weight.")
-            self._complain_if_overloaded(np.zeros(0))
+            if self._miss(np.zeros(0)) > SOLVED:
+                self._explain()
             return np.zeros(0)
-        scale = np.where(np.isfinite(self.limit), self.limit, self.unit)
+        scale = np.where(self.limited, self.limit, self.unit)
         T, t = self.T / scale[:, None], self.t / scale
         H = 2.0 * (T.T @ T + FORCE_WEIGHT * np.eye(r))
-        finite = np.isfinite(self.limit)
-        C = np.vstack([np.eye(r), T[finite]])
-        low = np.concatenate([self.low, t[finite] - 1.0])
-        high = np.concatenate([self.high, t[finite] + 1.0])
-        best, miss = None, np.inf
-        for attempt in qp.attempts(H, -2.0 * T.T @ t, self.A / self.unit, self.b / self.unit, C, low, high):
+        C = np.vstack([np.eye(r), T[self.limited]])
+        low = np.concatenate([self.low, t[self.limited] - 1.0])
+        high = np.concatenate([self.high, t[self.limited] + 1.0])
+        best, miss = np.zeros(r), np.inf
+        attempts = qp.attempts(H, -2.0 * T.T @ t, self.A / self.unit, self.b / self.unit, C, low, high)
+        for k, attempt in enumerate(attempts):
             x = self._exact(np.clip(attempt.x, self.low, self.high))
-            found = self._miss(x)
-            if best is None or found < miss:
+            if (found := self._miss(x)) < miss:
                 best, miss = x, found
-            if miss <= 1e-9:
-                break
-        assert best is not None
-        if miss > 1e-7:
-            self._explain()
+            if miss <= SOLVED:
+                return best * self.unit
+            if k == 0:
+                self._explain()  # a program without a solution is not worth the other attempts
+        robot = self.state.robot
+        if miss > USABLE:
+            raise CannotHold(f"{robot.name} can be held in principle, but no torques were found within tolerance.")
+        warnings.warn(f"{robot.name} is held with a relative error of {miss:.1e}.", InaccurateWarning, stacklevel=3)
         return best * self.unit
 
     def _miss(self, x: Array) -> float:
@@ -187,7 +205,7 @@ class _Statics:
         return max(out, float((np.abs(self.t - self.T @ x) / self.limit).max(initial=0.0)) - 1.0)
 
     def _exact(self, x: Array) -> Array:
-        """X moved, within the weights that carry something, so that A x = b to rounding."""
+        """The same x moved, within the weights that carry something, so that A x = b to rounding."""
         free = (x > self.low + 1e-6) & (x < self.high - 1e-6)
         for _ in range(2):
             x = x.copy()
@@ -195,59 +213,113 @@ class _Statics:
         return x
 
     def _explain(self) -> None:
-        """Raise CannotHold with the limit in the way, found by linear programs (HiGHS)."""
-        name = self.state.robot.name
-        names = ", ".join(repr(r.name) for r in self.rows)
-        if self._load(torques=False) is None:
-            slippery = any(r.patch is not None and r.patch.friction is not None for r in self.rows)
-            if slippery and self._friction_helps():
-                raise CannotHold(f"{name} cannot be held on {names}: friction is in the way; with mu = 10 it could be.")
-            raise CannotHold(
-                f"{name} cannot be held on {names}: no forces that these contacts can give balance its weight (centre of mass "
-                f"at x = {self.state.com[0]:.3f}, y = {self.state.com[1]:.3f} m{self._outside()}). Move it over its feet."
-            )
-        self._complain_if_overloaded(None)
-        raise CannotHold(f"{name} can be held on {names} in principle, but no torques were found within tolerance.")
+        """Raise CannotHold with the limit in the way; return if nothing is."""
+        name, found = self.state.robot.name, self._least_excess()
+        if found is None:
+            raise CannotHold(f"{name} cannot be held{self._on()}: {self._why_unbalanced()}")
+        over = np.flatnonzero(found[0] > 1e-7)
+        if len(over):
+            over = over[np.argsort(-found[0][over])][:4]
+            needs = ", ".join(f"{self.state.robot.actuated_names[i]!r} needs {100 * (1 + found[0][i]):.4g} %" for i in over)
+            raise CannotHold(f"{name} cannot be held: a torque limit is in the way. At best {needs} of its limit.")
+
+    def _on(self) -> str:
+        return " on " + ", ".join(repr(r.name) for r in self.rows) if self.rows else ""
+
+    def _why_unbalanced(self) -> str:
+        """What is in the way where no contact forces and no torques, of whatever size, balance the robot."""
+        robot = self.state.robot
+        if len(self.passive) and (found := self._least_excess(passive=True)) is not None:
+            helped = sorted({robot.model.names[_joint_at(robot, self.still[i])] for i in self.passive[found[1] > 1e-7]})
+            return f"{', '.join(map(repr, helped))} would need torque, and is passive."
+        if not self.rows:
+            return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
+        if (mu := self._least_friction()) is not None:
+            return f"friction is in the way; a coefficient of {mu:.3g} at every contact would do."
+        pushed = float(np.abs(self.rhs + self.state.h).max()) > 1e-9
+        x, y, _ = np.round(self.state.com, 3) + 0.0
+        return (
+            f"no forces that its contacts can give balance its weight{' and the external forces' if pushed else ''} "
+            f"(centre of mass at x = {x:.3f}, y = {y:.3f} m{self._outside()}). "
+            + ("Push less, or lean against the push." if pushed else "Move it over its feet.")
+        )
 
     def _outside(self) -> str:
         ground = [r.patch.point + r.patch.corners @ r.patch.axes.T for r in self.rows if r.patch is not None]
         if not ground:
             return ""
         d = inside_distance(self.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
-        return f", {-d:.3f} m outside the hull of the contact points" if d < 0.0 else ""
+        return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
-    def _complain_if_overloaded(self, x: Array | None) -> None:
-        load = np.abs(self.t) / self.limit if x is not None else self._load(torques=True)
-        assert load is not None
-        over = np.flatnonzero(load > 1.0 + 1e-9)
-        if len(over):
-            worst = [self.state.robot.actuated_names[i] for i in over[np.argsort(-load[over])]]
-            raise CannotHold(
-                f"{self.state.robot.name} cannot be held: the torque limit of {', '.join(map(repr, worst[:4]))} is in the way; "
-                f"even at best {worst[0]!r} needs {100 * load.max():.0f} % of its limit."
-            )
+    def _least_friction(self) -> float | None:
+        """About the smallest coefficient, the same at all contacts that rub or only push, that would do; None above 10."""
+        given = [c.friction for c in self.contacts if isinstance(c, PointContact | SurfaceContact) and c.friction is not None]
+        if not given or not self._balanced_with(10.0):
+            return None
+        low, high = min(given), 10.0
+        while high - low > 1e-3 * high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._balanced_with(middle) else (middle, high)
+        return high
 
-    def _load(self, *, torques: bool) -> Array | None:
-        """|tau| / limit with the largest as small as can be (anything if not `torques`); None if nothing balances."""
-        r = len(self.lower)
-        cost = np.r_[np.zeros(r), 1.0]
-        bounds = [*zip(self.low, self.high, strict=True), (0.0, None)]
-        finite = np.isfinite(self.limit) & torques
-        T, t = self.T[finite] / self.limit[finite, None], self.t[finite] / self.limit[finite]
-        one = np.ones((len(t), 1))
-        A_ub, b_ub = np.vstack([np.c_[T, -one], np.c_[-T, -one]]), np.concatenate([t, -t])
-        A_eq = np.c_[self.A, np.zeros(len(self.b))] / self.unit
+    def _balanced_with(self, mu: float) -> bool:
+        rough = tuple(_with_friction(c, mu) for c in self.contacts)
+        rows = tuple(rows_of(self.state, rough))
+        return _Statics(self.state, rough, rows, self.rhs)._least_excess(limits=False) is not None
+
+    def _least_excess(self, *, limits: bool = True, passive: bool = False) -> tuple[Array, Array] | None:
+        """What must give way at least: (over, idle), by a linear program (HiGHS); None if no forces balance even so.
+
+        over, shape (nu,), is by how many times its limit each torque exceeds it; idle, shape (number of passive joints,), the
+        torques that passive joints would need, over the body weight, where `passive` lets them. Their sum is minimal.
+        """
+        r = len(self.low)
+        n, p = int(self.limited.sum()) * limits, len(self.passive) * passive
+        if r + n + p == 0:
+            return (self.limit * 0.0, np.zeros(0)) if self._miss(np.zeros(0)) <= SOLVED else None
+        limit = self.limit[self.limited][:n]
+        T, t = self.T[self.limited][:n] / limit[:, None], self.t[self.limited][:n] / limit
+        give = np.zeros((len(self.b), p))
+        give[self.passive[:p], np.arange(p)] = 1.0
+        A_eq = np.hstack([self.A / self.unit, np.zeros((len(self.b), n)), give, -give])
+        beside = np.hstack([-np.eye(n), np.zeros((n, 2 * p))])
+        A_ub = np.vstack([np.hstack([T, beside]), np.hstack([-T, beside])])
+        bounds = [*zip(self.low, self.high, strict=True), *[(0.0, None)] * (n + 2 * p)]
+        cost = np.r_[np.zeros(r), np.ones(n + 2 * p)]
+        b_ub = np.concatenate([1.0 + t, 1.0 - t])
         answer = linprog(cost, A_ub, b_ub, A_eq, self.b / self.unit, bounds=bounds, method="highs")
-        return np.abs(self.t - self.T @ answer.x[:r]) / self.limit if answer.status == 0 else None
+        if answer.status != 0:
+            return None
+        over = np.zeros(len(self.limit))
+        over[np.flatnonzero(self.limited)[:n]] = answer.x[r : r + n]
+        return over, answer.x[r + n : r + n + p] + answer.x[r + n + p :]
 
-    def _friction_helps(self) -> bool:
-        """Whether ten times the usual friction would balance the weight."""
-        from dataclasses import replace
 
-        rough = []
-        for r in self.rows:
-            cone = r.cone
-            if hasattr(cone, "mu") and cone.mu > 0.0:
-                cone = replace(cone, mu=10.0)  # type: ignore[type-var]
-            rough.append(Rows(r.name, r.J, r.bias, cone, r.velocity, resultant=r.resultant, patch=r.patch))
-        return _Statics(self.state, tuple(rough), self.rhs)._load(torques=False) is not None
+def _with_friction(contact: Constraint, mu: float) -> Constraint:
+    """The contact with at least this coefficient, if it has one."""
+    if isinstance(contact, PointContact) and contact.friction is not None:
+        mu = max(mu, contact.friction)
+        return PointContact(
+            contact.name, contact.frame, offset=contact.offset, normal=contact.normal, friction=mu, facets=contact.facets
+        )
+    if isinstance(contact, SurfaceContact) and contact.friction is not None:
+        mu, at = max(mu, contact.friction), contact.placement
+        return SurfaceContact(
+            contact.name, contact.frame, corners=contact.corners, placement=at, friction=mu, facets=contact.facets
+        )
+    return contact
+
+
+def _indices(robot: CheckedModel, joints: Iterable[str]) -> Array:
+    """Indices in v of the coordinates of joints that could carry a motor, ascending."""
+    found: list[int] = []
+    for name in joints:
+        joint = robot.model.joints[robot.joint_id(name)]
+        if joint.shortname() != "JointModelFreeFlyer":
+            found.extend(range(joint.idx_v, joint.idx_v + joint.nv))
+    return np.array(sorted(found), dtype=int)
+
+
+def _joint_at(robot: CheckedModel, index: int) -> int:
+    """The joint that an index in v belongs to."""
+    return next(i for i in range(1, robot.model.njoints) if 0 <= index - robot.model.joints[i].idx_v < robot.model.joints[i].nv)

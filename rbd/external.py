@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, add_wrench, numbers, three
 from rbd.errors import InputError
@@ -85,7 +84,7 @@ def _generalised_force(state: State, external: Array | Sequence[float] | Sequenc
         raise InputError(f"external has {len(tau_ext)} entries, and a generalised force {robot.nv}; {_WANTED}")
     tau_ext = robot.check_v(tau_ext, "external")
     if robot.floating:  # joint 1 is the base: its part is the resultant, about its origin, in its axes
-        X_WB = state.moving(1, pin.SE3.Identity(), pin.LOCAL_WORLD_ALIGNED)[0]
+        X_WB = state.base_pose()
         base = [*(X_WB.rotation @ tau_ext[:3]), *(X_WB.rotation @ tau_ext[3:6])]
         add_wrench(wrench, base, X_WB.translation.tolist(), state.com.tolist())
     return tau_ext, np.array(wrench)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, largest
 from rbd.cones import rays
 from rbd.dynamics import free_force
 from rbd.errors import ContactMoves, EffortLimitWarning, InaccurateWarning, InputError, NoSolution, Unsupported
@@ -88,19 +88,20 @@ def gauss_problem(
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state.robot, np.asarray(tau, float))
     rows = rows_of(state, constraints)
-    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench), from_state=True)
+    loose = any([r.resultant is None or r.patch is None for r in rows])
+    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), from_state=True)
     if not problem.bilateral:
         _refuse_moving(problem)
     return problem
 
 
 def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
-    beyond = np.abs(tau) > robot.effort_limit
-    if np.count_nonzero(beyond):
-        worst = int(np.argmax(np.abs(tau) / robot.effort_limit))
+    used = tau / robot.effort_limit
+    if largest(used) > 1.0:
+        worst, beyond = int(np.argmax(np.abs(used))), int((np.abs(used) > 1.0).sum())
         warnings.warn(
             f"tau of {robot.actuated_names[worst]} is {tau[worst]:.4g}, beyond its effort limit of "
-            f"{robot.effort_limit[worst]:.4g} N m; {np.count_nonzero(beyond)} of {robot.nu} motors are beyond theirs.",
+            f"{robot.effort_limit[worst]:.4g} N m; {beyond} of {robot.nu} motors are beyond theirs.",
             EffortLimitWarning,
             stacklevel=4,
         )

@@ -36,11 +36,13 @@ class CheckedModel:
         model: The pin.Model.
         actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
         actuated: Indices in v of the actuated coordinates, shape (nu,).
+        motors: The same as a slice where they follow each other, which is faster.
         actuated_names: Their joints' names, in the order of tau.
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
         floating: Whether all bodies hang from one free-flyer joint.
         mass: Total mass of the moving bodies [kg].
         gravity: In W, shape (3,) [m/s2].
+        weight: Its wrench about the centre of mass, in W, shape (6,) [N, N m].
         zero_v: A velocity of zero, shape (nv,), read-only.
     """
 
@@ -53,6 +55,7 @@ class CheckedModel:
         self.gravity = np.array(model.gravity.linear)
         self._joints = {n: i for i, n in enumerate(model.names) if i > 0}
         self._frames = _frame_ids(model)
+        self._sites: dict[str, tuple[int, pin.SE3]] = {}
         self.passive = self._check_passive(passive)
         root_type = model.joints[1].shortname() if model.njoints > 1 else ""
         self.floating = root_type == "JointModelFreeFlyer" and all(model.parents[i] for i in range(2, model.njoints))
@@ -65,11 +68,13 @@ class CheckedModel:
         self.actuated = np.array([i for _, i in motors], dtype=int)
         self.actuated_names = tuple(n for n, _ in motors)
         self.nu = len(motors)
+        self.motors = _as_slice(self.actuated)
         self.actuation = np.eye(self.nv)[self.actuated]
         limit = np.array(model.effortLimit, float)[self.actuated]
         # Zero, missing and +-DBL_MAX all mean that the file states no limit.
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
         self._unit_blocks = [(b, e) for j in model.joints for b, e in _unit_blocks(j)]
+        self.weight = np.concatenate([self.mass * self.gravity, np.zeros(3)])
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
         self.pool = DataPool(model)
@@ -103,6 +108,18 @@ class CheckedModel:
                 f"no frame {name!r} in {self.name}; {nearest(name, self._frames)}. See robot.frames()."
             ) from None
 
+    def site(self, frame: str) -> tuple[int, pin.SE3]:
+        """(joint, X_JF): the joint whose body carries the frame, and where on it; looked up once a name.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        found = self._sites.get(frame) if isinstance(frame, str) else None
+        if found is None:
+            f = self.frame(frame)
+            found = self._sites[frame] = (int(f.parentJoint), pin.SE3(f.placement))
+        return found
+
     def joint_id(self, name: str) -> int:
         """Index of the joint in the model.
 
@@ -124,16 +141,16 @@ class CheckedModel:
         """
         q = self._vector("q", q, self.nq, "nq")
         for begin, end in self._unit_blocks:
-            block = q[begin:end].tolist()
-            norm = math.sqrt(sum(x * x for x in block))
+            block = q[begin:end]
+            norm = math.sqrt(np.vdot(block, block))
             if not abs(norm - 1.0) <= UNIT_TOLERANCE:
                 what = "quaternion (x, y, z, w)" if end - begin == 4 else "unit circle (cos, sin)"
                 raise InputError(
-                    f"q[{begin}:{end}] is the {what} {[round(x, 9) for x in block]} of norm {norm:.9g}; expected norm 1 to "
+                    f"q[{begin}:{end}] is the {what} {np.round(block, 9).tolist()} of norm {norm:.9g}; expected norm 1 to "
                     f"{UNIT_TOLERANCE:g}. Divide it by its norm, or build q with robot.model's pinocchio.integrate."
                 )
             if norm != 1.0:
-                q[begin:end] /= norm
+                block /= norm
         return q
 
     def check_v(self, v: Array, what: str = "v") -> Array:
@@ -222,6 +239,12 @@ class DataPool:
                 slot.ticket = 0
                 self._lent.remove(slot)
                 self._free.append(slot)
+
+
+def _as_slice(indices: Array) -> slice | Array:
+    if len(indices) and (np.diff(indices) == 1).all():
+        return slice(int(indices[0]), int(indices[-1]) + 1)
+    return indices
 
 
 def _frame_ids(model: pin.Model) -> dict[str, int]:

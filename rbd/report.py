@@ -128,9 +128,10 @@ class StandReport:
         used = np.abs(tau) / robot.effort_limit
         limited = bool(np.isfinite(robot.effort_limit).any())
         for i in np.argsort(-used if limited else -np.abs(tau))[:LARGEST_TORQUES]:
-            limit = robot.effort_limit[i]
-            share = f"{100 * used[i]:.1f} %" if np.isfinite(limit) else "-"
-            table.add_row(escape(robot.actuated_names[i]), f"{tau[i]:.3f}", f"{limit:.1f}" if np.isfinite(limit) else "none", share)
+            limit, share = "none", "-"
+            if np.isfinite(robot.effort_limit[i]):
+                limit, share = f"{robot.effort_limit[i]:.1f}", f"{100 * used[i]:.1f} %"
+            table.add_row(escape(robot.actuated_names[i]), f"{tau[i]:.3f}", limit, share)
         return table
 
     def _summary_table(self) -> Table:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rbd.arrays import Array, add_wrench, is_finite, largest, lazy
+from rbd.arrays import Array, add_wrench, largest, lazy
 from rbd.problem import GaussProblem
 
 SOLVED = 1e-9
@@ -18,59 +17,66 @@ USABLE = 1e-7
 """Scaled residuals up to this are `inaccurate`; above, there is no answer."""
 
 _NONE = np.zeros(0)
-_EQUATIONS = ("stationarity", "feasibility", "cone", "complementarity", "centroidal")
 _UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 
 
 class Residual(float):
     """A residual in physical units that also tells `scaled`, its size against the terms that make it up."""
 
-    _scale: Callable[[], float]
+    scaled: float
 
-    def __new__(cls, value: float, scale: Callable[[], float]) -> Residual:
-        """The value, and how to find the scale (at least 1) if anyone asks."""
+    def __new__(cls, value: float, scale: float) -> Residual:
+        """The value, and the value over the scale."""
         self = super().__new__(cls, value)
-        self._scale = scale
+        self.scaled = float(value) / scale
         return self
 
-    @property
-    def scaled(self) -> float:
-        """The value over the size of its terms."""
-        return float(self) / self._scale()
-
-    def within(self, tolerance: float) -> bool:
-        """Whether the scaled residual is at most `tolerance`; a scale is at least 1, and is looked up only if needed."""
-        return float(self) <= tolerance or self.scaled <= tolerance
-
     def __reduce__(self) -> tuple[object, ...]:
-        return _remade, (float(self), self._scale())
+        return Residual, (float(self), float(self) / self.scaled if self.scaled else 1.0)
 
 
-def _remade(value: float, scale: float) -> Residual:
-    return Residual(value, lambda: scale)
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Residuals:
     """How far an answer is from the equations of its law; largest entries, zero for an exact answer.
 
+    Each is a float in physical units with an attribute `scaled`.
+
     Attributes:
-        stationarity: |M a - rhs - J^T f| [N, N m]; over max(1, |M||a|, |rhs|, |f|).
-        feasibility: Distance of c = J a + offset to K* [m/s2, rad/s2], along its rays as they are given; over
-            max(1, |J||a| + |bias|).
-        cone: Distance of f to K [N, N m]; over the scale of stationarity.
-        complementarity: |f . c|, the worst of the constraints [N m/s2]; over the product of the two scales.
-        centroidal: Contact wrenches plus weight plus external forces, less the rate of centroidal momentum, about the
-            centre of mass [N, N m]; over max(1, its largest term). It uses no contact Jacobian where the constraints
-            have resultants, so it catches a wrong J. None where there is no floating base: the base's reaction is
-            unknown.
+        values: The five below in order, in physical units; the last is None where it does not apply.
+        scales: What they are measured against; computed when first asked for.
     """
 
-    stationarity: Residual
-    feasibility: Residual
-    cone: Residual
-    complementarity: Residual
-    centroidal: Residual | None
+    values: tuple[float, float, float, float, float | None]
+    scales: Scales
+
+    @property
+    def stationarity(self) -> Residual:
+        """|M a - rhs - J^T f| [N, N m]; over max(1, |M||a|, |rhs|, |f|)."""
+        return self._residual(0)
+
+    @property
+    def feasibility(self) -> Residual:
+        """Distance of c = J a + offset to K* [m/s2, rad/s2], along its rays as given; over max(1, |J||a| + |bias|)."""
+        return self._residual(1)
+
+    @property
+    def cone(self) -> Residual:
+        """Distance of f to K [N, N m]; over the scale of stationarity."""
+        return self._residual(2)
+
+    @property
+    def complementarity(self) -> Residual:
+        """|weight x acceleration|, the worst of the rays [N m/s2]; over the product of the two scales."""
+        return self._residual(3)
+
+    @property
+    def centroidal(self) -> Residual | None:
+        """Contact wrenches plus weight plus external forces, less the rate of centroidal momentum [N, N m].
+
+        About the centre of mass; over max(1, its largest term). It uses no contact Jacobian where the constraints have
+        resultants, so it catches a wrong J. None where there is no floating base: the base's reaction is unknown.
+        """
+        return None if self.values[4] is None else self._residual(4)
 
     @property
     def scaled(self) -> dict[str, float]:
@@ -80,16 +86,30 @@ class Residuals:
     @property
     def worst(self) -> float:
         """The largest scaled residual; NaN if any is."""
-        found = [r.scaled for _, r in self._given()]
+        found = list(self.scaled.values())
         return math.nan if any(x != x for x in found) else max(found)
 
     def within(self, tolerance: float) -> bool:
         """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
-        return all(r.within(tolerance) for _, r in self._given())
+        # Scales are at least 1: a small value passes without its scale. NaN fails both comparisons.
+        return all([x is None or x <= tolerance or x / self._scale(i) <= tolerance for i, x in enumerate(self.values)])
+
+    def _scale(self, i: int) -> float:
+        s = self.scales
+        if i == 3:
+            return s.of_force * s.of_rows
+        return s.of_rows if i == 1 else s.of_momentum if i == 4 else s.of_force
+
+    def _residual(self, i: int) -> Residual:
+        value = self.values[i]
+        return Residual(math.nan if value is None else value, self._scale(i))
 
     def _given(self) -> list[tuple[str, Residual]]:
-        every = ((name, getattr(self, name)) for name in _EQUATIONS)
+        every = ((name, getattr(self, name)) for name in _UNITS)
         return [(name, r) for name, r in every if r is not None]
+
+    def __repr__(self) -> str:
+        return f"Residuals({self})"
 
     def __str__(self) -> str:
         return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
@@ -104,43 +124,45 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) 
         f: Row forces, shape (m,).
         weights: Weights of `problem.rays`, shape (r,); where None and rows can break, the best that can be found.
     """
-    P = problem
-    if not (is_finite(a) and is_finite(f)):
-        nan = _remade(math.nan, 1.0)
-        return Residuals(nan, nan, nan, nan, nan)
-    terms, scales = _Terms(P, a, f, weights), _Scales(P, a, f)
-    return Residuals(
-        stationarity=Residual(largest(P.M @ a - P.rhs - P.J.T @ f), scales.of_force),
-        feasibility=Residual(largest(terms.gap), scales.of_rows),
-        cone=Residual(largest(terms.off_cone), scales.of_force),
-        complementarity=Residual(largest(terms.slack), lambda: scales.of_force() * scales.of_rows()),
-        centroidal=_centroidal(P, a, f),
+    P, scales = problem, Scales(problem, a, f)
+    if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
+        return Residuals((math.nan,) * 5, scales)
+    terms = _Terms(P, a, f, weights)
+    values = (
+        largest(P.M @ a - P.rhs - P.J.T @ f),
+        largest(terms.gap),
+        largest(terms.off_cone),
+        largest(terms.slack),
+        _centroidal(P, a, f),
     )
+    return Residuals(values, scales)
 
 
-class _Scales:
-    """Sizes of the terms of the equations; at least 1, in their units."""
+class Scales:
+    """Sizes of the terms of the equations, in their units; at least 1."""
 
-    def __init__(self, P: GaussProblem, a: Array, f: Array) -> None:
-        self._given = P, a, f
-
-    def of_force(self) -> float:
-        """max(1, |M||a|, |rhs|, |f|)."""
-        return self._force
-
-    def of_rows(self) -> float:
-        """max(1, |J||a| + |bias|)."""
-        return self._rows
+    def __init__(self, problem: GaussProblem, a: Array, f: Array) -> None:
+        self._given = problem, a, f
 
     @lazy
-    def _force(self) -> float:
+    def of_force(self) -> float:
+        """max(1, |M||a|, |rhs|, |f|)."""
         P, a, f = self._given
         return max(1.0, largest(np.abs(P.M) @ np.abs(a)), largest(P.rhs), largest(f))
 
     @lazy
-    def _rows(self) -> float:
+    def of_rows(self) -> float:
+        """max(1, |J||a| + |bias|)."""
         P, a, _ = self._given
         return max(1.0, largest(np.abs(P.J) @ np.abs(a) + np.abs(P.offset)))
+
+    @lazy
+    def of_momentum(self) -> float:
+        """max(1, rate of momentum, weight and external wrench, |f|)."""
+        P, a, f = self._given
+        if P.balance is None:
+            return 1.0
+        return max(1.0, largest(P.balance.A_g @ a + P.balance.rate_bias), largest(P.balance.wrench), largest(f))
 
 
 class _Terms:
@@ -158,11 +180,9 @@ class _Terms:
         w = np.minimum(np.maximum(weights, R.lower), R.upper)
         along = R.G.T @ c
         opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
-        below, above = np.isfinite(R.lower), np.isfinite(R.upper)
         # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
-        self.gap = np.where(below, 0.0, opens) + np.where(above, 0.0, closes)
-        self.slack = np.where(below, w - np.where(below, R.lower, 0.0), 0.0) * opens
-        self.slack += np.where(above, np.where(above, R.upper, 0.0) - w, 0.0) * closes
+        self.gap = np.where(R.below, 0.0, opens) + np.where(R.above, 0.0, closes)
+        self.slack = (w - R.finite_lower) * R.below * opens + (R.finite_upper - w) * R.above * closes
         self.off_cone = f - R.G @ w
 
 
@@ -183,21 +203,20 @@ def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None) -> s
     return max(found)[1]
 
 
-def _centroidal(P: GaussProblem, a: Array, f: Array) -> Residual | None:
+def _centroidal(P: GaussProblem, a: Array, f: Array) -> float | None:
     b = P.balance
     if b is None:
         return None
     rate = (b.A_g @ a + b.rate_bias).tolist()
     total, com = b.wrench.tolist(), b.com.tolist()
+    at = 0
     for rows in P.rows:
-        part = f[P.slices[rows.name]]
+        part = f[at : at + len(rows)]
+        at += len(rows)
         if rows.resultant is not None and rows.patch is not None:
             add_wrench(total, (rows.resultant @ part).tolist(), rows.patch.point.tolist(), com)
-        else:
-            base = rows.J[:, :6].T @ part
-            wrench = [*(b.base_axes @ base[:3]).tolist(), *(b.base_axes @ base[3:]).tolist()]
-            add_wrench(total, wrench, b.base_point.tolist(), com)
-    return Residual(
-        max(abs(x - y) for x, y in zip(rate, total, strict=True)),
-        lambda: max(1.0, max(map(abs, rate)), largest(b.wrench), largest(f)),
-    )
+        elif b.base is not None:
+            point, axes = b.base
+            force = rows.J[:, :6].T @ part
+            add_wrench(total, [*(axes @ force[:3]).tolist(), *(axes @ force[3:]).tolist()], point.tolist(), com)
+    return max([abs(x - y) for x, y in zip(rate, total, strict=True)])

@@ -72,11 +72,12 @@ class Rows:
         if self.J.ndim != 2:
             raise InputError(f"rows {self.name!r}: J has shape {self.J.shape}; expected (m, nv).")
         m = self.J.shape[0]
-        for what in ("bias", "velocity", "feedback", "error"):
-            value = getattr(self, what)
+        shape = (m,)
+        given = (("bias", self.bias), ("velocity", self.velocity), ("feedback", self.feedback), ("error", self.error))
+        for what, value in given:
             if value is _NOT_GIVEN:
                 object.__setattr__(self, what, zeros(m))
-            elif value is not None and not (type(value) is np.ndarray and value.shape == (m,) and value.dtype == float):
+            elif value is not None and not (type(value) is np.ndarray and value.shape == shape and value.dtype == float):
                 object.__setattr__(self, what, _vector(self.name, what, value, m))
         if not hasattr(self.cone, "generators"):
             raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.Free({m}).")

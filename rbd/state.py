@@ -92,13 +92,15 @@ class State:
             self._slot, self._ticket = self._pool.take(self._run)
         return self._slot.data
 
-    def moving(self, joint: int, X_JP: pin.SE3, axes: pin.ReferenceFrame) -> tuple[pin.SE3, Array, Array, Array]:
-        """(X_WP, J, v, bias) of a pose P fixed to a joint's body, in world axes or in P's own (frozen) axes.
+    def moving(self, frame: str, X_FP: pin.SE3, axes: pin.ReferenceFrame) -> tuple[pin.SE3, Array, Array, Array]:
+        """(X_WP, J, v, bias) of a pose P fixed to a frame, in world axes or in P's own (frozen) axes.
 
-        For constraints; `frame` is the checked door. `axes` is pin.LOCAL_WORLD_ALIGNED or pin.LOCAL. The bias is
+        For constraints; `frame` is the door for everyone. `axes` is pin.LOCAL_WORLD_ALIGNED or pin.LOCAL. The bias is
         classical: in P's axes it is R_WP^T times the one in world axes, the turning of the axes left out.
         """
         model = self.robot.model
+        joint, X_JF = self.robot.site(frame)
+        X_JP = X_JF * X_FP
         with self._pool.lock:
             data = self._data()
             return (
@@ -119,27 +121,32 @@ class State:
             FrameNotFound: with the nearest names.
             InputError: if the offset is not three finite numbers.
         """
-        f = self.robot.frame(name)
         X_FP = pin.SE3(np.eye(3), three("offset", offset))
-        X_WF, J, v, bias = self.moving(f.parentJoint, f.placement * X_FP, pin.LOCAL_WORLD_ALIGNED)
+        X_WF, J, v, bias = self.moving(name, X_FP, pin.LOCAL_WORLD_ALIGNED)
         return FrameKinematics(X_WF, J, v, bias)
 
-    def balance(self, wrench: Array) -> MomentumBalance | None:
+    def base_pose(self) -> pin.SE3:
+        """X_WB of the first joint's body: of the base, where it floats."""
+        with self._pool.lock:
+            return self._data().oMi[1].copy()
+
+    def balance(self, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
         """What the centroidal residual is computed from; None unless all bodies hang from one floating base.
 
         Args:
             wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
+            with_base: Give the base's pose too: some rows have no resultant of their own.
         """
         robot = self.robot
         if not robot.floating:
             return None
-        total = wrench.copy()
-        total[:3] += robot.mass * robot.gravity
         with self._pool.lock:
             data = self._data()
-            # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the centre of mass.
+            # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g.
             rate_bias = pin.computeCentroidalMomentumTimeVariation(robot.model, data).vector
-            X_WB = data.oMi[1]
-            return MomentumBalance(
-                data.Ag.copy(), rate_bias, total, self.com, X_WB.translation.copy(), X_WB.rotation.copy()
-            )
+            A_g = data.Ag.copy()
+        base = None
+        if with_base:
+            X_WB = self.base_pose()
+            base = X_WB.translation, X_WB.rotation
+        return MomentumBalance(A_g, rate_bias, wrench + robot.weight, self.com, base)

@@ -89,8 +89,8 @@ class PointContact:
         Raises:
             FrameNotFound: with the nearest names.
         """
-        f = _check_state(state, self.name).robot.frame(self.frame)
-        X_WP, J, v, bias = state.moving(f.parentJoint, f.placement * self._X_FP, pin.LOCAL_WORLD_ALIGNED)
+        _check_state(state, self.name)
+        X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
         R = self._axes
         J, v, bias = J[:3], v[:3], bias[:3]
         if not self._upright:
@@ -169,8 +169,8 @@ class SurfaceContact:
         Raises:
             FrameNotFound: with the nearest names.
         """
-        f = _check_state(state, self.name).robot.frame(self.frame)
-        X_WP, J, v, bias = state.moving(f.parentJoint, f.placement * self.placement, pin.LOCAL)
+        _check_state(state, self.name)
+        X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
         R = X_WP.rotation
         resultant = np.zeros((6, 6))
         resultant[:3, :3] = resultant[3:, 3:] = R
@@ -188,10 +188,9 @@ def _check_names(name: str, frame: str) -> None:
             raise InputError(f"the {what} of a contact is {value!r:.80}; expected a word, e.g. 'left_sole'.")
 
 
-def _check_state(state: State, name: str) -> State:
+def _check_state(state: State, name: str) -> None:
     if not isinstance(state, State):
         raise InputError(f"rows of {name!r} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
-    return state
 
 
 def contact_axes(normal: Array) -> Array:

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
 from rbd.cones import rays
@@ -61,9 +61,9 @@ def independent_factor(delassus: Array) -> Array | None:
     R, info = lapack.dpotrf(delassus, lower=0, clean=1)
     if info != 0:
         return None
-    pivots = R.diagonal()
+    pivots = R.diagonal().tolist()
     # Pivots are bounded below by the least singular value of W; 1e-5 leaves ten digits to f, else the SVD takes over.
-    return R if pivots.min() > 1e-5 * pivots.max() else None
+    return R if min(pivots) > 1e-5 * max(pivots) else None
 
 
 def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
@@ -77,4 +77,4 @@ def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
 
 def constrained(P: GaussProblem, f: Array) -> Array:
     """A = a_free + M^-1 J^T f."""
-    return P.a_free + lapack.dtrtrs(P.factor, P.whitened @ f, lower=1, trans=1)[0]
+    return P.a_free + blas.dtrsv(P.factor, P.whitened @ f, lower=1, trans=1)

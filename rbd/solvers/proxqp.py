@@ -41,9 +41,9 @@ class ProxQP:
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first constraint whose forces are bounded on both sides."""
-        bad = next((r for r in problem.rows if rays(r.cone).has_intervals), None)
-        if bad is None:
+        if not problem.rays.has_intervals:
             return None
+        bad = next(r for r in problem.rows if rays(r.cone).has_intervals)
         return f"ProxQP takes cones, and {bad.name!r} has forces in a bounded set ({type(bad.cone).__name__})."
 
     def solve(self, problem: GaussProblem) -> Solution:
@@ -54,15 +54,19 @@ class ProxQP:
             return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
         R = _factor(P)
         along, opening, holds = _ray_rows(P, R)
-        if P.bilateral:
-            A, b, C, l = along, -opening, None, None
-        else:
-            A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
+        A: Array | None = along
+        b: Array | None = -opening
+        C: Array | None = None
+        l: Array | None = None
+        if not P.bilateral:
+            A, b, C, l = None, None, A, b
+            if P.rays.has_lines:
+                A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
         n = R.shape[0]
         best: Solution | None = None
         for attempt in qp.attempts(identity(n), zeros(n), A, b, C, l, None, policy=self.policy):
-            weights = attempt.y
-            if C is not None:
+            weights = np.maximum(attempt.z, 0.0) if A is None else attempt.y
+            if A is not None and C is not None:
                 weights = np.empty(len(holds))
                 weights[holds] = attempt.y
                 weights[~holds] = np.maximum(attempt.z, 0.0)
@@ -73,7 +77,7 @@ class ProxQP:
             if best.residuals.within(SOLVED):
                 return best
         assert best is not None
-        violation = qp.least_violation(A, b, np.zeros((0, n)) if C is None else C, zeros(0) if l is None else l)
+        violation = qp.least_violation(along[holds], -opening[holds], along[~holds], -opening[~holds])
         infeasible = not math.isnan(violation) and violation > 1e-6 * max(1.0, float(np.abs(opening).max()))
         return Solution(
             P, best.a, best.multipliers, best.weights, best.law, "ProxQP", best.iterations,
@@ -90,9 +94,9 @@ def _factor(P: GaussProblem) -> Array:
 def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
     """(along, opening, holds): rays accelerate at `along z + opening`; those that hold must keep still."""
     if P.bilateral:
-        return R.T, P.free_row_acceleration, np.ones(P.m, dtype=bool)
+        return R.T, P.free_row_acceleration, P.rays.is_line
     G = P.rays.G
-    return G.T @ R.T, G.T @ P.free_row_acceleration, np.isneginf(P.rays.lower)
+    return G.T @ R.T, G.T @ P.free_row_acceleration, P.rays.is_line
 
 
 def _solution(P: GaussProblem, weights: Array, iterations: int, start: float) -> Solution:

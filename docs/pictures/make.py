@@ -1,0 +1,45 @@
+"""Makes docs/pictures/*.png: `make pictures`, with Chromium on PATH."""
+
+import contextlib
+import importlib
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+import rbd
+from rbd.visual import Scene, screenshot
+
+PICTURES = Path(__file__).resolve().parent
+TOP = PICTURES.parents[1]
+
+
+def talos() -> Path:
+    """The README's first screen: Talos pushed at its torso, with the forces of the README's code."""
+    robot = rbd.load_robot("talos")
+    state, soles = robot.standing(), robot.soles(friction=0.7)
+    push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
+    solution = rbd.solve(state, rbd.hold(state, soles).tau, soles, external=push)
+    with tempfile.TemporaryDirectory() as folder, Scene(robot) as scene:
+        scene.show(state, solution, external=push)
+        page = scene.export(Path(folder) / "talos.html")
+        return screenshot(page, PICTURES / "talos.png", width=1100, height=900)
+
+
+def push() -> Path:
+    """The plot of examples/02_push.py."""
+    sys.path.insert(0, str(TOP / "examples"))
+    example = importlib.import_module("02_push")
+    with contextlib.redirect_stdout(io.StringIO()):
+        result = example.main(show=False)
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    example.plot_push(figure.subplots(), result)
+    figure.savefig(PICTURES / "push.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "push.png"
+
+
+if __name__ == "__main__":
+    for make in (talos, push):
+        print(make().relative_to(TOP))

@@ -1,0 +1,26 @@
+"""Robots that many tests share, and seeded draws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rbd
+
+
+@pytest.fixture(scope="session")
+def talos() -> rbd.Robot:
+    """Talos, 32 motors; do not change it."""
+    return rbd.load_robot("talos")
+
+
+@pytest.fixture(scope="session")
+def g1() -> rbd.Robot:
+    """G1, 29 motors; do not change it."""
+    return rbd.load_robot("g1")
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """The same draws in every run, in every test."""
+    return np.random.default_rng(20)

@@ -1,0 +1,245 @@
+"""Contacts of a robot with the ground: points and surfaces, held, rubbing or smooth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.constraints.contact import contact_axes
+from rbd.testing import box, check_constraint
+
+
+def _generic(robot: rbd.Robot, seed: int) -> rbd.State:
+    """No particular pose, and a base turned any way."""
+    rng = np.random.default_rng(seed)
+    return robot.at(pin.integrate(robot.model, robot.standing().q, 0.5 * rng.normal(size=robot.nv)))
+
+
+@pytest.mark.parametrize("name", ["talos", "g1", "solo12", "anymal_c", "human"])
+@pytest.mark.parametrize("friction", [None, 0.0, 0.5])
+def test_feet_of_the_catalogue_describe_their_motion(name, friction):
+    """J, velocity and J_dot v of every foot, sole or point, against its motion along curves."""
+    robot = rbd.load_robot(name)
+    state = _generic(robot, seed=1)
+    for foot in robot.feet(friction):
+        report = check_constraint(foot, state, draws=3)
+        assert report.against == "motion of the patch" and max(report.jacobian, report.jdot_v) < 1e-8
+
+
+@pytest.mark.parametrize("friction", [None, 0.0, 0.5])
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.6, 0, 0.8), (0.48, -0.64, 0.6)])
+def test_points_on_any_wall_describe_their_motion(talos, normal, friction):
+    """Floor, ceiling, walls, slopes."""
+    point = rbd.PointContact(
+        "toe", "left_sole_link", offset=(0.1, 0.02, -0.1), normal=np.array(normal, float), friction=friction
+    )
+    report = check_constraint(point, _generic(talos, 2), draws=2)
+    assert report.rows == (1 if friction == 0.0 else 3)
+
+
+@pytest.mark.parametrize("friction", [None, 0.0, 0.5])
+def test_patches_on_any_side_of_a_link_describe_their_motion(talos, friction, rng):
+    """A patch turned and moved on its frame."""
+    X_FP = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+    patch = rbd.SurfaceContact("palm", "torso_2_link", half_lengths=(0.1, 0.2), placement=X_FP, friction=friction)
+    assert check_constraint(patch, _generic(talos, 3), draws=2).rows == 6
+
+
+def test_on_a_fixed_base_too():
+    """The Panda's hand on a table."""
+    panda = rbd.load_robot("panda", root="fixed")
+    state = panda.at(np.r_[0.3, -0.5, 0.4, -1.9, 0.2, 1.6, 0.7, np.zeros(panda.nq - 7)])
+    for contact in (
+        rbd.PointContact("tip", "panda_hand", offset=(0, 0, 0.1), friction=0.5),
+        rbd.SurfaceContact("palm", "panda_hand", half_lengths=(0.02, 0.03)),
+    ):
+        assert check_constraint(contact, state).jdot_v < 1e-9
+
+
+@pytest.mark.parametrize("normal", np.vstack([np.eye(3), -np.eye(3), [[0.6, 0.0, 0.8], [0.95, 0.0, np.sqrt(1 - 0.95**2)]]]))
+def test_contact_axes_are_right_handed_with_the_normal_third(normal):
+    """R_WP is a rotation whose third column is the normal; on level ground it is the identity."""
+    R = contact_axes(normal)
+    assert np.allclose(R.T @ R, np.eye(3), atol=1e-15) and np.linalg.det(R) == pytest.approx(1.0)
+    assert np.allclose(R[:, 2], normal)
+    assert np.array_equal(contact_axes(np.array([0.0, 0.0, 1.0])), np.eye(3))
+
+
+def test_a_contact_says_what_it_is(talos):
+    """Name, frame, friction and corners are readable, as they were given."""
+    sole = talos.soles(0.4)[0]
+    assert (sole.name, sole.frame, sole.friction) == ("left_sole", "left_sole_link", 0.4)
+    assert sole.corners.shape == (4, 3) and not sole.corners[:, 2].any()
+    patch = rbd.SurfaceContact("p", "f", half_lengths=(0.1, 0.05))
+    assert np.array_equal(np.abs(patch.corners), np.tile([0.1, 0.05, 0.0], (4, 1)))
+    assert len(np.unique(patch.corners, axis=0)) == 4
+    point = rbd.PointContact("p", "f")
+    assert point.corners.tolist() == [[0.0, 0.0, 0.0]] and point.friction is None
+
+
+@pytest.mark.parametrize(
+    ("friction", "kind", "point_rows"), [(None, rbd.Free, 3), (0.0, rbd.NonNegative, 1), (0.5, rbd.FrictionCone, 3)]
+)
+def test_friction_chooses_the_rows_and_the_cone(talos, friction, kind, point_rows):
+    """None holds, zero only pushes, mu pushes and rubs."""
+    state = talos.standing()
+    point = rbd.PointContact("p", "left_sole_link", friction=friction).rows(state)
+    assert isinstance(point.cone, kind) and len(point) == point_rows
+    surface = talos.soles(friction)[0].rows(state)
+    assert isinstance(surface.cone, rbd.Free if friction is None else rbd.WrenchCone) and len(surface) == 6
+
+
+def test_a_sole_at_rest_on_a_slope_pushes_along_its_normal():
+    """A box on a smooth slope of 30 deg: N = m g cos(30 deg) along the normal, in world axes, and it slides with g sin."""
+    angle = np.pi / 6
+    R = pin.exp3(np.array([0.0, angle, 0.0]))
+    state = rbd.State(box(), pin.SE3ToXYZQUAT(pin.SE3(R, np.zeros(3))))
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
+    floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=below, friction=0.0)
+    points = [
+        rbd.PointContact(f"p{i}", "box", offset=below.act(c), normal=R[:, 2], friction=0.0) for i, c in enumerate(floor.corners)
+    ]
+    for contacts in ([floor], points):
+        s = rbd.solve(state, np.zeros(0), contacts)
+        total = sum(f[:3] for f in s.forces.values())
+        assert total == pytest.approx(10 * 9.81 * np.cos(angle) * R[:, 2], abs=1e-8)
+        assert R @ s.a[:3] == pytest.approx(9.81 * np.sin(angle) * R[:, 0], abs=1e-8)
+
+
+@pytest.mark.parametrize("friction", [None, 0.9])
+def test_corner_forces_on_a_slope_are_in_world_axes(friction):
+    """A box that sticks on a slope of 30 deg is carried straight up, corner forces and moments included."""
+    R = pin.exp3(np.array([0.2, np.pi / 6, 0.3]))
+    state = rbd.State(box(), pin.SE3ToXYZQUAT(pin.SE3(R, np.zeros(3))))
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
+    floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=below, friction=friction)
+    s = rbd.solve(state, np.zeros(0), [floor])
+    assert np.abs(s.a).max() < 1e-8
+    corners, wrench = s.corner_forces["floor"], s.forces["floor"]
+    assert corners.sum(axis=0) == pytest.approx([0.0, 0.0, 98.1], abs=1e-8)
+    assert np.cross(floor.corners @ R.T, corners).sum(axis=0) == pytest.approx(wrench[3:], abs=1e-8)
+
+
+def test_four_smooth_points_are_a_smooth_surface(talos, rng):
+    """One law, said in 4 rows or in 6: the same acceleration and the same wrench."""
+    sole = talos.soles(0.0)[0]
+    points = [
+        rbd.PointContact(f"p{i}", sole.frame, offset=sole.placement.act(c), friction=0.0) for i, c in enumerate(sole.corners)
+    ]
+    other = talos.soles(0.8)[1]
+    state = talos.standing()
+    for _ in range(5):
+        tau = np.clip(10.0 * rng.normal(size=talos.nu), -talos.effort_limit, talos.effort_limit)
+        one, four = (rbd.solve(state, tau, [*contacts, other]) for contacts in ([sole], points))
+        assert np.abs(one.a - four.a).max() < 1e-7 * max(1.0, np.abs(one.a).max())
+        normal = sum(four.forces[f"p{i}"][2] for i in range(4))
+        assert one.forces["left_sole"][2] == pytest.approx(normal, abs=1e-6)
+
+
+class TestMoving:
+    """Contacts that can break or slip are solved at rest only; those that hold take any motion."""
+
+    def test_a_moving_contact_is_refused_by_name(self, talos):
+        """Above 1e-6 m/s; the message names it, says how fast, and what to use."""
+        v = np.zeros(talos.nv)
+        v[2] = 0.5
+        state = talos.standing().with_velocity(v)
+        for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.0)):
+            with pytest.raises(rbd.ContactMoves, match=r"'right_sole'.*0\.5 m/s.*friction=None"):
+                rbd.solve(state, np.zeros(talos.nu), [contact])
+        rbd.solve(state, np.zeros(talos.nu), talos.soles(None))
+
+    @pytest.mark.parametrize(("speed", "refused"), [(9e-7, False), (1.1e-6, True)])
+    def test_the_limit_is_a_millionth(self, talos, speed, refused):
+        """Rounding is no motion."""
+        v = np.zeros(talos.nv)
+        v[0] = speed
+        state = talos.standing().with_velocity(v)
+        if refused:
+            with pytest.raises(rbd.ContactMoves):
+                rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5))
+        else:
+            rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5))
+
+    def test_a_turning_sole_is_refused(self, talos):
+        """A sole that turns about its own centre is no surface contact."""
+        sole = talos.soles(0.5)[0]
+        state = talos.standing()
+        J = sole.rows(state).J
+        v = np.linalg.pinv(J) @ np.array([0, 0, 0, 0, 0, 0.2])
+        with pytest.raises(rbd.ContactMoves, match="'left_sole'"):
+            rbd.solve(state.with_velocity(v), np.zeros(talos.nu), [sole])
+
+    def test_a_smooth_point_may_slide(self):
+        """A puck on ice: only its normal row is there, and it does not move along it."""
+        puck = box(1.0, (0.1, 0.1, 0.02))
+        q = pin.neutral(puck.model)
+        state = rbd.State(puck, q, np.array([3.0, -2.0, 0.0, 0.0, 0.0, 0.0]))
+        s = rbd.solve(state, np.zeros(0), [rbd.PointContact("ice", "box", offset=(0, 0, -0.01), friction=0.0)])
+        assert s.forces["ice"] == pytest.approx([0.0, 0.0, 9.81])
+
+
+IDENTITY = pin.SE3.Identity()
+
+
+@pytest.mark.parametrize(
+    ("what", "arguments"),
+    [
+        ("friction", {"friction": -0.1}),
+        ("friction", {"friction": np.nan}),
+        ("friction", {"friction": "0.7"}),
+        ("facets", {"friction": 0.5, "facets": 2}),
+        ("length", {"normal": (0.0, 0.0, 2.0)}),
+        ("length", {"normal": (0.0, 0.0, 0.0)}),
+        ("normal", {"normal": (0.0, 1.0)}),
+        ("normal", {"normal": (0.0, np.nan, 1.0)}),
+        ("offset", {"offset": (0.0, 0.0)}),
+        ("offset", {"offset": (0.0, 0.0, np.inf)}),
+        ("offset", {"offset": "here"}),
+    ],
+)
+def test_a_point_that_means_nothing_is_refused(what, arguments):
+    """By name, before any robot is involved."""
+    with pytest.raises(rbd.InputError, match=what):
+        rbd.PointContact("toe", "foot", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("what", "arguments"),
+    [
+        ("half_lengths.*or corners", {}),
+        ("half_lengths.*or corners", {"half_lengths": (0.1, 0.1), "corners": [[0, 0], [0, 1], [1, 0]]}),
+        ("half_lengths", {"half_lengths": (0.1, 0.0)}),
+        ("half_lengths", {"half_lengths": (0.1, -0.1)}),
+        ("half_lengths", {"half_lengths": (0.1, np.nan)}),
+        ("half_lengths", {"half_lengths": 0.1}),
+        ("half_lengths", {"half_lengths": (0.1, 0.1, 0.1)}),
+        ("corners", {"corners": [[0, 0], [0, 1]]}),
+        ("one line", {"corners": [[0, 0], [1, 1], [2, 2]]}),
+        ("finite", {"corners": [[0, 0], [0, 1], [1, np.inf]]}),
+        ("corners", {"corners": "four"}),
+        ("friction", {"half_lengths": (0.1, 0.1), "friction": -1.0}),
+        ("placement", {"half_lengths": (0.1, 0.1), "placement": np.eye(3)}),
+        ("placement", {"half_lengths": (0.1, 0.1), "placement": np.diag([1.0, 1.0, -1.0, 1.0])}),
+        ("placement", {"half_lengths": (0.1, 0.1), "placement": np.full((4, 4), np.nan)}),
+    ],
+)
+def test_a_patch_that_means_nothing_is_refused(what, arguments):
+    """By name, before any robot is involved."""
+    with pytest.raises(rbd.InputError, match=what):
+        rbd.SurfaceContact("sole", "foot", **arguments)
+
+
+def test_a_frame_that_is_not_there_is_refused_with_the_nearest(talos):
+    """Unknown ids crash Pinocchio, so no unknown name becomes one."""
+    for contact in (rbd.PointContact("p", "left_sole_lnik"), rbd.SurfaceContact("s", "left_sole_lnik", half_lengths=(1, 1))):
+        with pytest.raises(rbd.errors.FrameNotFound, match="'left_sole_link'"):
+            contact.rows(talos.standing())
+
+
+def test_two_contacts_of_one_name_are_refused(talos):
+    """Their forces could not be told apart."""
+    with pytest.raises(rbd.errors.DuplicateName, match="'left_sole'"):
+        rbd.solve(talos.standing(), np.zeros(talos.nu), [talos.soles()[0], talos.soles()[0]])

@@ -1,0 +1,158 @@
+"""ProxQP: Gauss's principle with cones, on robots that are pushed until they slip and lift."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.rows import Rows
+from rbd.solvers import qp
+from rbd.testing import law_residuals
+
+pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
+
+
+def pushed_problems(name: str, count: int, seed: int):
+    """(noise in N m, mu, problem) of a standing robot: torque noise 2 to 60 N m, mu 0.05 to 1, half of the postures bent."""
+    rng = np.random.default_rng(seed)
+    robot = rbd.load_robot(name)
+    standing = robot.standing()
+    hold = rbd.hold(standing, robot.soles(0.7)).tau
+    for i in range(count):
+        noise, mu = rng.uniform(2.0, 60.0), rng.uniform(0.05, 1.0)
+        state = standing
+        if i % 2:
+            bend = np.r_[np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)]
+            state = rbd.State(robot, pin.integrate(robot.model, standing.q, bend))
+        tau = hold + noise * rng.normal(size=robot.nu)
+        yield noise, mu, rbd.gauss_problem(state, tau, robot.soles(mu))
+
+
+@pytest.mark.parametrize("name", ["talos", "talos_full", "g1", "g1_hands"])
+def test_pushed_robots_are_solved(name):
+    """80 states of each robot, 320 in all: every one solved, by an independent certificate too.
+
+    1,000 of each by `python tests/solvers/test_proxqp.py`.
+    """
+    solver, slipping = rbd.ProxQP(), 0
+    for _, _, problem in pushed_problems(name, 80, seed=11):
+        s = solver.solve(problem)
+        assert s.status == "solved", s
+        assert max(law_residuals(problem, s, "convex").values()) < 1e-9
+        slipping += max(np.abs(c).max() for c in s.accelerations.values()) > 1e-3
+    assert slipping > 20  # not all of them stick
+
+
+def test_eight_frictional_points_are_solved(talos, rng):
+    """The corners of both soles as points with friction: rank-deficient rows, 32 rays."""
+    points = lambda mu: [  # noqa: E731
+        rbd.PointContact(f"{sole.name}_{i}", sole.frame, offset=sole.placement.act(c), friction=mu)
+        for sole in talos.soles()
+        for i, c in enumerate(sole.corners)
+    ]
+    state = talos.standing()
+    hold = rbd.hold(state, talos.soles(0.7)).tau
+    for _ in range(60):
+        mu, tau = rng.uniform(0.05, 1.0), hold + rng.uniform(2.0, 60.0) * rng.normal(size=talos.nu)
+        s = rbd.solve(state, tau, points(mu))
+        assert s.status == "solved" and s.problem.m == 24
+        assert max(law_residuals(s.problem, s, "convex").values()) < 1e-9
+        surface = rbd.solve(state, tau, talos.soles(mu))  # the same law, said in twelve rows
+        assert np.abs(s.a - surface.a).max() < 1e-7 * max(1.0, np.abs(s.a).max())
+        left = sum(s.forces[f"left_sole_{i}"] for i in range(4))
+        assert left == pytest.approx(surface.forces["left_sole"][:3], abs=1e-6 * max(1.0, np.abs(left).max()))
+
+
+def test_a_sole_that_holds_is_the_limit_of_great_friction(talos):
+    """Where the held wrench lies in the cone, friction changes nothing."""
+    state = talos.standing()
+    tau = rbd.hold(state, talos.soles(0.7)).tau
+    held = rbd.solve(state, tau, talos.soles(None))
+    rubbing = rbd.solve(state, tau, talos.soles(0.7))
+    assert np.abs(held.a - rubbing.a).max() < 1e-8 and np.abs(rubbing.a).max() < 1e-8
+    assert np.abs(held.multipliers - rubbing.multipliers).max() < 1e-6
+    total = sum(f[:3] for f in rubbing.forces.values())
+    assert total == pytest.approx([0, 0, talos.mass * 9.81], abs=1e-9 * talos.mass * 9.81)
+
+
+def test_more_facets_leave_less_freedom(talos, rng):
+    """The 8-facet pyramid lies in the 4-facet one and the 16-facet one in that: Gauss's function does not fall with facets.
+
+    With K smaller, K* is larger: a is less constrained, so it comes nearer to free motion.
+    """
+    state = talos.standing()
+    tau = rbd.hold(state, talos.soles(0.7)).tau + 40.0 * rng.normal(size=talos.nu)
+    values = [rbd.solve(state, tau, talos.soles(0.3, facets=n)).gauss for n in (4, 8, 16)]
+    assert values[0] >= values[1] * (1 - 1e-9) and values[1] >= values[2] * (1 - 1e-9)
+
+
+def test_mixed_kinds_in_one_problem(talos, rng):
+    """A rubbing sole, a smooth toe point, a held hand: each law is kept."""
+    state = talos.standing()
+    contacts = [
+        talos.soles(0.5)[0],
+        rbd.PointContact("toe", talos.soles()[1].frame, offset=talos.soles()[1].placement.translation, friction=0.0),
+        rbd.PointContact("hand", "gripper_left_base_link", normal=(1.0, 0.0, 0.0)),
+    ]
+    for _ in range(10):
+        s = rbd.solve(state, 20.0 * rng.normal(size=talos.nu), contacts)
+        assert s.status == "solved" and s.law == "convex, 4 facets"
+        assert max(law_residuals(s.problem, s, "convex").values()) < 1e-9
+        assert s.forces["toe"][2] >= 0.0 and not s.forces["toe"][:2].any()
+        assert np.abs(s.accelerations["hand"]).max() < 1e-8
+
+
+def test_forces_bounded_on_both_sides_are_refused_by_name():
+    """Dry friction in a joint is no cone."""
+    rows = [
+        Rows("stop", np.eye(1), np.zeros(1), rbd.NonNegative(1)),
+        Rows("brake", np.eye(1), np.zeros(1), rbd.Box([-1.0], [1.0])),
+    ]
+    reason = rbd.ProxQP().reason_unsupported(rbd.GaussProblem(np.eye(1), np.ones(1), rows))
+    assert "'brake'" in reason and "Box" in reason and "stop" not in reason
+
+
+def test_the_policy_is_followed_until_an_answer_is_solved():
+    """A first setting that stops after one iteration is followed by the next."""
+    P = next(iter(pushed_problems("talos", 1, 5)))[2]
+    lame = qp.Setting(max_iter=1)
+    alone = rbd.ProxQP(policy=(lame,)).solve(P)
+    retried = rbd.ProxQP(policy=(lame, *qp.POLICY)).solve(P)
+    assert retried.status == "solved" and retried.iterations > 1
+    assert alone.status != "solved" or np.abs(alone.a - retried.a).max() < 1e-7  # the polish may rescue it
+
+
+def test_units_of_mass_change_nothing_but_the_forces():
+    """M, rhs and forces a million times larger or smaller: the same acceleration, and solved."""
+    P = next(iter(pushed_problems("talos", 1, 9)))[2]
+    a = rbd.ProxQP().solve(P).a
+    for scale in (1e-3, 1e3, 1e6):
+        s = rbd.ProxQP().solve(rbd.GaussProblem(scale * P.M, scale * P.rhs, P.rows))
+        assert s.status == "solved" and np.abs(s.a - a).max() < 1e-6 * np.abs(a).max()
+
+
+@pytest.mark.parametrize("friction", [1e-9, 1e-4, 10.0, 1e3])
+def test_extreme_friction_is_solved(talos, friction, rng):
+    """From ice to glue."""
+    state = talos.standing()
+    for _ in range(5):
+        s = rbd.solve(state, 10.0 * rng.normal(size=talos.nu), talos.soles(friction), check=False)
+        assert s.status == "solved", s
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore", rbd.errors.EffortLimitWarning)
+    for robot in ("talos", "talos_full", "g1", "g1_hands"):
+        answers = [rbd.ProxQP().solve(problem) for _, _, problem in pushed_problems(robot, 1000, seed=1)]
+        worst = np.array([s.residuals.worst for s in answers])
+        solved, tries = (worst <= 1e-9).mean(), np.mean([s.iterations for s in answers])
+        seconds = np.median([s.seconds for s in answers])
+        slip = np.mean([max(np.abs(c).max() for c in s.accelerations.values()) > 1e-3 for s in answers])
+        print(
+            f"{robot:12} {100 * solved:.2f} % solved, worst {worst.max():.1e}, 99.9 % at {np.quantile(worst, 0.999):.1e}, "
+            f"{100 * slip:.0f} % slip or lift, {tries:.1f} iterations, {1e6 * seconds:.0f} us"
+        )

@@ -1,0 +1,83 @@
+"""The QP room: one sign, one retry policy, and a linear program that tells whether constraints can be met."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.solvers import qp
+
+
+def _solve(H, g, A=None, b=None, C=None, l=None, u=None):
+    return next(iter(qp.attempts(H, g, A, b, C, l, u)))
+
+
+def test_a_multiplier_is_a_force_with_its_sign(rng):
+    """H x + g = A^T y + C^T z: z >= 0 where a lower bound holds, z <= 0 where an upper one does."""
+    one = np.eye(1)
+    pushed = _solve(one, np.array([3.0]), C=one, l=np.array([0.0]), u=np.array([10.0]))
+    assert pushed.x == pytest.approx([0.0], abs=1e-9) and pushed.z == pytest.approx([3.0])
+    pulled = _solve(one, np.array([-20.0]), C=one, l=np.array([0.0]), u=np.array([10.0]))
+    assert pulled.x == pytest.approx([10.0]) and pulled.z == pytest.approx([-10.0])
+    held = _solve(one, np.array([3.0]), A=one, b=np.array([1.0]))
+    assert held.x == pytest.approx([1.0]) and held.y == pytest.approx([4.0])
+
+
+def test_random_programs_satisfy_their_optimality_conditions(rng):
+    """Stationarity, feasibility, complementarity, recomputed, at the first setting.
+
+    ProxSuite calls an answer solved whose multipliers push at bounds 1e-3 away, unless its duality gap is asked for.
+    """
+    for _ in range(60):
+        n = 8
+        B = rng.normal(size=(n, n))
+        H, g = B @ B.T + 0.1 * np.eye(n), rng.normal(size=n)
+        A, C = rng.normal(size=(2, n)), rng.normal(size=(5, n))
+        x0 = rng.normal(size=n)
+        b, l = A @ x0, C @ x0 - rng.uniform(size=5)
+        u = np.where(rng.uniform(size=5) < 0.5, np.inf, C @ x0 + rng.uniform(size=5))
+        r = _solve(H, g, A, b, C, l, u)
+        assert np.abs(H @ r.x + g - A.T @ r.y - C.T @ r.z).max() < 1e-8
+        assert np.abs(A @ r.x - b).max() < 1e-8
+        assert (C @ r.x > l - 1e-8).all() and (C @ r.x < u + 1e-8).all()
+        slack = np.where(r.z > 0, C @ r.x - l, np.where(np.isinf(u), 0.0, u - C @ r.x))
+        assert np.abs(r.z * slack).max() < 1e-7 and (r.z[np.isinf(u)] > -1e-9).all()
+
+
+def test_one_result_a_setting_until_the_caller_stops():
+    """Attempts are made when asked for, and their iterations add up."""
+    one = np.eye(1)
+    results = list(qp.attempts(one, -one[0], None, None, one, np.zeros(1), None))
+    assert len(results) == len(qp.POLICY)
+    assert [r.iterations for r in results] == sorted(r.iterations for r in results)
+    assert all(r.x == pytest.approx([1.0]) for r in results)
+
+
+@pytest.mark.parametrize("what", ["H", "g", "A", "b", "C", "l", "u"])
+def test_nan_never_reaches_proxsuite(what):
+    """It would run on for seconds and call the answer solved."""
+    one = np.eye(1)
+    given = {"H": one, "g": one[0], "A": one, "b": one[0], "C": one, "l": -one[0], "u": one[0]}
+    given[what] = np.full_like(given[what], np.nan)
+    with pytest.raises(rbd.InputError, match="QP"):
+        _solve(**given)
+
+
+def test_infinite_bounds_bound_nothing():
+    """Neither -inf below nor inf above."""
+    one = np.eye(1)
+    r = _solve(one, np.array([-5.0]), C=one, l=np.array([-np.inf]), u=np.array([np.inf]))
+    assert r.x == pytest.approx([5.0]) and r.z == pytest.approx([0.0], abs=1e-12)
+
+
+def test_least_violation_tells_whether_constraints_can_be_met(rng):
+    """Zero where they can; where x = 0 and x = 1 are asked for, one half."""
+    one = np.ones((1, 1))
+    none = np.zeros((0, 1))
+    both = np.ones((2, 1))
+    assert qp.least_violation(both, np.array([0.0, 1.0]), none, np.zeros(0)) == pytest.approx(0.5)
+    assert qp.least_violation(one, np.zeros(1), one, np.array([-1.0])) == pytest.approx(0.0, abs=1e-9)
+    assert qp.least_violation(none, np.zeros(0), np.array([[1.0], [-1.0]]), np.array([1.0, 0.0])) == pytest.approx(0.5)
+    A = rng.normal(size=(3, 6))
+    assert qp.least_violation(A, rng.normal(size=3), np.zeros((0, 6)), np.zeros(0)) == pytest.approx(0.0, abs=1e-8)

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import rbd
+from rbd.cli import app
+
+runner = CliRunner()
+
+
+def run(*arguments: str) -> tuple[int, str, str]:
+    """(exit code, what is printed, what is complained)."""
+    answer = runner.invoke(app, list(arguments))
+    if answer.exception is not None and not isinstance(answer.exception, SystemExit):
+        raise answer.exception
+    return answer.exit_code, answer.stdout, answer.stderr
+
+
+def test_talos_stands_and_the_table_says_what_its_feet_carry():
+    """Each foot's force, friction and centre of pressure; torques; the fall without contacts; residuals."""
+    code, out, _ = run("stand", "talos")
+    assert code == 0
+    for word in ("left_sole", "right_sole", "friction used", "centre of pressure [m]", "885.57", "arm_left_4_joint",
+                 "|a - a_free| in M", "without contacts", "-9.810", "centroidal", "solved by ProxQP", "times"):  # fmt: skip
+        assert word in out, word
+
+
+def test_the_file_of_numbers_agrees_with_the_library(tmp_path):
+    """--json holds what `hold` and `solve` return for the same question."""
+    code, _, _ = run("stand", "talos", "--push", "0,80,0", "--at", "torso_2_link", "--json", str(tmp_path / "out.json"))
+    assert code == 0
+    data = json.loads((tmp_path / "out.json").read_text())
+    robot = rbd.load_robot("talos")
+    state, feet = robot.standing(), robot.feet(0.7)
+    tau = rbd.hold(state, feet).tau
+    solution = rbd.solve(state, tau, feet, external=[rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))])
+    assert data["status"] == "solved" and data["law"] == "convex, 4 facets"
+    assert np.abs(np.array(data["a"]) - solution.a).max() == 0.0
+    assert np.abs(np.array(list(data["tau"].values())) - tau).max() == 0.0
+    for name, force in solution.forces.items():
+        given = data["contacts"][name]
+        assert np.abs(np.array(given["force"] + given["moment"]) - force).max() == 0.0
+    fall = np.array(data["centre_of_mass_acceleration_without_contacts"])
+    assert np.abs(fall - [0.0, 80.0 / robot.mass, -9.81]).max() < 1e-9  # Newton: only weight and push
+    assert all(r["scaled"] <= 1e-9 for r in data["residuals"].values())
+
+
+def test_the_page_is_written(tmp_path):
+    """--html writes one file with the robot's name in it."""
+    code, out, _ = run("stand", "bolt", "--html", str(tmp_path / "bolt.html"))
+    assert code == 0 and "picture:" in out
+    assert "bolt" in (tmp_path / "bolt.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["talso"], ["'talso'", "'talos'"]),
+        (["nowhere/robot.urdf"], ["nowhere/robot.urdf"]),
+        (["talos", "--friction", "-1"], ["friction", "-1"]),
+        (["talos", "--friction", "nan"], ["friction", "nan"]),
+        (["talos", "--push", "0,80,0"], ["--at"]),
+        (["talos", "--at", "torso_2_link"], ["--push"]),
+        (["talos", "--push", "0,eighty,0", "--at", "torso_2_link"], ["0,eighty,0", "newtons"]),
+        (["talos", "--push", "0,inf,0", "--at", "torso_2_link"], ["finite"]),
+        (["talos", "--push", "0,80", "--at", "torso_2_link"], ["three numbers"]),
+        (["talos", "--push", "0,80,0", "--at", "torso_2_lnk"], ["'torso_2_link'"]),
+        (["talos", "--posture", "siting"], ["half_sitting"]),
+        (["panda"], ["no feet are known"]),
+        (["talos", "--json", "nowhere/out.json"], ["nowhere/out.json"]),
+        (["talos", "--html", "nowhere/out.html"], ["nowhere"]),
+        (["talos", "--pull", "0,1,0"], ["--pull"]),
+    ],
+)
+def test_bad_input_ends_with_code_2_and_says_what_was_wrong(arguments, words):
+    """What came, or what to try, is in the message; nothing is printed as if it were an answer."""
+    code, out, complaint = run("stand", *arguments)
+    assert code == 2
+    for word in words:
+        assert word in complaint + out
+
+
+def test_a_pose_that_cannot_be_held_ends_with_code_1(monkeypatch):
+    """Motors of a tenth of their strength cannot hold Talos: no solution, and the motor in the way is named."""
+
+    def weak(name, **options):
+        robot = rbd.load_robot(name, **options)
+        robot.effort_limit = 0.1 * robot.effort_limit
+        return robot
+
+    monkeypatch.setattr("rbd.cli.load_robot", weak)
+    code, out, complaint = run("stand", "talos")
+    assert code == 1
+    assert "cannot be held" in complaint and "_joint'" in complaint and "torque limit" in complaint
+    assert "left_sole" not in out
+
+
+def test_a_push_to_the_left_may_start_with_a_minus():
+    """A negative first component is a number, not an option."""
+    code, out, _ = run("stand", "talos", "--push", "-20,0,0", "--at", "torso_2_link")
+    assert code == 0 and "pushed with (-20.0, 0.0, 0.0) N" in out
+
+
+def test_the_module_runs_as_a_command():
+    """`python -m rbd` is the same program; a bare call shows the help."""
+    found = subprocess.run([sys.executable, "-m", "rbd", "stand", "--help"], capture_output=True, text=True, timeout=120)
+    assert found.returncode == 0
+    assert "--push" in found.stdout and "--json" in found.stdout

@@ -1,0 +1,105 @@
+"""The pages hold: their code runs, and every function, test, link and reference they name exists."""
+
+import importlib
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+from test_readme import TOP, blocks, broken_links, run_page
+
+PAGES = sorted((TOP / "docs").rglob("*.md")) + [TOP / "examples" / "README.md", TOP / "CHANGELOG.md"]
+WITH_CODE = [page for page in PAGES if any(block.language == "python" for block in blocks(page))]
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(TOP))
+
+
+def in_code(page: Path) -> set[str]:
+    """What a page sets in backquotes outside its fenced blocks, and all of it in its Tests lines."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return set(re.findall(r"`([^`\n]+)`", text))
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=name_of)
+def test_the_code_of_the_page_prints_what_it_shows(page):
+    """Python blocks run in order, in one namespace, and print the text block that follows them."""
+    assert run_page(page) > 0
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_the_names_on_the_page_exist(page):
+    """Every `rbd.some.name` is a module, a function, a class, or a member or field of one."""
+    wrong = [name for name in in_code(page) if re.fullmatch(r"rbd(\.\w+)+", name) and not resolves(name)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_the_tests_on_the_page_exist(page):
+    """Every `tests/file.py::test_name` is a test in that file."""
+    missing = []
+    for named in in_code(page):
+        if found := re.fullmatch(r"(tests/[\w/]+\.py)(?:::(\w+))?", named):
+            file, test = TOP / found[1], found[2]
+            text = file.read_text(encoding="utf-8") if file.is_file() else ""
+            if not re.search(rf"^\s*def {test or 'test_'}", text, flags=re.MULTILINE):
+                missing.append(named)
+    assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_the_links_of_the_page_lead_somewhere(page):
+    """Relative links lead to files and headings of the repository."""
+    assert broken_links(page) == []
+
+
+def test_every_equation_of_the_theory_names_its_function_and_its_test():
+    """After a block of mathematics come `In code:` with a name of the package, and `Tests:` with a test."""
+    parts = re.split(r"```math\n.*?```", (TOP / "docs" / "theory.md").read_text(encoding="utf-8"), flags=re.DOTALL)[1:]
+    assert len(parts) > 10
+    for part in parts:
+        paragraph = part.strip().split("\n\n")[0]
+        assert paragraph.startswith("In code: `rbd."), paragraph
+        assert re.search(r"Tests: `tests/[\w/]+\.py::test_\w+`", paragraph.replace("\n", " ")), paragraph
+
+
+def test_every_reference_is_in_the_bibliography():
+    """Keys cited in pages and docstrings are in docs/references.bib, each once, and none is there for nothing."""
+    bibliography = (TOP / "docs" / "references.bib").read_text(encoding="utf-8")
+    keys = re.findall(r"^@\w+\{(\w+),", bibliography, flags=re.MULTILINE)
+    assert len(keys) == len(set(keys))
+    cited = set()
+    for file in [*PAGES, TOP / "README.md", *(TOP / "rbd").rglob("*.py")]:
+        cited |= set(re.findall(r"\[([A-Z][A-Za-z]+(?:\d{4}|Motion))\]", file.read_text(encoding="utf-8")))
+    assert cited == set(keys)
+
+
+def test_the_notation_opens_with_the_conventions():
+    """Three lines: the world's axes, the order of vectors, the sign of a force."""
+    first = (TOP / "docs" / "notation.md").read_text(encoding="utf-8").splitlines()[:3]
+    for line, words in zip(first, (("World", "z up"), ("linear first", "x, y, z, w"), ("to the robot",)), strict=True):
+        assert all(word in line for word in words), line
+
+
+def resolves(name: str) -> bool:
+    """Whether a dotted name leads to something, through modules, attributes and documented fields."""
+    first, *rest = name.split(".")
+    value = importlib.import_module(first)
+    for i, part in enumerate(rest):
+        if hasattr(value, part):
+            value = getattr(value, part)
+        elif hasattr(value, "__path__") and importlib.util.find_spec(".".join([first, *rest[: i + 1]])):
+            value = importlib.import_module(".".join([first, *rest[: i + 1]]))
+        else:
+            # Fields without a default and what __init__ sets are no attributes of a class: its docstring lists them.
+            listed = [re.findall(r"^ +(\w+):", c.__doc__ or "", re.MULTILINE) for c in getattr(value, "__mro__", ())]
+            fields = [list(getattr(c, "__annotations__", ())) for c in getattr(value, "__mro__", ())]
+            return i == len(rest) - 1 and part in {n for names in listed + fields for n in names}
+    return True
+
+
+def test_names_that_do_not_exist_are_noticed():
+    """The check of names above can fail."""
+    assert resolves("rbd.State.q") and resolves("rbd.dynamics.coriolis_tensor") and resolves("rbd.Rows.J")
+    assert not resolves("rbd.dynamics.coriolis_tensors") and not resolves("rbd.State.quaternion_of_nobody")
