@@ -161,7 +161,7 @@ def stages(d: Draws, kind: str) -> dict[str, Callable[[int], object]]:
 def main() -> None:
     """Print the table."""
     warnings.simplefilter("ignore", EffortLimitWarning)
-    console = Console()
+    console = Console(width=100)
     for name in ("talos", "g1"):
         d = Draws(name)
         columns = {

@@ -41,11 +41,11 @@ def test_the_file_of_numbers_agrees_with_the_library(tmp_path):
     tau = rbd.hold(state, feet).tau
     solution = rbd.solve(state, tau, feet, external=[rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))])
     assert data["status"] == "solved" and data["law"] == "convex, 4 facets"
-    assert np.abs(np.array(data["a"]) - solution.a).max() == 0.0
-    assert np.abs(np.array(list(data["tau"].values())) - tau).max() == 0.0
+    assert np.abs(np.array(data["a"]) - solution.a).max() < 1e-9  # rounding differs with the arrays' places in memory
+    assert np.abs(np.array(list(data["tau"].values())) - tau).max() < 1e-9
     for name, force in solution.forces.items():
         given = data["contacts"][name]
-        assert np.abs(np.array(given["force"] + given["moment"]) - force).max() == 0.0
+        assert np.abs(np.array(given["force"] + given["moment"]) - force).max() < 1e-7
     fall = np.array(data["centre_of_mass_acceleration_without_contacts"])
     assert np.abs(fall - [0.0, 80.0 / robot.mass, -9.81]).max() < 1e-9  # Newton: only weight and push
     assert all(r["scaled"] <= 1e-9 for r in data["residuals"].values())
