@@ -1,8 +1,12 @@
 """Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof."""
 
+from rbd import engine as _engine  # noqa: F401  first: another Pinocchio than ours is named before anything breaks
+
+# isort: split
 from rbd import dynamics, errors
 from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.constraints import PointContact, SurfaceContact
+from rbd.doctor import Finding, Report, doctor
 from rbd.equilibrium import Hold, hold
 from rbd.errors import (
     CannotHold,
@@ -23,6 +27,7 @@ from rbd.errors import (
     UnknownName,
     UnknownRobot,
     Unsupported,
+    WrongPinocchio,
 )
 from rbd.external import ExternalForce
 from rbd.least_constraint import gauss_problem, solve
@@ -33,6 +38,7 @@ from rbd.solution import Solution, Status
 from rbd.solvers.kkt import KKT
 from rbd.solvers.proxqp import ProxQP
 from rbd.state import State
+from rbd.xml_file import FileLimits
 
 __version__ = "0.1.0"
 
@@ -44,6 +50,8 @@ __all__ = [
     "DuplicateName",
     "EffortLimitWarning",
     "ExternalForce",
+    "FileLimits",
+    "Finding",
     "FrameNotFound",
     "Free",
     "FrictionCone",
@@ -62,6 +70,7 @@ __all__ = [
     "ProxQP",
     "RbdError",
     "RbdWarning",
+    "Report",
     "Robot",
     "Rows",
     "SingularInertia",
@@ -73,7 +82,9 @@ __all__ = [
     "UnknownRobot",
     "Unsupported",
     "WrenchCone",
+    "WrongPinocchio",
     "__version__",
+    "doctor",
     "dynamics",
     "errors",
     "gauss_problem",

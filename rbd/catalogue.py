@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rbd.errors import ModelError, UnknownRobot, nearest
+from rbd.errors import InputError, ModelError, UnknownRobot, nearest
 
 DATA = "example-robot-data"
 ROBOTS = f"cmeel.prefix/share/{DATA}/robots"  # inside site-packages; its meshes are named from share/
@@ -102,21 +102,58 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
     >>> find("talos").urdf.name, [foot.name for foot in find("talos").feet]
     ('talos_reduced.urdf', ['left_sole', 'right_sole'])
     """
-    name = os.fspath(name_or_path)
-    path = Path(name).expanduser()
-    extra = tuple(Path(folder).expanduser() for folder in package_dirs)
+    name = _text(name_or_path, "the robot")
+    path = _expanded(name)
+    extra = tuple(_expanded(_text(folder, "a package folder")) for folder in _folders(package_dirs))
     looks_like_path = not isinstance(name_or_path, str) or path.suffix in MODEL_FILES or path.name != name
-    if looks_like_path and path.is_file():
+    if looks_like_path and _is_file(path):
         return _source(path, extra)
     if isinstance(name_or_path, str) and (known := _by_name(name)):
         return _source(known, extra)
-    if path.is_file():
+    if _is_file(path):
         return _source(path, extra)
     close = nearest(path.stem if looks_like_path else name, names())
     if looks_like_path:
-        raise ModelError(f"no file {name!r}, neither from {str(Path.cwd())!r} nor in {DATA}; {close}.")
+        raise ModelError(f"no file {name!r:.200}, neither from {str(Path.cwd())!r} nor in {DATA}; {close}.")
     robots_folder()  # if the data are absent, that is the reason
-    raise UnknownRobot(f"no robot {name!r}; {close}. rbd.catalogue.names() has them all.")
+    raise UnknownRobot(f"no robot {name!r:.80}; {close}. rbd.catalogue.names() has them all.")
+
+
+def _text(value: object, what: str) -> str:
+    """A name or path as text.
+
+    Raises:
+        InputError: if it is neither.
+    """
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str):
+        raise InputError(f"{what} is {value!r:.80}; expected a name or a path.")
+    if "\0" in text:
+        raise UnknownRobot(f"{what} is {value!r:.80}; no name or path has a null character in it.")
+    return text
+
+
+def _folders(package_dirs: object) -> list[object]:
+    if isinstance(package_dirs, str | os.PathLike):
+        return [package_dirs]  # one folder, not its letters
+    try:
+        return list(package_dirs)  # type: ignore[call-overload]
+    except TypeError:
+        raise InputError(f"package_dirs is {package_dirs!r:.80}; expected a list of folders.") from None
+
+
+def _expanded(text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # "~nobody"
+        return Path(text)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name too long, a folder one may not enter
+        return False
 
 
 def names() -> list[str]:
@@ -127,6 +164,14 @@ def names() -> list[str]:
     files = _files()
     stems = [Path(file).stem for file in files if file not in BROKEN]
     return sorted(set(_entries()) | {stem for stem in stems if stems.count(stem) == 1})
+
+
+def robots() -> list[str]:
+    """One name for each robot file that loads: its short name, else the file's stem. Those with short names come first."""
+    short = {entry["file"]: key for key, entry in _entries().items()}
+    known = set(names())
+    others = (Path(file).stem for file in _files() if file not in short and file not in BROKEN)
+    return [*short.values(), *(stem for stem in others if stem in known)]
 
 
 def robots_folder() -> Path:

@@ -11,20 +11,22 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 import typer
 from rich.console import Console
+from rich.progress import track
 
 from rbd.arrays import Array, three
 from rbd.equilibrium import hold
-from rbd.errors import InputError, NoSolution, RbdError
+from rbd.errors import InputError, ModelWarning, NoSolution, RbdError
 from rbd.external import ExternalForce
 from rbd.least_constraint import solve
 from rbd.report import StandReport
 from rbd.robot import load_robot
 
 NO_SOLUTION, BAD_INPUT = 1, 2
+ROOTS: tuple[Literal["free_flyer"], Literal["fixed"]] = ("free_flyer", "fixed")
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
@@ -85,6 +87,43 @@ def stand(
         else:
             _write_json(json_, report)
             console.print(report)
+
+
+@app.command()
+def robots() -> None:
+    """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands out of the box."""
+    from rbd import catalogue
+    from rbd.listing import robot_lines, robots_table
+
+    console = _console()
+    with _answering(console):
+        names = catalogue.robots()
+        shown = track(robot_lines(names), "loading", len(names), console=Console(stderr=True), transient=True)
+        console.print(robots_table(list(shown)))
+
+
+@app.command()
+def info(
+    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
+    root: Annotated[str, typer.Option(help="free_flyer or fixed.")] = "free_flyer",
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+) -> None:
+    """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
+    from rbd.listing import robot_info
+
+    console = _console()
+    with _answering(console):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)  # the doctor's findings are printed below in full
+            loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
+        console.print(robot_info(loaded), soft_wrap=False)
+
+
+def _root(root: str) -> Literal["free_flyer", "fixed"]:
+    for known in ROOTS:
+        if root == known:
+            return known
+    raise InputError(f"--root is {root!r}; expected free_flyer or fixed.")
 
 
 def _push(push: str | None, at: str | None) -> Array | None:

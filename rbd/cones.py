@@ -20,7 +20,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from rbd.arrays import Array, numbers
+from rbd.arrays import Array, is_finite, numbers
 from rbd.errors import InputError
 
 
@@ -81,6 +81,9 @@ class Free:
 
     dim: int
 
+    def __post_init__(self) -> None:
+        _check_dim(self.dim)
+
     def project(self, force: Array) -> Array:
         """The force itself."""
         return force
@@ -95,6 +98,9 @@ class NonNegative:
     """Forces that only push: every component >= 0."""
 
     dim: int = 1
+
+    def __post_init__(self) -> None:
+        _check_dim(self.dim)
 
     def project(self, force: Array) -> Array:
         """Negative components become zero."""
@@ -149,8 +155,8 @@ class Box:
 
     def __post_init__(self) -> None:
         lo, hi = np.atleast_1d(numbers("lo of a Box", self.lo)), np.atleast_1d(numbers("hi of a Box", self.hi))
-        if lo.shape != hi.shape or lo.ndim != 1 or not (lo <= hi).all():
-            raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r}, hi = {self.hi!r}.")
+        if lo.shape != hi.shape or lo.ndim != 1 or not ((lo <= hi) & (lo < np.inf) & (hi > -np.inf)).all():
+            raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r:.80}, hi = {self.hi!r:.80}.")
         object.__setattr__(self, "lo", lo)
         object.__setattr__(self, "hi", hi)
 
@@ -186,6 +192,10 @@ class WrenchCone:
 
     def __post_init__(self) -> None:
         check_friction(self.mu, self.facets)
+        corners = numbers("corners of a WrenchCone", self.corners)
+        if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
+            raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
+        object.__setattr__(self, "corners", corners)
 
     @property
     def dim(self) -> int:
@@ -220,7 +230,14 @@ class Product:
     cones: tuple[Cone, ...]
 
     def __init__(self, cones: Sequence[Cone]) -> None:
-        object.__setattr__(self, "cones", tuple(cones))
+        try:
+            members = tuple(cones)
+        except TypeError:
+            raise InputError(f"Product wants several sets, got {cones!r:.80}.") from None
+        for cone in members:
+            if isinstance(cone, type) or not (hasattr(cone, "dim") and hasattr(cone, "generators")):
+                raise InputError(f"{cone!r:.80} is no set of forces; expected e.g. rbd.Free(3) or rbd.FrictionCone(0.7).")
+        object.__setattr__(self, "cones", members)
 
     @property
     def dim(self) -> int:
@@ -362,6 +379,11 @@ def block_diagonal(blocks: Sequence[Array]) -> Array:
         i += b.shape[0]
         j += b.shape[1]
     return out
+
+
+def _check_dim(dim: int) -> None:
+    if isinstance(dim, bool) or not isinstance(dim, int | np.integer) or not 0 <= dim <= 100_000:
+        raise InputError(f"the dimension of a set is {dim!r:.80}; expected a whole number from 0 to 100,000.")
 
 
 def check_friction(mu: float, facets: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -120,12 +121,14 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     robot = checked(state).robot
     if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
         raise NotAtRest(f"hold wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
+    with suppress(TypeError):  # which rows_of puts into words
+        contacts = tuple(contacts)
     rows = tuple(rows_of(state, contacts))
     if len(names := [r.name for r in rows]) != len(set(names)):
         twice = next(name for name in names if names.count(name) > 1)
         raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
     rhs, _ = free_force(state, np.zeros(robot.nu), external)
-    statics = _Statics(state, tuple(contacts), rows, rhs)
+    statics = _Statics(state, contacts, rows, rhs)
     w = statics.weights()
     f = statics.G @ w
     load = -statics.rhs - statics.J.T @ f  # what is left for the motors
@@ -144,7 +147,7 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
 class _Statics:
     """The unknown is x, the rays' weights over the body weight: f = G x, and tau follows."""
 
-    def __init__(self, state: State, contacts: tuple[Constraint, ...], rows: tuple[Rows, ...], rhs: Array) -> None:
+    def __init__(self, state: State, contacts: Sequence[Constraint], rows: tuple[Rows, ...], rhs: Array) -> None:
         robot = state.robot
         self.state, self.contacts, self.rows, self.rhs = state, contacts, rows, rhs
         self.rays = [rays(r.cone, inscribed=True) for r in rows]
@@ -171,10 +174,10 @@ class _Statics:
         Raises:
             CannotHold: naming the limit in the way.
         """
+        # Linear programs first: on a program without a solution ProxSuite can run for seconds, or for ever.
+        self._refuse()
         r = len(self.low)
         if not r:
-            if self._miss(np.zeros(0)) > SOLVED:
-                self._explain()
             return np.zeros(0)
         scale = np.where(self.limited, self.limit, self.unit)
         T, t = self.T / scale[:, None], self.t / scale
@@ -184,36 +187,41 @@ class _Statics:
         high = np.concatenate([self.high, t[self.limited] + 1.0])
         best, miss = np.zeros(r), np.inf
         attempts = qp.attempts(H, -2.0 * T.T @ t, self.A / self.unit, self.b / self.unit, C, low, high)
-        for k, attempt in enumerate(attempts):
+        for attempt in attempts:
             x = self._exact(np.clip(attempt.x, self.low, self.high))
             if (found := self._miss(x)) < miss:
                 best, miss = x, found
             if miss <= SOLVED:
                 return best * self.unit
-            if k == 0:
-                self._explain()  # a program without a solution is not worth the other attempts
         robot = self.state.robot
         if miss > USABLE:
             raise CannotHold(f"{robot.name} can be held in principle, but no torques were found within tolerance.")
         warnings.warn(f"{robot.name} is held with a relative error of {miss:.1e}.", InaccurateWarning, stacklevel=3)
         return best * self.unit
 
+    def _unbalanced(self, x: Array) -> float:
+        """What is left where no motor is, over the body weight."""
+        return float(np.abs(self.A @ x - self.b).max(initial=0.0)) / self.unit
+
     def _miss(self, x: Array) -> float:
         """Largest violation of equilibrium, cones and torque limits, each relative to its scale."""
-        out = float(np.abs(self.A @ x - self.b).max(initial=0.0)) / self.unit
-        out = max(out, float(np.maximum(self.low - x, x - self.high).max(initial=0.0)))
+        out = max(self._unbalanced(x), float(np.maximum(self.low - x, x - self.high).max(initial=0.0)))
         return max(out, float((np.abs(self.t - self.T @ x) / self.limit).max(initial=0.0)) - 1.0)
 
     def _exact(self, x: Array) -> Array:
-        """The same x moved, within the weights that carry something, so that A x = b to rounding."""
-        free = (x > self.low + 1e-6) & (x < self.high - 1e-6)
-        for _ in range(2):
-            x = x.copy()
-            x[free] += np.linalg.lstsq(self.A[:, free], self.b - self.A @ x, rcond=1e-12)[0]
-        return x
+        """The same x moved, within the weights that carry something, so that A x = b to rounding, if it can be."""
+        tried = [x]
+        for least in (1e-6, 1e-10):  # at a limit, few weights carry much: those that carry little help then
+            free, moved = (x > self.low + least) & (x < self.high - least), x.copy()
+            for _ in range(2):
+                moved[free] += np.linalg.lstsq(self.A[:, free], self.b - self.A @ moved, rcond=1e-12)[0]
+            if self._unbalanced(moved) <= 1e-13 and self._miss(moved) <= SOLVED:
+                return moved
+            tried.append(moved)
+        return min(tried, key=self._miss)
 
-    def _explain(self) -> None:
-        """Raise CannotHold with the limit in the way; return if nothing is."""
+    def _refuse(self) -> None:
+        """Raise CannotHold with the limit in the way, if there is one."""
         name, found = self.state.robot.name, self._least_excess()
         if found is None:
             raise CannotHold(f"{name} cannot be held{self._on()}: {self._why_unbalanced()}")
@@ -276,7 +284,7 @@ class _Statics:
         r = len(self.low)
         n, p = int(self.limited.sum()) * limits, len(self.passive) * passive
         if r + n + p == 0:
-            return (self.limit * 0.0, np.zeros(0)) if self._miss(np.zeros(0)) <= SOLVED else None
+            return (np.zeros(len(self.limit)), np.zeros(0)) if self._miss(np.zeros(0)) <= SOLVED else None
         limit = self.limit[self.limited][:n]
         T, t = self.T[self.limited][:n] / limit[:, None], self.t[self.limited][:n] / limit
         give = np.zeros((len(self.b), p))

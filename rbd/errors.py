@@ -1,23 +1,28 @@
 """Every error and warning of `rbd`, in one tree.
 
-RbdError
-InputError (also a ValueError)    something given is wrong; nothing was computed
-UnknownName                     a name that is not in the model; nearest names in the message
-UnknownRobot, FrameNotFound, JointNotFound
-DuplicateName                   two constraints, or two rows, under one name
-ModelError                        a robot file is missing, broken or not a robot
-ContactMoves                      a contact that can break or slip already moves
-NotAtRest                         statics asked of a moving robot
-Unsupported                       this solver cannot take this problem; the message says why
-SingularInertia                   M(q) is not positive definite
-NoSolution                        no answer within tolerance; carries problem and result
-CannotHold                      no motor torques hold this pose
-PictureError                      a page or a screenshot could not be made
+::
 
-RbdWarning (a UserWarning)
-EffortLimitWarning                a torque given is beyond a motor's limit
-InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
-ModelWarning                      a robot file that loads, but is not what it seems
+    RbdError
+      InputError (also a ValueError)    something given is wrong; nothing was computed
+        UnknownName                     a name that is not in the model; nearest names in the message
+          UnknownRobot, FrameNotFound, JointNotFound
+        DuplicateName                   two constraints, or two rows, under one name
+      ModelError                        a robot file is missing, broken or not a robot
+      ContactMoves                      a contact that can break or slip already moves
+      NotAtRest                         statics asked of a moving robot
+      Unsupported                       this solver cannot take this problem; the message says why
+      SingularInertia                   M(q) is not positive definite
+      NoSolution                        no answer within tolerance; carries problem and result
+        CannotHold                      no motor torques hold this pose
+      PictureError                      a page or a screenshot could not be made
+      WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
+      ContractBroken                    in rbd.testing: a constraint or a solver does not do what it says
+        ConstraintWrong, SolverWrong
+
+    RbdWarning (a UserWarning)
+      EffortLimitWarning                a torque given is beyond a motor's limit
+      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
+      ModelWarning                      a robot file that loads, but is not what it seems
 """
 
 from __future__ import annotations
@@ -101,6 +106,10 @@ class PictureError(RbdError):
     """A page or a screenshot could not be made."""
 
 
+class WrongPinocchio(RbdError, ImportError):
+    """What `import pinocchio` finds is not pip's Pinocchio; the message says what to do."""
+
+
 class RbdWarning(UserWarning):
     """The root of all warnings of `rbd`."""
 
@@ -119,10 +128,10 @@ class ModelWarning(RbdWarning):
 
 def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
     """The names most like `name`, quoted, for the end of an error message."""
-    known = list(names)
+    known, name = list(names), str(name)[:100]
     if not known:
         return "there are none"
-    close = difflib.get_close_matches(str(name), known, n=count, cutoff=0.5)
+    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
     if not close:
         lower = str(name).lower()
         close = [n for n in known if lower and lower in n.lower()][:count]

@@ -69,7 +69,7 @@ def solve(
     """
     if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
         raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
-    problem = gauss_problem(state, tau, constraints, external=external)
+    problem = _assembled(state, tau, constraints, external)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
@@ -83,6 +83,10 @@ def gauss_problem(
     state: State, tau: Array, constraints: Sequence[Constraint] = (), *, external: External = None
 ) -> GaussProblem:
     """The arrays of the least-constraint problem; arguments and errors as `solve`."""
+    return _assembled(state, tau, constraints, external)
+
+
+def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], external: External) -> GaussProblem:
     if not isinstance(state, State):
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
@@ -103,7 +107,7 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
             f"tau of {robot.actuated_names[worst]} is {tau[worst]:.4g}, beyond its effort limit of "
             f"{robot.effort_limit[worst]:.4g} N m; {beyond} of {robot.nu} motors are beyond theirs.",
             EffortLimitWarning,
-            stacklevel=4,
+            stacklevel=4,  # the line that called `solve` or `gauss_problem`
         )
 
 
@@ -113,6 +117,8 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     Raises:
         InputError: if something in the list is no constraint.
     """
+    if isinstance(constraints, str | bytes):
+        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
     if hasattr(constraints, "rows"):
         raise InputError("constraints is a single constraint; give a list, [constraint].")
     try:
@@ -132,7 +138,7 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
 
 def _refuse_moving(problem: GaussProblem) -> None:
     for r in problem.rows:
-        if r.speed > REST_SPEED and not rays(r.cone).all_lines:
+        if not r.speed <= REST_SPEED and not rays(r.cone).all_lines:
             raise ContactMoves(
                 f"contact {r.name!r} moves at {r.speed:.3g} m/s, and it can slip or break: sliding and impacts are not "
                 f"solved here (limit {REST_SPEED:g}). Use friction=None for a contact that holds, or a state at rest."

@@ -14,11 +14,14 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, numbers
+from rbd.arrays import Array, check_finite, largest, numbers
 from rbd.errors import FrameNotFound, InputError, JointNotFound, nearest
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""
+
+FARTHEST = 1e9
+"""Largest entry of q and of v."""
 
 _tickets = itertools.count(1)
 
@@ -105,7 +108,7 @@ class CheckedModel:
             return self._frames[name]
         except (KeyError, TypeError):
             raise FrameNotFound(
-                f"no frame {name!r} in {self.name}; {nearest(name, self._frames)}. See robot.frames()."
+                f"no frame {name!r:.80} in {self.name}; {nearest(name, self._frames)}. See robot.frames()."
             ) from None
 
     def site(self, frame: str) -> tuple[int, pin.SE3]:
@@ -130,7 +133,7 @@ class CheckedModel:
             return self._joints[name]
         except (KeyError, TypeError):
             raise JointNotFound(
-                f"no joint {name!r} in {self.name}; {nearest(name, self._joints)}. See robot.joints()."
+                f"no joint {name!r:.80} in {self.name}; {nearest(name, self._joints)}. See robot.joints()."
             ) from None
 
     def check_q(self, q: Array) -> Array:
@@ -140,6 +143,7 @@ class CheckedModel:
             InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
         """
         q = self._vector("q", q, self.nq, "nq")
+        _check_reach(f"q of {self.name}", q)
         for begin, end in self._unit_blocks:
             block = q[begin:end]
             norm = math.sqrt(np.vdot(block, block))
@@ -159,7 +163,10 @@ class CheckedModel:
         Raises:
             InputError: wrong size or not finite.
         """
-        return self._vector(what, v, self.nv, "nv")
+        out = self._vector(what, v, self.nv, "nv")
+        if what == "v":
+            _check_reach(f"v of {self.name}", out)
+        return out
 
     def check_tau(self, tau: Array) -> Array:
         """Motor torques, copied, shape (nu,).
@@ -239,6 +246,12 @@ class DataPool:
                 slot.ticket = 0
                 self._lent.remove(slot)
                 self._free.append(slot)
+
+
+def _check_reach(what: str, values: Array) -> None:
+    """Refuse what no robot reaches: positions so large lose the millimetres between their links to rounding."""
+    if largest(values) > FARTHEST:
+        raise InputError(f"{what} reaches {largest(values):.3g}; at most {FARTHEST:g} is taken [m, rad, and per second].")
 
 
 def _as_slice(indices: Array) -> slice | Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rbd.arrays import Array
@@ -33,8 +35,10 @@ def inside_distance(point: Array, hull: Array) -> float:
 
     Args:
         point: Shape (2,).
-        hull: As `convex_hull` gives it; of fewer than three corners every point is outside, or on it.
+        hull: As `convex_hull` gives it; of fewer than three corners every point is outside, or on it; of none, -inf.
     """
+    if len(hull) == 0:
+        return -math.inf
     p = np.asarray(point, float)[:2]
     if len(hull) == 1:
         return -float(np.linalg.norm(p - hull[0]))

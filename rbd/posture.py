@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from rbd.errors import ModelError
 from rbd.model import CheckedModel
 from rbd.polygon import convex_hull, inside_distance
 from rbd.state import State
+from rbd.xml_file import FileLimits, read_xml
 
 Foot = SurfaceContact | PointContact
 
@@ -40,10 +40,7 @@ def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[flo
 
 def semantic_postures(robot: CheckedModel, srdf: Path) -> dict[str, Array]:
     """{name: q} of an SRDF's group states, read by joint name."""
-    try:
-        tree = ElementTree.parse(srdf).getroot()
-    except (ElementTree.ParseError, OSError) as error:
-        raise ModelError(f"{srdf.name} cannot be read as XML: {error}.") from None
+    tree = read_xml(srdf, FileLimits())
     found = {}
     for group in tree.iter("group_state"):
         angles = {}

@@ -205,3 +205,14 @@ def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:
         if not isinstance(r, Rows):
             raise InputError(f"rows hold a {type(r).__name__}; expected rbd.Rows.")
     return out
+
+
+def checked(problem: GaussProblem) -> GaussProblem:
+    """The problem, if it is one.
+
+    Raises:
+        InputError: if it is something else.
+    """
+    if not isinstance(problem, GaussProblem):
+        raise InputError(f"a solver wants a GaussProblem, got {problem!r:.80}. For a robot, use rbd.solve(state, tau, ...).")
+    return problem

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
@@ -17,16 +15,17 @@ import pinocchio as pin
 from rbd import catalogue
 from rbd.arrays import Array
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.doctor import examine, refuse
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
+from rbd.geometry import Geometry, load_geometry, sole_of
 from rbd.model import CheckedModel
+from rbd.model_file import RobotFile, check_freedoms, read
 from rbd.posture import configuration, semantic_postures, stand
 from rbd.state import State
+from rbd.urdf_file import BASE_JOINT
+from rbd.xml_file import FileLimits, read_xml
 
 Root = Literal["free_flyer", "fixed"]
-MOST_COORDINATES = 400
-"""A robot of more degrees of freedom is refused: one `pin.Data` of 400 takes 2 GB."""
-MOST_LINKS = 1000
-"""A URDF of more links is refused: the parsers recurse, and a chain of 4,000 ends the process."""
 
 
 class Robot(CheckedModel):
@@ -40,11 +39,19 @@ class Robot(CheckedModel):
         postures: {name: q, shape (nq,)}, from the SRDF and the catalogue.
     """
 
-    def __init__(self, model: pin.Model, source: catalogue.Source, root: Root, passive: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        model: pin.Model,
+        source: catalogue.Source,
+        root: Root,
+        passive: Iterable[str] = (),
+        limits: FileLimits = FileLimits(),  # noqa: B008  frozen
+    ) -> None:
         super().__init__(model, passive=passive, name=source.name)
         self.source = source
         self.urdf = source.urdf
         self.root: Root = root
+        self.limits = limits
         found = {} if source.srdf is None else semantic_postures(self, source.srdf)
         for keyframe in model.referenceConfigurations:  # of an MJCF file
             found[keyframe.key()] = pin.normalize(model, keyframe.data())
@@ -146,28 +153,59 @@ class Robot(CheckedModel):
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
-        """Meshes and shapes to draw; empty, with a warning, where they cannot be read."""
-        return self._geometry(pin.GeometryType.VISUAL)
+        """Meshes and shapes to draw, boxes in place of meshes that cannot be had; the first use warns of those."""
+        return self._geometry(pin.GeometryType.VISUAL).model
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
-        """Collision shapes; empty, with a warning, where they cannot be read."""
+        """Collision shapes, boxes in place of meshes that cannot be had; the first use warns of those."""
+        return self._collision.model
+
+    @cached_property
+    def _collision(self) -> Geometry:
         return self._geometry(pin.GeometryType.COLLISION)
 
-    def _geometry(self, kind: pin.GeometryType) -> pin.GeometryModel:
-        folders = [str(folder) for folder in self.source.package_dirs]
-        try:
-            if _element(self.urdf).tag == "mujoco":
-                return pin.buildGeomFromMJCF(self.model, str(self.urdf), kind)
-            return pin.buildGeomFromUrdf(self.model, str(self.urdf), kind, package_dirs=folders)
-        except (ValueError, RuntimeError) as error:
-            warnings.warn(
-                f"the {kind.name.lower()} geometry of {self.name} is left out: {_first_line(error)} Give the folder "
-                "above its packages: load_robot(..., package_dirs=[folder]).",
-                ModelWarning,
-                stacklevel=3,
-            )
-            return pin.GeometryModel()
+    def _geometry(self, kind: pin.GeometryType) -> Geometry:
+        found = load_geometry(self.model, read_xml(self.urdf, self.limits), self.urdf, self.source.package_dirs, kind)
+        if found.complaint:
+            warnings.warn(f"the {kind.name.lower()} geometry of {self.name} {found.complaint}", ModelWarning, stacklevel=4)
+        return found
+
+    def soles_from_collision(
+        self, frames: Sequence[str], friction: float | None = 0.7, *, at: State | None = None, facets: int = 4
+    ) -> list[SurfaceContact]:
+        """The flat undersides of its feet as surface contacts, from the collision shapes of its file.
+
+        For a robot that the catalogue does not know. A sole is the convex hull of all points of the foot's shapes within
+        2 mm of the lowest plane (a ball gives its lowest point), with the corners left out that add little; it lies on
+        that plane.
+
+        Args:
+            frames: A frame on each foot; the contacts are called like them.
+            friction: Coulomb's coefficient; None for contacts that hold.
+            at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
+                neutral one. Feet may lean up to 20 degrees.
+            facets: Facets of the corner pyramids in a QP.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            ModelError: a foot without collision shapes, or one that touches at less than three points.
+
+        >>> rbd.load_robot("g1").soles_from_collision(["left_ankle_roll_link"])[0].corners.shape
+        (4, 3)
+        """
+        if isinstance(frames, str) or not isinstance(frames, Iterable):
+            raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
+        if at is None:
+            known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
+            at = self.at(known) if known is None or not self.source.feet else self.standing(known)
+        if not isinstance(at, State) or at.robot is not self:
+            raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
+        soles = [(frame, sole_of(self, self._collision, frame, at)) for frame in frames]
+        return [
+            SurfaceContact(frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets)
+            for frame, sole in soles
+        ]
 
 
 def load_robot(
@@ -176,6 +214,7 @@ def load_robot(
     root: Root = "free_flyer",
     passive: Sequence[str] = (),
     package_dirs: Iterable[str | os.PathLike[str]] = (),
+    limits: FileLimits | None = None,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
@@ -185,6 +224,10 @@ def load_robot(
             world (and so drops that link's mass). An MJCF file says itself whether it floats.
         passive: Joints that carry no motor.
         package_dirs: Folders that hold the packages of `package://` meshes.
+        limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
+
+    What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
+    tells it in full.
 
     Raises:
         UnknownRobot: no such robot; the nearest names are in the message.
@@ -192,132 +235,42 @@ def load_robot(
         ModelError: a missing or broken file.
         InputError: arguments of the wrong kind.
     """
-    if root not in ("free_flyer", "fixed") or not isinstance(root, str):
+    if not isinstance(root, str) or root not in ("free_flyer", "fixed"):
         raise InputError(f"root is {root!r:.80}; expected 'free_flyer' or 'fixed'.")
+    if limits is not None and not isinstance(limits, FileLimits):
+        raise InputError(f"limits is {limits!r:.80}; expected rbd.FileLimits(max_dof=...).")
+    limits = FileLimits() if limits is None else limits
     source = catalogue.find(name_or_path, package_dirs)
-    element = _element(source.urdf)
-    if element.tag == "mujoco":
-        model = _mjcf_model(source.urdf, element, root)
+    file = read(source.urdf, limits, floating=root == "free_flyer")
+    model = _built(file, root)
+    if file.kind == "mjcf":
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
-    else:
-        model = _urdf_model(source.urdf, element, root)
+    check_freedoms(source.urdf, model.nv, limits)
     if model.nv == 0:
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
-    if model.nv > MOST_COORDINATES:
-        raise ModelError(
-            f"{source.urdf.name} has {model.nv} degrees of freedom; at most {MOST_COORDINATES} are taken: Pinocchio's data "
-            f"would fill {32e-9 * model.nv**3:.0f} GB. Weld joints that do not move."
-        )
-    for name, inertia in zip(model.names, model.inertias, strict=True):
-        if not np.isfinite(inertia.toDynamicParameters()).all() or inertia.mass < 0.0:
-            raise ModelError(f"the bodies at joint {name!r} of {source.urdf.name} have a mass or inertia that is not physical.")
-    return Robot(model, source, root, passive)
+    robot = Robot(model, source, root, passive, limits)
+    report = examine(robot, file, robot.postures, source.package_dirs)
+    refuse(report, source.urdf.name)
+    if report.warnings:
+        warnings.warn(report.summary(), ModelWarning, stacklevel=2)
+    return robot
 
 
-def _urdf_model(path: Path, element: ElementTree.Element, root: Root) -> pin.Model:
-    _check_urdf(path.name, element)
-    if root == "fixed":
-        return _built(path, lambda: pin.buildModelFromUrdf(str(path)))
-    name = "root_joint"
-    while element.find(f"joint[@name='{name}']") is not None:  # Pinocchio would mix the two up
-        name += "_"
-    return _built(path, lambda: pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer(), name))
-
-
-def _mjcf_model(path: Path, element: ElementTree.Element, root: Root) -> pin.Model:
-    model = _built(path, lambda: pin.buildModelFromMJCF(str(path)))
-    if root == "fixed" and any(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints):
-        raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
-    if element.find("equality/*") is not None:
-        warnings.warn(f"the equality constraints of {path.name} are left out.", ModelWarning, stacklevel=4)
-    return model
-
-
-def _check_urdf(file: str, robot: ElementTree.Element) -> None:
-    """Refuse what urdfdom and Pinocchio would crash on, or take without a word for another robot."""
-    links = {link.get("name", ""): link for link in robot.findall("link")}
-    if len(links) > MOST_LINKS:
-        raise ModelError(f"{file} has {len(links)} links; at most {MOST_LINKS} are taken: its reader crashes on long chains.")
-    above: dict[str, str] = {}
-    for joint in robot.findall("joint"):
-        name, kind = joint.get("name", ""), joint.get("type", "")
-        parent, child = (e.get("link", "") if (e := joint.find(tag)) is not None else "" for tag in ("parent", "child"))
-        for end in (parent, child):
-            if end not in links:
-                raise ModelError(f"{file}: joint {name!r} names a link {end!r}; {nearest(end, links)}.")
-        if child in above:
-            raise ModelError(f"{file}: link {child!r} has two parents, {above[child]!r} and {parent!r}; expected a tree.")
-        above[child] = parent
-        axis = joint.find("axis")
-        if kind in ("revolute", "continuous", "prismatic", "planar") and axis is not None:
-            if not any(_values(file, f"the axis of joint {name!r}", axis, "xyz")):
-                raise ModelError(f"{file}: joint {name!r} is {kind}, and its axis is zero.")
-    roots = [link for link in links if link not in above]
-    if len(roots) != 1:
-        found = ", ".join(map(repr, roots[:4])) or "none"
-        raise ModelError(f"{file}: expected a tree with one root link, found {len(roots)}: {found}.")
-    reached, last = set(roots), 0
-    while len(reached) > last:
-        last = len(reached)
-        reached |= {child for child, parent in above.items() if parent in reached}
-    if lost := [link for link in links if link not in reached]:
-        raise ModelError(f"{file}: link {lost[0]!r} does not hang from the root {roots[0]!r}: its parents make a circle.")
-    for name, element in links.items():
-        _check_inertia(file, name, element)
-
-
-def _check_inertia(file: str, link: str, element: ElementTree.Element) -> None:
-    mass, inertia = element.find("inertial/mass"), element.find("inertial/inertia")
-    if mass is not None and (kg := _values(file, f"the mass of link {link!r}", mass, "value")) and kg[0] < 0.0:
-        raise ModelError(f"{file}: link {link!r} has a mass of {kg[0]:g} kg.")
-    if inertia is None:
-        return
-    entry = [_values(file, f"the inertia of link {link!r}", inertia, "i" + ab) or [0.0] for ab in _PAIRS]
-    xx, xy, xz, yy, yz, zz = (e[0] for e in entry)
-    least = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0]
-    if least < -1e-6:  # that of 1 g at 3 cm; rounded files are below it
-        warnings.warn(
-            f"{file}: link {link!r} has a principal moment of inertia of {least:.3g} kg m2; no body has. "
-            "Forces and accelerations of what it belongs to are as wrong as that.",
-            ModelWarning,
-            stacklevel=5,
-        )
-
-
-_PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
-
-
-def _values(file: str, what: str, element: ElementTree.Element, attribute: str) -> list[float]:
-    """The finite numbers of an attribute; none where it is not given."""
-    text = element.get(attribute, "")
+def _built(file: RobotFile, root: Root) -> pin.Model:
+    """Pinocchio's model of a checked file."""
+    path = file.path
     try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = [np.nan]
-    if not np.isfinite(values).all():
-        raise ModelError(f"{file}: {what} is {text!r}; expected finite numbers.")
-    return values
-
-
-def _built(path: Path, build: Callable[[], pin.Model]) -> pin.Model:
-    try:
-        return build()
+        if file.urdf is None:
+            model = pin.buildModelFromMJCF(str(path))
+        elif root == "fixed":
+            model = pin.buildModelFromXML(file.urdf.text)
+        else:
+            model = pin.buildModelFromXML(file.urdf.text, pin.JointModelFreeFlyer(), BASE_JOINT)
     except (ValueError, RuntimeError, IndexError) as error:
+        reason = str(error).strip().split("\n")[0].rstrip(".")
         raise ModelError(
-            f"Pinocchio cannot build {path.name}: {_first_line(error)} What its parser printed on stderr says more."
+            f"Pinocchio cannot build {path.name}: {reason:.400}. What its parser printed on stderr says more."
         ) from None
-
-
-def _element(path: Path) -> ElementTree.Element:
-    """The first element of a robot's file."""
-    try:
-        element = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, UnicodeError, ValueError, LookupError, OSError) as error:
-        raise ModelError(f"{path.name} cannot be read as XML: {error}.") from None
-    if element.tag not in ("robot", "mujoco"):
-        raise ModelError(f"{path.name} is no robot: its first element is <{element.tag}>; expected <robot> or <mujoco>.")
-    return element
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().split("\n")[0].rstrip(".") + "."
+    if file.urdf is None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
+        raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
+    return model

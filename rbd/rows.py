@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, numbers, zeros
+from rbd.arrays import Array, is_finite, numbers, zeros
 from rbd.cones import Cone
 from rbd.errors import InputError
 
@@ -77,14 +77,27 @@ class Rows:
         for what, value in given:
             if value is _NOT_GIVEN:
                 object.__setattr__(self, what, zeros(m))
-            elif value is not None and not (type(value) is np.ndarray and value.shape == shape and value.dtype == float):
+            elif value is None and what == "error":
+                continue
+            elif not (type(value) is np.ndarray and value.shape == shape and value.dtype == float):
                 object.__setattr__(self, what, _vector(self.name, what, value, m))
+        # J, bias and feedback are checked where they are stacked, in GaussProblem.
+        if not is_finite(self.velocity) or (self.error is not None and not is_finite(self.error)):
+            raise InputError(f"rows {self.name!r}: velocity or error is not finite.")
         if not hasattr(self.cone, "generators"):
             raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.Free({m}).")
         if self.cone.dim != m:
             raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
-        if self.resultant is not None and (self.resultant.ndim != 2 or self.resultant.shape[1] != m):
-            raise InputError(f"rows {self.name!r}: resultant has shape {self.resultant.shape}; expected (k, {m}).")
+        if self.resultant is not None:
+            self._check_resultant(m)
+
+    def _check_resultant(self, m: int) -> None:
+        resultant = self.resultant
+        if type(resultant) is not np.ndarray or resultant.dtype != float:
+            resultant = numbers(f"resultant of rows {self.name!r}", resultant)
+            object.__setattr__(self, "resultant", resultant)
+        if resultant.ndim != 2 or resultant.shape[1] != m or not is_finite(resultant):
+            raise InputError(f"rows {self.name!r}: resultant has shape {resultant.shape}; expected (k, {m}) finite numbers.")
 
     def __repr__(self) -> str:
         return f"Rows({self.name!r}, m={len(self)}, nv={self.J.shape[1]}, cone={type(self.cone).__name__})"

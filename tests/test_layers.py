@@ -18,16 +18,24 @@ LAYERS: dict[str, int] = {
     "arrays": 0,
     "cones": 0,
     "polygon": 0,
+    # engine is imported before all else: is it our Pinocchio?
+    "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
     "catalogue": 1,
+    "xml_file": 1,
+    "urdf_file": 1,
+    "mjcf_file": 1,
+    "model_file": 1,
     "model": 1,
     "rows": 1,
     "problem": 1,
     # 2: a state is made of a model and can say its momentum balance, in the arrays of `problem`.
     #    dynamics and external read a state; residuals and contact_force are parts of the solution.
     "state": 2,
+    "geometry": 2,
     "external": 2,
     "dynamics": 2,
+    "doctor": 2,
     "residuals": 2,
     "contact_force": 2,
     "solution": 2,
@@ -48,6 +56,7 @@ LAYERS: dict[str, int] = {
     "visual": 6,
     "testing": 6,
     "report": 6,
+    "listing": 6,
     "cli": 6,
     # 7: the package's own doors.
     "": 7,
@@ -59,6 +68,11 @@ BESIDE: set[tuple[str, str]] = {
     ("cones", "errors"),  # a negative friction is refused
     ("cones", "arrays"),  # the type Array, and the check of numbers
     ("polygon", "arrays"),  # the type Array
+    ("engine", "errors"),  # another Pinocchio is refused
+    ("mjcf_file", "urdf_file"),  # complaints and numbers are told alike
+    ("model_file", "xml_file"),  # a robot's file is read, then checked as URDF or MJCF
+    ("model_file", "urdf_file"),
+    ("model_file", "mjcf_file"),
     ("catalogue", "errors"),
     ("problem", "rows"),  # a problem is made of rows
     ("external", "state"),  # a force at a frame needs the frame's Jacobian
@@ -69,6 +83,7 @@ BESIDE: set[tuple[str, str]] = {
     ("robot", "posture"),  # a robot stands in one
     ("cli", "report"),  # the command line prints it
     ("cli", "visual"),  # imported where the page is written, so that the table alone needs no viewer
+    ("cli", "listing"),
     ("cli", "study"),
 }
 """Imports within one layer that are allowed, and why; anything else must go down."""

@@ -10,10 +10,11 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import Scene, screenshot
+from rbd.visual import Scene, contact_sheet, screenshot
 
 PICTURES = Path(__file__).resolve().parent
 TOP = PICTURES.parents[1]
+STANDING = ("talos", "g1", "romeo", "icub", "human", "solo12", "anymal_c", "go2", "bolt")
 
 
 def talos() -> Path:
@@ -40,6 +41,11 @@ def push() -> Path:
     return PICTURES / "push.png"
 
 
+def robots() -> Path:
+    """The contact sheet: nine robots at rest on their feet, with the forces that carry them."""
+    return contact_sheet(STANDING, PICTURES / "robots.png")
+
+
 if __name__ == "__main__":
-    for make in (talos, push):
+    for make in (talos, push, robots):
         print(make().relative_to(TOP))

@@ -10,7 +10,7 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
 from rbd.cones import rays
-from rbd.problem import GaussProblem
+from rbd.problem import GaussProblem, checked
 from rbd.solution import RANK_TOLERANCE, Solution
 
 
@@ -28,7 +28,7 @@ class KKT:
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first constraint that can break or slip."""
-        if problem.bilateral:
+        if checked(problem).bilateral:
             return None
         bad = next(r for r in problem.rows if not rays(r.cone).all_lines)
         return (
@@ -39,7 +39,7 @@ class KKT:
     def solve(self, problem: GaussProblem) -> Solution:
         """The closed form; by Cholesky where the rows are independent, else by singular values."""
         start = time.perf_counter()
-        P = problem
+        P = checked(problem)
         infeasible = False
         if not P.m:
             a, f = P.a_free.copy(), np.zeros(0)

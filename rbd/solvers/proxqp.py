@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, identity, zeros
 from rbd.cones import rays
-from rbd.problem import GaussProblem
+from rbd.problem import GaussProblem, checked
 from rbd.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers import qp
@@ -41,7 +41,7 @@ class ProxQP:
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first constraint whose forces are bounded on both sides."""
-        if not problem.rays.has_intervals:
+        if not checked(problem).rays.has_intervals:
             return None
         bad = next(r for r in problem.rows if rays(r.cone).has_intervals)
         return f"ProxQP takes cones, and {bad.name!r} has forces in a bounded set ({type(bad.cone).__name__})."
@@ -49,19 +49,20 @@ class ProxQP:
     def solve(self, problem: GaussProblem) -> Solution:
         """The best of the attempts; the first that is `solved`, most often the first of all."""
         start = time.perf_counter()
-        P = problem
+        P = checked(problem)
         if not P.m:
             return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
         R = _factor(P)
         along, opening, holds = _ray_rows(P, R)
-        A: Array | None = along
-        b: Array | None = -opening
+        length, rate = _size(along), _size(opening)  # of the QP's data: far from one, its tolerances would mean nothing
+        A: Array | None = along / length if length != 1.0 else along
+        b: Array | None = -opening / rate
         C: Array | None = None
         l: Array | None = None
         if not P.bilateral:
             A, b, C, l = None, None, A, b
-            if P.rays.has_lines:
-                A, b, C, l = along[holds], -opening[holds], along[~holds], -opening[~holds]
+            if P.rays.has_lines and C is not None and l is not None:
+                A, b, C, l = C[holds], l[holds], C[~holds], l[~holds]
         n = R.shape[0]
         best: Solution | None = None
         for attempt in qp.attempts(identity(n), zeros(n), A, b, C, l, None, policy=self.policy):
@@ -70,6 +71,8 @@ class ProxQP:
                 weights = np.empty(len(holds))
                 weights[holds] = attempt.y
                 weights[~holds] = np.maximum(attempt.z, 0.0)
+            if length != 1.0 or rate != 1.0:
+                weights = weights * (rate / length**2)
             found = _solution(P, weights, attempt.iterations, start)
             if not found.residuals.within(POLISH):
                 found = _better(found, _solution(P, _polished(weights, along, opening, holds), attempt.iterations, start))
@@ -97,6 +100,12 @@ def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
         return R.T, P.free_row_acceleration, P.rays.is_line
     G = P.rays.G
     return G.T @ R.T, G.T @ P.free_row_acceleration, P.rays.is_line
+
+
+def _size(data: Array) -> float:
+    """The largest entry where it is beyond 1e-3 to 1e4, else one: ordinary robots are solved as they are."""
+    top = float(np.abs(data).max(initial=0.0))
+    return 1.0 if top == 0.0 or 1e-3 <= top <= 1e4 else top
 
 
 def _solution(P: GaussProblem, weights: Array, iterations: int, start: float) -> Solution:

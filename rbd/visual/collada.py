@@ -36,7 +36,8 @@ def read_collada(path: str | Path) -> list[ColoredMesh]:
     library nodes, textures and transparency are not.
 
     Raises:
-        ValueError, KeyError, OSError, ElementTree.ParseError: if the file is not what Collada says.
+        ValueError, LookupError, StopIteration, RecursionError, OSError, ElementTree.ParseError: if the file is not what
+            Collada says.
     """
     tree = ElementTree.parse(path).getroot()
     for element in tree.iter():
@@ -100,7 +101,7 @@ def _triangles(group: Element, named: dict[str, Element]) -> Mesh:
     at, source = next((offset, name) for semantic, offset, name in inputs if semantic == "VERTEX")
     position = next(i for i in named[source].findall("input") if i.get("semantic") == "POSITION")
     vertices = _numbers(_only(named[position.get("source", "")[1:]], "float_array")).reshape(-1, 3)
-    runs = [_numbers(p).astype(int).reshape(-1, stride)[:, at] for p in group.findall("p")]
+    runs = [_vertex_numbers(p, len(vertices), stride, at) for p in group.findall("p")]
     if group.tag == "triangles":
         faces = np.concatenate([np.zeros(0, int), *runs]).reshape(-1, 3)
         return Mesh(vertices, faces)
@@ -109,6 +110,13 @@ def _triangles(group: Element, named: dict[str, Element]) -> Mesh:
         runs = np.split(np.concatenate([np.zeros(0, int), *runs]), np.cumsum(counts)[:-1])
     fans = [(run[0], run[i], run[i + 1]) for run in runs for i in range(1, len(run) - 1)]
     return Mesh(vertices, np.array(fans, int).reshape(-1, 3))
+
+
+def _vertex_numbers(p: Element, count: int, stride: int, at: int) -> Array:
+    numbers = _numbers(p).reshape(-1, stride)[:, at]
+    if not ((numbers >= 0) & (numbers < count)).all():
+        raise ValueError(f"a <p> of a Collada file names vertices that are not among its {count}")
+    return numbers.astype(int)
 
 
 def _color(material: str | None, named: dict[str, Element]) -> Rgba | None:

@@ -9,7 +9,9 @@ CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d3
 PUSH_COLOR = "#c2187a"
 COM_COLOR = "#1a1a1a"
 SUPPORT_COLOR = "#3f6f3f"
-SKELETON_COLOR = "#8a93a0"
+SKELETON_COLOR = "#5b6470"
+INERTIA_COLOR = "#b08d57"
+COLLISION_COLOR = "#8fa3b5"
 
 
 def contact_colors(names: Iterable[str]) -> dict[str, str]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
@@ -16,11 +17,16 @@ from rbd.cones import Array
 from rbd.errors import ModelWarning
 from rbd.visual import shapes
 from rbd.visual.collada import read_collada
-from rbd.visual.colors import SKELETON_COLOR
+from rbd.visual.colors import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR
 from rbd.visual.shapes import Mesh
 
 if TYPE_CHECKING:
     from rbd.robot import Robot
+
+INERTIA_OPACITY = 0.55
+COLLISION_OPACITY = 0.25
+PLACEHOLDER = 5.0
+"""Collision shapes wider than so many of the longest bones are left out of a picture of bones."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,17 +50,32 @@ class RobotPart:
     opacity: float
 
 
-def robot_parts(robot: Robot) -> list[RobotPart]:
-    """The pieces to draw: the visual geometry, or the collision geometry, or else a skeleton.
+_DONE: WeakKeyDictionary[Robot, tuple[RobotPart, ...]] = WeakKeyDictionary()
+
+
+def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
+    """The pieces to draw: the visual geometry; without it a skeleton, inertia ellipsoids and the collision shapes.
 
     Meshes come as the triangles that Coal loaded, and those of Collada files as `read_collada` gives them, in the
     colour of the URDF, or else of the Collada file. Textures are not used. Infinite planes are left out.
     """
-    for geometry in (robot.visual_model, robot.collision_model):
-        parts = [part for obj in geometry.geometryObjects for part in _parts_of(obj)]
-        if parts:
-            return parts
-    return skeleton(robot.model)
+    if robot not in _DONE:  # a second of work for Talos, and as many scenes as one likes
+        _DONE[robot] = tuple(_made(robot))
+    return _DONE[robot]
+
+
+def _made(robot: Robot) -> list[RobotPart]:
+    if parts := [part for obj in robot.visual_model.geometryObjects for part in _parts_of(obj)]:
+        return parts
+    shapes = [part for obj in robot.collision_model.geometryObjects for part in _parts_of(obj)]
+    # A cylinder of 2 m about a humanoid's waist is a placeholder, and would hide the robot.
+    widest = PLACEHOLDER * _longest(_bones(robot.model))
+    glass = [
+        replace(part, color=COLLISION_COLOR, opacity=COLLISION_OPACITY)
+        for part in shapes
+        if np.ptp(part.mesh.vertices, axis=0).max() < widest
+    ]
+    return skeleton(robot.model) + inertia_ellipsoids(robot.model) + glass
 
 
 def _parts_of(obj: pin.GeometryObject) -> list[RobotPart]:
@@ -86,7 +107,7 @@ def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
         return []
     try:
         read = read_collada(obj.meshPath)
-    except (ValueError, KeyError, IndexError, StopIteration, OSError, ElementTree.ParseError):
+    except (ValueError, LookupError, StopIteration, RecursionError, OSError, ElementTree.ParseError):
         return []
     given = np.asarray(obj.meshColor, float)
     pieces = []
@@ -135,11 +156,54 @@ def _hull_mesh(points: Array) -> Mesh | None:
         return None
 
 
+def inertia_ellipsoids(model: pin.Model) -> list[RobotPart]:
+    """A uniform ellipsoid with the mass, centre and moments of each body; none for bodies without mass or moments.
+
+    Semi-axes a_i = sqrt(5 / (2 m) (I_1 + I_2 + I_3 - 2 I_i)). Moments that no body has make one of them imaginary: it is
+    drawn as a twentieth of the longest. What an identity matrix in the file would make as large as the robot is cut: to
+    0.7 times the body's own longest bone (a rod's is 0.65), or a third of the robot's longest.
+    """
+    bones = _bones(model)
+    reach = _longest(bones)
+    parts = []
+    for joint in range(1, model.njoints):
+        inertia = model.inertias[joint]
+        moments = np.asarray(inertia.inertia)
+        if not (0.0 < inertia.mass < np.inf and np.isfinite(moments).all()):
+            continue
+        I, R = np.linalg.eigh((moments + moments.T) / 2.0)
+        squares = 2.5 / inertia.mass * (I.sum() - 2.0 * I)
+        if squares.max() <= 0.0:
+            continue
+        most = 0.7 * max([reach / 3.0, *(float(np.linalg.norm(bone)) for bone in bones[joint])])
+        axes = np.clip(np.sqrt(np.maximum(squares, squares.max() / 400.0)), 0.01 * reach, most)
+        R[:, 0] *= np.linalg.det(R)  # right-handed
+        unit = shapes.ball(1.0)
+        mesh = Mesh(unit.vertices * axes, unit.faces)
+        name, placement = f"inertia of {model.names[joint]}", pin.SE3(R, np.array(inertia.lever))
+        parts.append(RobotPart(name, joint, placement, mesh, INERTIA_COLOR, INERTIA_OPACITY))
+    return parts
+
+
 def skeleton(model: pin.Model) -> list[RobotPart]:
     """Bones from each joint to its children and to its farthest frame, with a ball on every joint.
 
     Lengths are the model's; thickness is not, it is a fiftieth of the longest bone.
     """
+    bones = _bones(model)
+    radius = _longest(bones) / 50.0
+    parts = []
+    for joint in range(1, model.njoints):
+        pieces = [shapes.ball(1.8 * radius)]
+        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in bones[joint]]
+        parts.append(
+            RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0)
+        )
+    return parts
+
+
+def _bones(model: pin.Model) -> dict[int, list[Array]]:
+    """From each joint, in its frame, to its children or to its farthest frame [m]."""
     bones: dict[int, list[Array]] = {i: [] for i in range(model.njoints)}
     for child in range(1, model.njoints):
         if model.parents[child] > 0:
@@ -149,13 +213,9 @@ def skeleton(model: pin.Model) -> list[RobotPart]:
         ends += [np.array(model.inertias[joint].lever)] if not bones[joint] else []
         if not bones[joint] and ends:
             bones[joint].append(max(ends, key=lambda p: float(np.linalg.norm(p))))
-    longest = max((float(np.linalg.norm(b)) for each in bones.values() for b in each), default=0.0) or 1.0
-    radius = longest / 50.0
-    parts = []
-    for joint in range(1, model.njoints):
-        pieces = [shapes.ball(1.8 * radius)]
-        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in bones[joint]]
-        parts.append(
-            RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0)
-        )
-    return parts
+    return bones
+
+
+def _longest(bones: dict[int, list[Array]]) -> float:
+    """Length of the longest bone [m]; 1 where all are points."""
+    return max((float(np.linalg.norm(b)) for each in bones.values() for b in each), default=0.0) or 1.0

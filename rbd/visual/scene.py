@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 # Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
+FRONT_LEFT = (1.0, 0.62, 0.34)
 
 
 class Scene:
@@ -49,11 +50,13 @@ class Scene:
             scene.export("standing.html")
 
     Args:
-        robot: Whose meshes to draw; without visual meshes its collision shapes, without those a skeleton.
+        robot: Whose meshes to draw; without visual shapes a skeleton with inertia ellipsoids and collision shapes.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m]. By default 1 m for a human's size,
             and about half the robot's size otherwise.
         ground: Whether to draw the ground z = 0 as a grid.
-        seen_from: Direction from the robot to the camera at first, in W, shape (3,); from the front left by default.
+        seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
+            front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
+        legend: Whether to write names, forces and the scale beside the picture.
     """
 
     def __init__(
@@ -62,22 +65,24 @@ class Scene:
         *,
         arrow_per_weight: float | None = None,
         ground: bool = True,
-        seen_from: Sequence[float] | Array = (1.0, 0.62, 0.34),
+        seen_from: Sequence[float] | Array | None = None,
+        legend: bool = True,
     ) -> None:
         if arrow_per_weight is not None and not 0.0 < arrow_per_weight < np.inf:
             raise InputError(f"arrow_per_weight is {arrow_per_weight}; expected a length above zero, in metres.")
-        seen = np.asarray(seen_from, float)
+        seen = np.asarray(FRONT_LEFT if seen_from is None else seen_from, float)
         if seen.shape != (3,) or not np.isfinite(seen).all() or not seen[:2].any():
             raise InputError(
                 f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down."
             )
-        self._seen_from = seen
+        self._seen_from = None if seen_from is None else seen
+        self._legend = legend
         self._robot = robot
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
         self._recorder = Recorder()
         self._viewer = meshcat.Visualizer(window=self._recorder)
-        self._parts: list[RobotPart] = []
+        self._parts: tuple[RobotPart, ...] = ()
         self._data: pin.Data | None = None
         self._sizes: marks.Sizes | None = None
         self._seen: list[str] = []
@@ -149,7 +154,8 @@ class Scene:
         self._viewer["marks"].delete()
         for mark in self._drawn:
             self._send_mark(mark)
-        self._write_legend(pushed)
+        if self._legend:
+            self._write_legend(pushed)
         if first:
             self._recorder.post("view", self._view(self._data))
 
@@ -208,6 +214,8 @@ class Scene:
         for i, part in enumerate(self._parts):
             shine = MeshPhongMaterial(color=rgb_number(part.color), opacity=part.opacity)
             shine.properties.update(specular=0x222222, shininess=20)
+            if part.opacity < 0.5:  # what is inside must be drawn, whatever the order
+                shine.properties.update(depthWrite=False)
             self._send_mesh(f"robot/{i}", part.mesh, shine)
 
     def _place_parts(self, data: pin.Data) -> None:
@@ -273,7 +281,7 @@ class Scene:
         fit = _outermost(np.vstack([self._extremes(data), *[mark.mesh.vertices for mark in self._drawn]]))
         low, high = fit.min(axis=0), fit.max(axis=0)
         view = {
-            "direction": self._seen_from.tolist(),
+            "direction": self._direction(),
             "fov": 30.0,
             "points": np.round(fit, 4).tolist(),
             "centre": np.round((low + high) / 2.0, 4).tolist(),
@@ -281,6 +289,17 @@ class Scene:
             "cell": _round_number(0.2 * self._shown().body) if self._ground else 0.0,
         }
         return json.dumps({"view": view})
+
+
+    def _direction(self) -> list[float]:
+        """From the robot to the camera, in W."""
+        if self._seen_from is not None:
+            return self._seen_from.tolist()
+        toes = sum((c.patch.axes[:2, 0] for c in self._contacts if len(c.corners) > 2), start=np.zeros(2))
+        length = float(np.linalg.norm(toes))
+        ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
+        left = np.array([-ahead[1], ahead[0]])
+        return np.round([*(FRONT_LEFT[0] * ahead + FRONT_LEFT[1] * left), FRONT_LEFT[2]], 4).tolist()
 
 
 def _share(force_N: float, weight_N: float) -> str:

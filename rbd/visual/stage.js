@@ -56,9 +56,15 @@ class Stage {
     const r = view.radius;
     const group = new T.Group();
     group.add(new T.HemisphereLight(0xffffff, 0xb9bec6, 0.62));
+    // The lamps stand as for a camera at the front left (1, 0.62), turned with it: a front is never in the shade.
+    const turn = Math.atan2(view.direction[1], view.direction[0]) - Math.atan2(0.62, 1);
+    const [c, s] = [Math.cos(turn), Math.sin(turn)];
+    const place = (lamp, dx, dy, dz) => {
+      lamp.position.set(x + r * (c * dx - s * dy), y + r * (s * dx + c * dy), z + r * dz);
+      lamp.target.position.set(x, y, z);
+    };
     const sun = new T.DirectionalLight(0xffffff, 0.5);
-    sun.position.set(x + 1.2 * r, y + 0.9 * r, z + 2.6 * r);
-    sun.target.position.set(x, y, z);
+    place(sun, 1.2, 0.9, 2.6);
     sun.castShadow = true;
     Object.assign(sun.shadow.camera, { left: -1.6 * r, right: 1.6 * r, top: 1.6 * r, bottom: -1.6 * r, near: 0.05 * r, far: 8 * r });
     sun.shadow.mapSize.set(2048, 2048);
@@ -66,8 +72,7 @@ class Stage {
     sun.shadow.normalBias = 0.004 * r;
     sun.shadow.radius = 4;
     const fill = new T.DirectionalLight(0xffffff, 0.18);
-    fill.position.set(x + r, y - 2 * r, z + 0.6 * r);
-    fill.target.position.set(x, y, z);
+    place(fill, 1, -2, 0.6);
     group.add(sun, sun.target, fill, fill.target);
     if (view.cell > 0) {
       const cells = 2 * Math.ceil((3 * r) / view.cell);

@@ -1,0 +1,79 @@
+"""How do I bring my own robot, of which `rbd` knows nothing but a URDF?
+
+The walker of `urdf/walker.urdf` has no SRDF, no posture and no feet that anyone has named. Three things are needed: a
+configuration in which it stands, its soles, and a look at what the doctor says of the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import rbd
+
+URDF = Path(__file__).resolve().parent.parent / "urdf" / "walker.urdf"
+BEND = 0.5  # knees [rad]; hips and ankles take half of it each, so that torso and soles stay level
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The walker, what holds it, and its answer to a push."""
+
+    robot: rbd.Robot
+    report: rbd.Report
+    soles: list[rbd.SurfaceContact]
+    held: rbd.Hold
+    solution: rbd.Solution
+
+
+def bent_knees(robot: rbd.Robot) -> rbd.State:
+    """Knees bent, soles on the ground: angles by joint name, then the base moved up by what the soles are below z = 0."""
+    q = robot.neutral()
+    for joint, angle in (("hip_pitch", -BEND / 2), ("knee", BEND), ("ankle_pitch", -BEND / 2)):
+        for side in ("left", "right"):
+            index = robot.model.joints[robot.joint_id(f"{side}_{joint}")].idx_q
+            q[index] = angle
+    soles = robot.soles_from_collision(["left_foot", "right_foot"], at=rbd.State(robot, q))
+    q[2] -= min(sole.rows(rbd.State(robot, q)).patch.point[2] for sole in soles)
+    return rbd.State(robot, q)
+
+
+def main(show: bool = True) -> Result:
+    """Load, examine, stand, hold, push."""
+    robot = rbd.load_robot(URDF)
+    report = rbd.doctor(robot)
+    print(report)
+
+    state = bent_knees(robot)
+    soles = robot.soles_from_collision(["left_foot", "right_foot"], friction=0.6, at=state)
+    for sole in soles:
+        print(f"{sole.name}: corners {np.round(sole.corners[:, :2], 3).tolist()} m")
+
+    held = rbd.hold(state, soles)
+    used = np.abs(held.tau) / robot.effort_limit
+    print(f"held: largest torque {100 * used.max():.1f} % of its limit, by {robot.actuated_names[int(used.argmax())]}")
+
+    push = rbd.ExternalForce("torso", force=(15.0, 0.0, 0.0), offset=(0.0, 0.0, 0.3))
+    solution = rbd.solve(state, held.tau, soles, external=push)
+    print(solution)
+    if show:
+        from rbd.visual import Scene
+
+        with Scene(robot) as scene:
+            scene.show(state, solution, external=push)
+            print("picture:", scene.export("walker.html"))
+    return Result(robot, report, soles, held, solution)
+
+
+def check(result: Result) -> None:
+    """The doctor finds nothing broken, the feet carry the weight, the answer is proved."""
+    assert result.report.ok
+    weight = result.robot.mass * 9.81
+    assert abs(sum(force[2] for force in result.held.forces.values()) - weight) < 1e-9
+    assert result.solution.status == "solved"
+
+
+if __name__ == "__main__":
+    check(main())

@@ -1,0 +1,64 @@
+"""Is the Pinocchio that Python finds the one from pip? Imported first, so that another one is named before it breaks.
+
+ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is a plugin of nose that knows no robots.
+"""
+
+from __future__ import annotations
+
+import os
+
+from rbd.errors import WrongPinocchio
+
+OLDEST = (4, 1)
+REMEDY = (
+    "Try: unset PYTHONPATH, or a terminal that did not source ROS's setup; pip uninstall pinocchio; "
+    "pip install --force-reinstall 'pin>=4.1'"
+)
+
+
+def check(module: object) -> None:
+    """Refuse a module that is not Pinocchio 4.1 or later, or that is ROS's.
+
+    Raises:
+        WrongPinocchio: what was found, where, and what to do.
+    """
+    where = str(getattr(module, "__file__", None) or list(getattr(module, "__path__", ["nowhere"]))[0])
+    if not hasattr(module, "Model"):
+        raise WrongPinocchio(
+            f"'import pinocchio' finds {where}, which knows no robots: PyPI's package of that name, or a folder of yours. "
+            + REMEDY
+        )
+    version = str(getattr(module, "__version__", "0"))
+    words = version.split(".")[:2]
+    old = not all(word.isdigit() for word in words) or tuple(map(int, words)) < OLDEST
+    if old or where.startswith("/opt/ros"):
+        raise WrongPinocchio(
+            f"'import pinocchio' finds version {version} at {where}{_by_path(where)}; rbd needs pip's, "
+            f"{OLDEST[0]}.{OLDEST[1]} or later. {REMEDY}"
+        )
+
+
+def _by_path(where: str) -> str:
+    folders = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]
+    return ", by PYTHONPATH" if any(where.startswith(folder) for folder in folders) else ""
+
+
+def _found() -> object:
+    try:
+        import pinocchio
+    except Exception as error:
+        # A ModuleNotFoundError of `pinocchio` itself; else one that was made for another Python, or another package.
+        import importlib.util
+
+        found = importlib.util.find_spec("pinocchio")
+        if found is None:
+            raise WrongPinocchio("Pinocchio is not installed here. Try: pip install 'pin>=4.1'") from error
+        where = found.origin or "a folder without code"
+        raise WrongPinocchio(
+            f"'import pinocchio' finds {where}{_by_path(where)}, which cannot be imported: {type(error).__name__}: {error}. "
+            + REMEDY
+        ) from error
+    return pinocchio
+
+
+check(_found())

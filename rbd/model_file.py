@@ -1,0 +1,117 @@
+"""A robot's file, read and checked once: what the loader builds from, and what the doctor compares the model with."""
+
+from __future__ import annotations
+
+import os.path
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from rbd.errors import ModelError
+from rbd.mjcf_file import check_mjcf
+from rbd.urdf_file import UrdfFile, check_urdf
+from rbd.xml_file import FileLimits, read_xml
+
+MOST_MESHES = 5_000
+"""So many names of meshes are looked up; no robot has more."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFile:
+    """A URDF or MJCF file whose names and numbers are in order.
+
+    Attributes:
+        path: Where it is.
+        kind: "urdf" or "mjcf".
+        urdf: Its links and joints; None for an MJCF.
+        bodies: Names of its links or bodies.
+        mass: That of the moving links [kg]; for an MJCF only what its <inertial> elements say.
+        remarks: (kind, where, text) of what the file says and the model leaves out.
+        meshes: (as named, where it may be relative to a folder) of each mesh, once.
+    """
+
+    path: Path
+    kind: Literal["urdf", "mjcf"]
+    urdf: UrdfFile | None
+    bodies: tuple[str, ...]
+    mass: float
+    remarks: tuple[tuple[str, str, str], ...]
+    meshes: tuple[tuple[str, str], ...]
+
+    def missing_meshes(self, package_dirs: Sequence[Path]) -> Iterator[str]:
+        """Names of the meshes that are in none of the folders; none is opened."""
+        folders = [str(folder) for folder in (self.path.parent, *package_dirs)]
+        for name, relative in self.meshes:
+            if not any(os.path.isfile(os.path.join(folder, relative)) for folder in folders):
+                yield name
+
+
+def read(path: Path, limits: FileLimits | None = None, *, floating: bool = True) -> RobotFile:
+    """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
+
+    Args:
+        path: A URDF or MJCF file.
+        limits: How large it may be.
+        floating: A URDF is to get a floating base; else its root link is welded to the world.
+
+    Raises:
+        ModelError: naming what is wrong.
+    """
+    limits = FileLimits() if limits is None else limits
+    element = read_xml(path, limits)
+    if element.tag == "mujoco":
+        mass = check_mjcf(path, element)
+        bodies = tuple(body.get("name", "") for body in element.findall("worldbody//body"))
+        lost = [("equality", e.get("name") or e.tag, "is no part of the model") for e in element.findall("equality/*")]
+        return RobotFile(path, "mjcf", None, bodies, mass, tuple(lost), _mjcf_meshes(element))
+    if element.tag != "robot":
+        raise ModelError(
+            f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>."
+        )
+    urdf = check_urdf(path, element, floating=floating)
+    check_freedoms(path, urdf.freedoms + 6 * floating, limits)
+    mass = sum(link.mass for link in urdf.links.values() if floating or link.name not in urdf.base)
+    return RobotFile(path, "urdf", urdf, tuple(urdf.links), mass, tuple(_remarks(urdf)), _urdf_meshes(element))
+
+
+def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:
+    """Refuse what would fill the memory.
+
+    Raises:
+        ModelError: more degrees of freedom than the limits allow.
+    """
+    if nv > limits.max_dof:
+        raise ModelError(
+            f"{path.name} has {nv} degrees of freedom; at most {limits.max_dof} are taken: Pinocchio's data would fill "
+            f"{32e-9 * nv**3:.1f} GB. Weld joints that do not move, or load_robot(..., limits=rbd.FileLimits(max_dof={nv}))."
+        )
+
+
+def _remarks(urdf: UrdfFile) -> Iterator[tuple[str, str, str]]:
+    for joint in urdf.joints.values():
+        if joint.kind == "planar" and (joint.axis is None or any(joint.axis[:2])):
+            yield "planar", joint.name, "moves in the x-y plane of its frame, whatever its axis"
+        if joint.mimics is not None and joint.kind != "fixed":
+            yield "mimic", joint.name, f"follows {joint.mimics!r} in the file; here it moves by itself, and has a motor"
+
+
+def _urdf_meshes(robot: ElementTree.Element) -> tuple[tuple[str, str], ...]:
+    meshes = (mesh for part in ("visual", "collision") for mesh in robot.iterfind(f"link/{part}/geometry/mesh"))
+    found = list(dict.fromkeys(mesh.get("filename", "") for mesh in meshes))[:MOST_MESHES]
+    return tuple((name, _without_scheme(name)) for name in found)
+
+
+def _mjcf_meshes(root: ElementTree.Element) -> tuple[tuple[str, str], ...]:
+    compiler = root.find("compiler")
+    folder = "" if compiler is None else compiler.get("meshdir") or compiler.get("assetdir") or ""
+    names = list(dict.fromkeys(mesh.get("file", "") for mesh in root.iterfind("asset/mesh") if mesh.get("file")))
+    return tuple((name, os.path.join(folder, name)) for name in names[:MOST_MESHES])
+
+
+def _without_scheme(name: str) -> str:
+    scheme, separator, rest = name.partition("://")
+    if not separator:
+        return name
+    return rest.lstrip("/") if scheme == "package" else rest
