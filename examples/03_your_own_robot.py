@@ -53,7 +53,8 @@ def main(show: bool = True) -> Result:
 
     held = rbd.hold(state, soles)
     used = np.abs(held.tau) / robot.effort_limit
-    print(f"held: largest torque {100 * used.max():.1f} % of its limit, by {robot.actuated_names[int(used.argmax())]}")
+    worst = robot.actuated_names[int(used.argmax())].split("_", 1)[1]  # left and right carry the same
+    print(f"held: largest torque {100 * used.max():.1f} % of its limit, by each {worst}")
 
     push = rbd.ExternalForce("torso", force=(15.0, 0.0, 0.0), offset=(0.0, 0.0, 0.3))
     solution = rbd.solve(state, held.tau, soles, external=push)

@@ -74,6 +74,8 @@ class Source:
         feet: Where it touches the ground; empty if the catalogue does not know.
         postures: Ours, beside those of the SRDF: joint name -> angle [rad]; joints not named are at zero.
         posture: The name of the one in which it stands, in `postures` or in the SRDF.
+        known: Whether the file is one of the robot data's, whose faults are known: it is loaded with a warning where a
+            user's file would be refused.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Source:
     feet: tuple[Foot, ...]
     postures: Mapping[str, Mapping[str, float]]
     posture: str | None
+    known: bool = False
 
 
 def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
@@ -225,7 +228,7 @@ def _source(urdf: Path, extra: tuple[Path, ...]) -> Source:
     soles = tuple(_sole(name, data) for name, data in entry.get("soles", {}).items())
     points = tuple(_point(name, data, entry["sphere"]) for name, data in entry.get("points", {}).items())
     package_dirs = tuple(dict.fromkeys((*extra, urdf.parent, *shares)))
-    return Source(key, urdf, srdf, package_dirs, soles + points, postures, entry.get("posture"))
+    return Source(key, urdf, srdf, package_dirs, soles + points, postures, entry.get("posture"), known=bool(inside))
 
 
 def _srdf_beside(urdf: Path) -> Path | None:

@@ -90,11 +90,12 @@ class Report:
         return "\n".join([head, *(f"  {mark:7}  {f.kind:{kind}}  {f.where:{where}}  {f.text}" for mark, f in found)])
 
     def summary(self) -> str:
-        """The warnings in one line, counted by kind; empty if there are none."""
+        """Errors, and warnings counted by kind, in one line; empty if there are none."""
         kinds: dict[str, list[str]] = {}
         for finding in self.warnings:
             kinds.setdefault(finding.kind, []).append(finding.where)
-        told = [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
+        told = [f"ERROR, {finding.text.rstrip('.')}" for finding in self.errors]
+        told += [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
         return f"{self.robot}: {'; '.join(told)}. {REMEDY}" if told else ""
 
 

@@ -93,7 +93,7 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
     _warn_of_effort(state.robot, np.asarray(tau, float))
     rows = rows_of(state, constraints)
     loose = any([r.resultant is None or r.patch is None for r in rows])
-    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), from_state=True)
+    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), from_state=state.robot.sound)
     if not problem.bilateral:
         _refuse_moving(problem)
     return problem

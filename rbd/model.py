@@ -46,6 +46,7 @@ class CheckedModel:
         mass: Total mass of the moving bodies [kg].
         gravity: In W, shape (3,) [m/s2].
         weight: Its wrench about the centre of mass, in W, shape (6,) [N, N m].
+        sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
     """
 
@@ -80,6 +81,7 @@ class CheckedModel:
         self.weight = np.concatenate([self.mass * self.gravity, np.zeros(3)])
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
+        self.sound = True
         self.pool = DataPool(model)
 
     def frames(self) -> list[str]:

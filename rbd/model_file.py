@@ -48,13 +48,14 @@ class RobotFile:
                 yield name
 
 
-def read(path: Path, limits: FileLimits | None = None, *, floating: bool = True) -> RobotFile:
+def read(path: Path, limits: FileLimits | None = None, *, floating: bool = True, known: bool = False) -> RobotFile:
     """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
 
     Args:
         path: A URDF or MJCF file.
         limits: How large it may be.
         floating: A URDF is to get a floating base; else its root link is welded to the world.
+        known: A file of the robot data: a mimic of nothing is passed over, as the dynamics mimic nothing anyway.
 
     Raises:
         ModelError: naming what is wrong.
@@ -70,7 +71,7 @@ def read(path: Path, limits: FileLimits | None = None, *, floating: bool = True)
         raise ModelError(
             f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>."
         )
-    urdf = check_urdf(path, element, floating=floating)
+    urdf = check_urdf(path, element, floating=floating, known=known)
     check_freedoms(path, urdf.freedoms + 6 * floating, limits)
     mass = sum(link.mass for link in urdf.links.values() if floating or link.name not in urdf.base)
     return RobotFile(path, "urdf", urdf, tuple(urdf.links), mass, tuple(_remarks(urdf)), _urdf_meshes(element))

@@ -59,7 +59,7 @@ class GaussProblem:
     Raises:
         InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
         DuplicateName: if two rows share a name.
-        SingularInertia: when M is first factorised, if it is not positive definite.
+        SingularInertia: if M is not positive definite; of an M from a `State`, when it is first factorised.
     """
 
     M: Array
@@ -99,6 +99,10 @@ class GaussProblem:
         check_finite("rhs", rhs)
         if np.abs(M - M.T).max() > 1e-9 * np.abs(M).max():
             raise InputError(f"M is not symmetric: |M - M^T| reaches {np.abs(M - M.T).max():.2g}.")
+        # Rounding can leave a singular M with tiny positive pivots, and answers of 1e10 m/s2; robots' are above 1e-8.
+        if (np.abs(np.diag(self.factor)) ** 2 < 1e-12 * np.diag(M)).any():
+            i = int(np.argmin(np.diag(self.factor) ** 2 / np.diag(M)))
+            raise SingularInertia(f"M is singular to rounding at coordinate {i}: what moves there carries no inertia.")
 
     @property
     def nv(self) -> int:

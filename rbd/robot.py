@@ -227,7 +227,8 @@ def load_robot(
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
-    tells it in full.
+    tells it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
+    singular, so they have kinematics and no accelerations.
 
     Raises:
         UnknownRobot: no such robot; the nearest names are in the message.
@@ -241,7 +242,7 @@ def load_robot(
         raise InputError(f"limits is {limits!r:.80}; expected rbd.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     source = catalogue.find(name_or_path, package_dirs)
-    file = read(source.urdf, limits, floating=root == "free_flyer")
+    file = read(source.urdf, limits, floating=root == "free_flyer", known=source.known)
     model = _built(file, root)
     if file.kind == "mjcf":
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
@@ -250,8 +251,10 @@ def load_robot(
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
     robot = Robot(model, source, root, passive, limits)
     report = examine(robot, file, robot.postures, source.package_dirs)
-    refuse(report, source.urdf.name)
-    if report.warnings:
+    robot.sound = report.ok
+    if not source.known:
+        refuse(report, source.urdf.name)
+    if report.errors or report.warnings:
         warnings.warn(report.summary(), ModelWarning, stacklevel=2)
     return robot
 

@@ -84,13 +84,14 @@ class UrdfFile:
         return sum(FREEDOMS[joint.kind] for joint in self.joints.values())
 
 
-def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool) -> UrdfFile:
+def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool, known: bool = False) -> UrdfFile:
     """A URDF's links and joints, in order.
 
     Args:
         path: For messages.
         robot: The first element, <robot>.
         floating: A floating base will be put under it, whose joint is `root_joint`.
+        known: Pass over a mimic of a joint that is not there.
 
     Raises:
         ModelError: naming the first link or joint that is wrong, and how many more are.
@@ -106,7 +107,7 @@ def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool) -> Urd
     if "universe" in joints:
         wrong.add("joint 'universe' has the name of Pinocchio's world. Rename it.")
     _check_tree(wrong, links, joints)
-    _check_mimics(wrong, joints)
+    _check_mimics(wrong, joints, known=known)
     wrong.refuse()
     text = "".join([f"<robot name={quoteattr(name)}>", *(x.text for x in (*links.values(), *joints.values())), "</robot>"])
     return UrdfFile(name, links, joints, _base(links, joints), text)
@@ -299,11 +300,13 @@ def _on_circle(link: str, above: dict[str, str]) -> str:
     return link
 
 
-def _check_mimics(wrong: Complaints, joints: dict[str, Joint]) -> None:
+def _check_mimics(wrong: Complaints, joints: dict[str, Joint], *, known: bool) -> None:
     for joint in joints.values():
         if joint.mimics is None:
             continue
         if joint.mimics not in joints:
+            if known:
+                continue
             told = f"mimics {joint.mimics!r:.120}, which is no joint" if joint.mimics else "mimics nothing"
             wrong.add(f"joint {joint.name!r} {told}; {nearest(joint.mimics, joints)}.")
             continue
