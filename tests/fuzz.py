@@ -100,12 +100,15 @@ VALUES = (
 FACTORS = (-1.0, 0.0, 1e3, 1e-3, 1e9, 1e-9, 1e30, 1e-30, 1e160, 1e-160, -0.3, 1.7)
 KINDS = "revolute continuous prismatic fixed floating planar spherical ball Revolute screw".split() + ["", " fixed"]
 TAGS = "link joint inertial mass inertia origin axis limit mimic parent child visual collision robot mujoco dynamics x".split()
-BLOBS = b"]]> <!-- --> <![CDATA[ &lol; &#0; &#x41; <robot> </robot> > < /> \" ' <?php?> <link/> \0 \x80 \xff\xfe \xef\xbb\xbf".split() + [
+SNIPPETS = b"]]> <!-- --> <![CDATA[ &lol; &#0; &#x41; <robot> </robot> > < /> \" ' <?php?> <link/> \0 \x80 \xff\xfe \xef\xbb\xbf"
+BLOBS = SNIPPETS.split() + [
     b" " * 100_000, b" xmlns='u' ", b"<a/>" * 20_000, *[b"<a>" * n + b"</a>" * n for n in (50, 200, 5000, 200_000)],
 ]  # fmt: skip
 LAUGHS = b"".join(b"<!ENTITY a%d '&a%d;&a%d;'>" % (k, k - 1, k - 1) for k in range(1, 30))
-HEADS = [b"<!DOCTYPE robot>", b"<!DOCTYPE robot SYSTEM 'file:///x'>", b"<!DOCTYPE robot [<!ENTITY a0 'ha'>" + LAUGHS + b"]>"] + [
-    b"\n", b"x", b"\xef\xbb\xbf", b"<!-- -->", *[b"<?xml version='1.0' encoding='%s'?>" % c for c in (b"utf-16", b"rot13", b"latin1")],
+ENCODINGS = [b"<?xml version='1.0' encoding='%s'?>" % c for c in (b"utf-16", b"rot13", b"latin1")]
+HEADS = [
+    b"<!DOCTYPE robot>", b"<!DOCTYPE robot SYSTEM 'file:///x'>", b"<!DOCTYPE robot [<!ENTITY a0 'ha'>" + LAUGHS + b"]>",
+    b"\n", b"x", b"\xef\xbb\xbf", b"<!-- -->", *ENCODINGS,
 ]  # fmt: skip
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from rbd.errors import InputError
+
 # Okabe and Ito's palette, told apart by colour-blind readers; its yellow and black serve badly on a light ground.
 CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d31", "#5e4fa2", "#7f7f7f")
 PUSH_COLOR = "#c2187a"
@@ -22,7 +24,10 @@ def contact_colors(names: Iterable[str]) -> dict[str, str]:
     >>> contact_colors(["left_sole", "right_sole"])
     {'left_sole': '#0072b2', 'right_sole': '#d55e00'}
     """
-    unique = list(dict.fromkeys(names))
+    try:
+        unique = list(dict.fromkeys(names))
+    except TypeError:
+        raise InputError(f"names are {names!r:.80}; expected a list of words.") from None
     return {name: CONTACT_COLORS[i % len(CONTACT_COLORS)] for i, name in enumerate(unique)}
 
 

@@ -15,6 +15,7 @@ from rbd.equilibrium import hold
 from rbd.errors import InputError
 from rbd.least_constraint import solve
 from rbd.robot import Robot, load_robot
+from rbd.visual.arguments import a_count, a_path
 from rbd.visual.scene import Scene
 from rbd.visual.screenshot import screenshot
 
@@ -72,9 +73,14 @@ def contact_sheet(
         CannotHold: one that cannot stand.
         PictureError: no browser, or no picture came of it.
     """
-    if not (columns >= 1 and width >= 1 and height >= 1):
-        raise InputError(f"{columns} columns of {width} x {height} pixels; expected all above zero.")
-    given = [robots] if isinstance(robots, str | Robot) else robots
+    columns, width, height = a_count("columns", columns, 100), a_count("width", width, 4000), a_count("height", height, 4000)
+    a_path("the picture", png_path)
+    try:
+        given = [robots] if isinstance(robots, str | Robot) else list(robots)
+    except TypeError:
+        raise InputError(f"robots are {robots!r:.80}; expected robots or their names: ['talos', 'go2'].") from None
+    if bad := [r for r in given if not isinstance(r, str | Robot)]:
+        raise InputError(f"{bad[0]!r:.80} is no robot; expected robots or their names: ['talos', 'go2'].")
     loaded = [load_robot(robot) if isinstance(robot, str) else robot for robot in given]
     if not loaded:
         raise InputError("a contact sheet of no robots; give some, or their names: ['talos', 'go2'].")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.contact_force import contact_force
 from rbd.errors import InputError
 from rbd.polygon import convex_hull, inside_distance
@@ -127,7 +127,10 @@ def pushes(state: State, external: Iterable[Push] | Push | None) -> list[tuple[s
     """
     if external is None:
         return []
-    given = [external] if isinstance(external, Push) else list(external)
+    try:
+        given = [external] if isinstance(external, Push) else list(external)
+    except TypeError:
+        raise InputError(f"external is {external!r:.80}; expected ExternalForces.") from None
     out = []
     for push in given:
         if not isinstance(push, Push):

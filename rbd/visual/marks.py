@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.polygon import convex_hull
 from rbd.visual import shapes
 from rbd.visual.colors import COM_COLOR, PUSH_COLOR, SUPPORT_COLOR

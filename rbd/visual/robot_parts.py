@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.errors import ModelWarning
 from rbd.visual import shapes
 from rbd.visual.collada import read_collada

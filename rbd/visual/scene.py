@@ -15,9 +15,12 @@ import numpy as np
 import pinocchio as pin
 from meshcat.geometry import MeshLambertMaterial, MeshPhongMaterial, TriangularMeshGeometry
 
-from rbd.cones import Array
+from rbd.arrays import Array, three
 from rbd.errors import InputError, PictureError
+from rbd.model import CheckedModel
+from rbd.state import State
 from rbd.visual import marks
+from rbd.visual.arguments import a_length, a_path
 from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, rgb_number
 from rbd.visual.forces import Push, ShownForce, pushes, shown_forces, support_polygon
 from rbd.visual.page import offline_page
@@ -30,7 +33,6 @@ if TYPE_CHECKING:
     from rbd.equilibrium import Hold
     from rbd.robot import Robot
     from rbd.solution import Solution
-    from rbd.state import State
 
 # Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
@@ -68,10 +70,12 @@ class Scene:
         seen_from: Sequence[float] | Array | None = None,
         legend: bool = True,
     ) -> None:
-        if arrow_per_weight is not None and not 0.0 < arrow_per_weight < np.inf:
-            raise InputError(f"arrow_per_weight is {arrow_per_weight}; expected a length above zero, in metres.")
-        seen = np.asarray(FRONT_LEFT if seen_from is None else seen_from, float)
-        if seen.shape != (3,) or not np.isfinite(seen).all() or not seen[:2].any():
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
+        if arrow_per_weight is not None:
+            arrow_per_weight = a_length("arrow_per_weight", arrow_per_weight)
+        seen = three("seen_from", FRONT_LEFT if seen_from is None else seen_from)
+        if not seen[:2].any():
             raise InputError(
                 f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down."
             )
@@ -133,6 +137,10 @@ class Scene:
                 place in the picture.
         """
         model = self._robot.model
+        if not isinstance(state, State):
+            raise InputError(f"show wants a State first, got {state!r:.80}. Make one: rbd.State(robot, q).")
+        if solution is not None and not hasattr(solution, "corner_forces"):
+            raise InputError(f"solution is {solution!r:.80}; expected what rbd.solve or rbd.hold returned, or None.")
         if len(state.q) != model.nq:
             raise InputError(
                 f"the state has {len(state.q)} coordinates, {self._robot.name!r} has {model.nq}; "
@@ -169,7 +177,7 @@ class Scene:
         """
         self._shown()
         assert self._data is not None
-        target = Path(path)
+        target = a_path("the page", path)
         if target.suffix.lower() not in (".html", ".htm"):
             raise PictureError(f"cannot export to {str(path)!r}: expected a name that ends in .html.")
         # A live viewer keeps its camera while the robot moves; a page is framed for what it shows.

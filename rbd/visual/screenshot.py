@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import tempfile
 from os import PathLike
 from pathlib import Path
 
-from rbd.errors import InputError, PictureError
+from rbd.errors import PictureError
+from rbd.visual.arguments import a_count, a_path, is_there
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 TIMEOUT_SECONDS = 120.0
@@ -48,15 +50,14 @@ def screenshot(
         height: Pixels down.
 
     Raises:
-        InputError: if the size is not positive.
+        InputError: if the size is no number of pixels.
         PictureError: if there is no page, no browser, or no picture came of it.
     """
-    page, picture = Path(html_path), Path(png_path)
-    if width <= 0 or height <= 0:
-        raise InputError(f"a picture of {width} x {height} pixels; expected both above zero.")
-    if not page.is_file():
+    page, picture = a_path("the page", html_path), a_path("the picture", png_path)
+    width, height = a_count("width", width), a_count("height", height)
+    if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
-    if not picture.parent.is_dir():
+    if not os.path.isdir(picture.parent):
         raise PictureError(f"no folder for {str(png_path)!r}; make it first.")
     browser = find_browser()
     if browser is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

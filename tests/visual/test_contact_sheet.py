@@ -49,7 +49,7 @@ def test_what_cannot_be_drawn_is_refused(tmp_path):
     """No robots, no size, a robot without feet."""
     with pytest.raises(InputError, match="no robots"):
         contact_sheet([], tmp_path / "none.png")
-    with pytest.raises(InputError, match="0 columns"):
+    with pytest.raises(InputError, match="columns is 0"):
         contact_sheet(["bolt"], tmp_path / "none.png", columns=0)
     with pytest.raises(ModelError, match="no feet are known for panda|no standing posture"):
         contact_sheet(["panda"], tmp_path / "none.png")

@@ -17,6 +17,7 @@ import pytest
 import umsgpack
 from PIL import Image
 
+import rbd
 from rbd.equilibrium import hold
 from rbd.errors import InputError, PictureError
 from rbd.external import ExternalForce
@@ -224,6 +225,8 @@ def test_wrong_uses_are_refused_in_words(talos, standing, tmp_path):
         with pytest.raises(PictureError, match=r"ends in \.html"):
             scene.export(tmp_path / "picture.png")
         with pytest.raises(InputError, match="coordinates"):
+            scene.show(rbd.load_robot("bolt").standing())
+        with pytest.raises(InputError, match="wants a State first"):
             scene.show(SimpleNamespace(q=np.zeros(3)))
     with pytest.raises(PictureError, match="no page"):
         screenshot(tmp_path / "none.html", tmp_path / "none.png")

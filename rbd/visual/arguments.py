@@ -1,0 +1,56 @@
+"""What the doors of this room are given: paths, counts and lengths, checked alike."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from rbd.errors import InputError, PictureError
+
+MOST_PIXELS = 30_000
+
+
+def a_path(what: str, value: object) -> Path:
+    """A path.
+
+    Raises:
+        PictureError: if it can be none.
+    """
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text or len(text) > 4000:
+        raise PictureError(f"{what} is {value!r:.80}; expected the path of a file.")
+    return Path(text)
+
+
+def is_there(path: Path) -> bool:
+    """Whether it is a file; False where the system will not say."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def a_count(what: str, value: object, most: int = MOST_PIXELS) -> int:
+    """A whole number from 1 to `most`.
+
+    Raises:
+        InputError: if it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to {most}.")
+    return int(value)
+
+
+def a_length(what: str, value: object) -> float:
+    """A finite length above zero [m].
+
+    Raises:
+        InputError: if it is not.
+    """
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not number or not 0.0 < value < 1e100 or math.isnan(value):  # type: ignore[operator,arg-type]
+        raise InputError(f"{what} is {value!r:.80}; expected a length above zero, in metres.")
+    return float(value)  # type: ignore[arg-type]

@@ -1,0 +1,376 @@
+"""Nonsense in, an `RbdError` out, or a right answer: a property of every public function, found by hypothesis.
+
+Each function has a call that works, its arguments by name. One or two of them are replaced by nonsense: wrong types and
+sizes, NaN, infinity, huge and ragged numbers, odd dtypes, masks, quaternions off the sphere, names that are nearly right.
+What is then answered must be finite (and certified, where it is a solution), and the same as on the cleaned input.
+"""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import hypothesis.strategies as st
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis.configuration import set_hypothesis_home_dir
+
+import rbd
+from rbd.visual import Scene, contact_colors, contact_sheet, screenshot
+
+set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
+EXAMPLES = 60
+SETTINGS = hypothesis.settings(
+    derandomize=True,
+    deadline=None,
+    database=None,
+    phases=(hypothesis.Phase.generate,),
+    suppress_health_check=list(hypothesis.HealthCheck),
+)
+LONGEST_MESSAGE = 1500
+
+URDF = Path(__file__).parents[1] / "urdf" / "box.urdf"
+BOX = rbd.load_robot(URDF)
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", rbd.errors.ModelWarning)
+    BOLT = rbd.load_robot("bolt")
+STATE = BOLT.standing()
+FEET = BOLT.feet()
+TAU = np.zeros(BOLT.nu)
+PROBLEM = rbd.gauss_problem(STATE, TAU, FEET)
+SOLUTION = rbd.solve(STATE, TAU, FEET)
+V = np.linspace(-0.5, 0.5, BOLT.nv)
+MOVING = rbd.State(BOLT, STATE.q, V)
+CORNERS = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
+ROWS = PROBLEM.rows[0]
+PLAIN = {"name": "row", "J": np.array([[1.0, 0.0], [0.5, 2.0]]), "bias": np.array([0.5, -0.1])}
+FRAME = BOLT.frames()[8]
+PUSH = rbd.ExternalForce(FRAME, (0.0, 9.0, 0.0))
+ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(BOLT.nv)}
+
+
+def use_contact(contact: Any) -> Any:
+    """A contact's rows on the box, and what they hold."""
+    state = rbd.State(BOX, BOX.neutral())
+    return contact.rows(state), rbd.solve(state, [], [contact])
+
+
+def use_cone(cone: Any) -> Any:
+    """A set of forces in a problem of its own."""
+    n = cone.dim
+    rows = rbd.Rows("row", np.eye(n), np.zeros(n), cone)
+    problem = rbd.GaussProblem(np.eye(n), np.linspace(-1.0, 1.0, n), [rows])
+    return cone.project(np.linspace(-1.0, 1.0, n)), solved(problem)
+
+
+def solved(problem: rbd.GaussProblem) -> rbd.Solution | None:
+    """What ProxQP makes of a problem; a failure that says so is no answer."""
+    if rbd.ProxQP().reason_unsupported(problem) is not None:
+        return None
+    found = rbd.ProxQP().solve(problem)
+    return None if found.status in (rbd.Status.FAILED, rbd.Status.INFEASIBLE) else found
+
+
+def use_rows(**given: Any) -> Any:
+    """Rows in a problem of their own."""
+    rows = rbd.Rows(**given)
+    return rows, solved(rbd.GaussProblem(np.eye(2), np.ones(2), [rows]))
+
+
+def use_problem(**given: Any) -> Any:
+    """The free acceleration of a problem, and its solution."""
+    problem = rbd.GaussProblem(**given)
+    return problem.a_free, solved(problem)
+
+
+def use_force(**given: Any) -> Any:
+    """What an external force does."""
+    return rbd.dynamics.free_acceleration(STATE, TAU, rbd.ExternalForce(**given))
+
+
+def use_scene(state: Any, solution: Any, external: Any, arrow_per_weight: Any, seen_from: Any) -> Any:
+    """The scale of a picture, and its marks."""
+    scene = Scene(BOLT, arrow_per_weight=arrow_per_weight, seen_from=seen_from)
+    scene.show(state, solution, external=external)
+    return scene.metres_per_newton, [mark.mesh.vertices for mark in scene.drawn]
+
+
+def use_export(path: Any) -> Any:
+    """An exported page; only odd paths come here, and none of them can be written."""
+    scene = Scene(BOX)
+    scene.show(BOX.at())
+    return scene.export(path)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A public callable, by its name, and arguments that work."""
+
+    call: Callable[..., Any]
+    good: dict[str, Any]
+    examples: int = EXAMPLES
+
+
+def contact_case(kind: Any, more: dict[str, Any]) -> Case:
+    """A contact, made and used."""
+    good = {"name": "floor", "frame": "box", "friction": 0.5, "facets": 4, **more}
+    return Case(lambda **given: use_contact(kind(**given)), good)
+
+
+def of_state(name: str, **more: Any) -> Case:
+    """A function of `rbd.dynamics`."""
+    return Case(getattr(rbd.dynamics, name), {"state": MOVING, **more})
+
+
+CASES: dict[str, Case] = {
+    "Box": Case(lambda **given: use_cone(rbd.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
+    "Free": Case(lambda **given: use_cone(rbd.Free(**given)), {"dim": 3}),
+    "NonNegative": Case(lambda **given: use_cone(rbd.NonNegative(**given)), {"dim": 3}),
+    "FrictionCone": Case(lambda **given: use_cone(rbd.FrictionCone(**given)), {"mu": 0.5, "facets": 4}),
+    "Product": Case(lambda **given: use_cone(rbd.Product(**given)), {"cones": [rbd.Free(1), rbd.FrictionCone(0.5)]}),
+    "WrenchCone": Case(
+        lambda **given: use_cone(rbd.WrenchCone(**given)), {"corners": np.c_[CORNERS, np.zeros(4)], "mu": 0.5, "facets": 4}
+    ),
+    "PointContact": contact_case(rbd.PointContact, {"offset": np.array([0.1, 0.0, -0.1]), "normal": np.array([0.0, 0.0, 1.0])}),
+    "SurfaceContact": contact_case(rbd.SurfaceContact, {"corners": CORNERS, "placement": np.eye(4)}),
+    "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
+    "ExternalForce": Case(
+        use_force, {"frame": FRAME, "force": np.array([1.0, 0.0, 9.0]), "moment": (0.0, 1.0, 0.0), "offset": (0.1, 0.0, 0.0)}
+    ),
+    "Rows": Case(
+        use_rows, {**PLAIN, "cone": rbd.Free(2), "velocity": np.zeros(2), "feedback": np.zeros(2), "resultant": np.eye(2)}
+    ),
+    "GaussProblem": Case(
+        use_problem, {"M": np.diag([1.0, 2.0]), "rhs": np.array([1.0, -1.0]), "rows": [rbd.Rows(**PLAIN, cone=rbd.Free(2))]}
+    ),
+    "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V}, 120),
+    "KKT": Case(lambda problem: rbd.KKT().solve(problem), {"problem": rbd.gauss_problem(STATE, TAU, BOLT.feet(None))}),
+    "ProxQP": Case(lambda problem: rbd.ProxQP().solve(problem), {"problem": PROBLEM}),
+    "gauss_problem": Case(rbd.gauss_problem, ASKED),
+    "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True}, 120),
+    "hold": Case(rbd.hold, {"state": STATE, "contacts": FEET, "external": np.zeros(BOLT.nv)}),
+    "doctor": Case(rbd.doctor, {"robot": BOX}),
+    "FileLimits": Case(
+        lambda **given: rbd.load_robot(URDF, limits=rbd.FileLimits(**given)), {"max_dof": 200, "max_bytes": 10_000}
+    ),
+    "load_robot": Case(
+        rbd.load_robot,
+        {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
+    ),
+    "catalogue.find": Case(rbd.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
+    "dynamics.checked": of_state("checked"),
+    "dynamics.mass_matrix": of_state("mass_matrix"),
+    "dynamics.bias_force": of_state("bias_force"),
+    "dynamics.gravity_torque": of_state("gravity_torque"),
+    "dynamics.coriolis_matrix": of_state("coriolis_matrix"),
+    "dynamics.coriolis_tensor": of_state("coriolis_tensor"),
+    "dynamics.kinetic_energy": of_state("kinetic_energy"),
+    "dynamics.potential_energy": of_state("potential_energy"),
+    "dynamics.momentum": of_state("momentum"),
+    "dynamics.inverse_dynamics": of_state("inverse_dynamics", a=V),
+    "dynamics.constraint_hessian": of_state("constraint_hessian", constraint=FEET[0]),
+    "dynamics.free_acceleration": of_state("free_acceleration", tau=TAU, external=np.zeros(BOLT.nv)),
+    "dynamics.free_force": of_state("free_force", tau=TAU, external=np.zeros(BOLT.nv)),
+    "Robot.posture": Case(BOLT.posture, {"name": "standing"}),
+    "Robot.at": Case(BOLT.at, {"q": STATE.q, "v": V}),
+    "Robot.standing": Case(BOLT.standing, {"posture": "standing"}),
+    "Robot.soles": Case(BOLT.soles, {"friction": 0.5, "facets": 4}),
+    "Robot.feet": Case(BOLT.feet, {"friction": 0.5, "facets": 4}),
+    "Robot.soles_from_collision": Case(
+        BOX.soles_from_collision, {"frames": ["box"], "friction": 0.5, "at": BOX.at(), "facets": 4}
+    ),
+    "Robot.frame": Case(BOLT.frame, {"name": FRAME}),
+    "Robot.frame_id": Case(BOLT.frame_id, {"name": FRAME}),
+    "Robot.site": Case(BOLT.site, {"frame": FRAME}),
+    "Robot.joint_id": Case(BOLT.joint_id, {"name": BOLT.joints()[3]}),
+    "Robot.check_q": Case(BOLT.check_q, {"q": STATE.q}),
+    "Robot.check_v": Case(BOLT.check_v, {"v": V}),
+    "Robot.check_tau": Case(BOLT.check_tau, {"tau": TAU}),
+    "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
+    "State.frame": Case(STATE.frame, {"name": FRAME, "offset": np.zeros(3)}),
+    "visual.Scene": Case(
+        use_scene,
+        {"state": STATE, "solution": SOLUTION, "external": PUSH, "arrow_per_weight": 0.3, "seen_from": (1, 0.6, 0.3)},
+        40,
+    ),
+    "visual.Scene.export": Case(use_export, {"path": "/nowhere/x.html"}, 40),
+    "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
+    "visual.contact_sheet": Case(
+        contact_sheet,
+        {"robots": ["nobody"], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9, "friction": 0.7},
+    ),
+    "visual.screenshot": Case(
+        screenshot, {"html_path": "/nowhere/x.html", "png_path": "/nowhere/x.png", "width": 9, "height": 9}
+    ),
+}
+MADE_BY_RBD = {"Hold", "Solution", "Robot", "Report", "Finding"}
+"""Records that only `rbd` makes; their makers are tested here."""
+
+
+NAMES = [
+    *("", " ", "left_sol", "LEFT", "universe", "a\0b", "Ω\u202e", "../../x", "%s{}", "x" * 100_000, "\ud800", "~nobody/x.urdf"),
+    b"bolt",
+]
+NUMBERS = [0, -1, 1, 10**400, 10**12, -(2**70), 1e300, -1e300, 1e150, 1e-320, np.nan, np.inf, -np.inf, 0.5, 1 + 2j, True]
+ODD = [
+    *(None, (), [], {}, set(), [[]], [None], [[1.0], [1.0, 2.0]], [[[1.0] * 3] * 3] * 3, object(), object, len, ..., range(3)),
+    *(np.array(3.0), np.array([]), np.zeros((0, 3)), np.zeros((3, 0)), np.array(["1", "2", "3"]), np.array([1, 2, 3], "m8[s]")),
+    *(np.ma.masked_array([1.0, 2.0, 3.0], [0, 1, 0]), np.float32(1.0), np.bool_(True), np.array([None] * 3), {"a": 1}),
+    *(np.zeros(3, dtype=[("x", float)]), pin.SE3.Random(), BOX, STATE, BOX.at(), FEET[0], FEET, PROBLEM, SOLUTION, rbd.Free(3)),
+    *(rbd.State, rbd.PointContact, rbd.PointContact("other", "box"), PUSH, Path("."), rbd.ProxQP(), [10**400] * 3, "1 2 3"),
+]
+
+
+def spoilt(value: Any) -> st.SearchStrategy[Any]:
+    """Nonsense that is near to an argument that works, or far from it."""
+    far = st.one_of(st.sampled_from(NAMES), st.sampled_from(NUMBERS), st.sampled_from(ODD), st.binary(max_size=8))
+    if isinstance(value, str):
+        near = [value[:-1], value + "x", value.upper(), value + "\0", value.encode(), [value], Path(value), " " + value]
+        return st.one_of(st.sampled_from(near), far)
+    if isinstance(value, np.ndarray):
+        return st.one_of(_spoilt_array(value), _spoilt_array(value), far)
+    if isinstance(value, list | tuple):
+        items = list(value)
+        near = [items * 2, items[:-1], [*items, None], [items], iter(items), tuple(items), dict.fromkeys(range(len(items)))]
+        return st.one_of(st.sampled_from(near[:4] + near[5:]), far.map(lambda x: [*items, x]), far)
+    return far
+
+
+@st.composite
+def _spoilt_array(draw: st.DrawFn, value: np.ndarray) -> Any:
+    how = draw(st.integers(0, 9))
+    if how < 4 and value.size:
+        out = value.copy()
+        at = draw(st.integers(0, value.size - 1))
+        entry = draw(st.sampled_from(["nan", "inf", "-inf", 1e300, -1e150, 1e149, 1e12, 1e100, 1e-320, "3.5", "-1"]))
+        out.flat[at] = float(entry)
+        return out
+    scale = draw(st.sampled_from([1.0 + 1e-7, 1.01, -1.0, 0.0, 1e8, 1e60, 1e140, 1e307]))
+    kinds = [float, "f4", "f2", "g", complex, object, str, "i8", bool, "u1"]
+    return [
+        value * scale if np.abs(value).max(initial=0.0) < 10.0 else value,
+        value.astype(draw(st.sampled_from(kinds))),
+        draw(st.sampled_from([value[:-1], np.r_[value, value[:1]], value[None], value.T[..., None], value.ravel()])),
+        value.tolist(),
+        np.repeat(value, 2, axis=0)[::2],  # not contiguous
+        np.ma.masked_invalid(value),
+    ][how - 4]
+
+
+def numbers_in(answer: Any) -> Iterator[np.ndarray]:
+    """All numbers of an answer."""
+    if isinstance(answer, np.ndarray | float | int | np.generic) and not isinstance(answer, bool):
+        yield np.asarray(answer, float)
+    elif isinstance(answer, pin.SE3):
+        yield answer.homogeneous
+    elif isinstance(answer, rbd.State):
+        yield from numbers_in([answer.q, answer.v, answer.M, answer.h, answer.com])
+    elif isinstance(answer, rbd.Robot):
+        yield from numbers_in([answer.mass, answer.nq])
+    elif isinstance(answer, rbd.GaussProblem):
+        yield from numbers_in([answer.M, answer.rhs, answer.a_free, answer.J, answer.offset])
+    elif isinstance(answer, rbd.Solution):
+        yield from numbers_in([answer.a, answer.forces])
+    elif isinstance(answer, rbd.Rows):
+        yield from numbers_in([answer.J, answer.bias, answer.velocity])
+    elif isinstance(answer, dict):
+        yield from numbers_in(list(answer.values()))
+    elif isinstance(answer, list | tuple):
+        for each in answer:
+            yield from numbers_in(each)
+    elif is_dataclass(answer) and not isinstance(answer, type):
+        yield from numbers_in([getattr(answer, f.name) for f in fields(answer) if not f.name.startswith("_")])
+
+
+def certified(answer: Any) -> bool:
+    """Whether every solution in an answer is one, and every inertia is positive definite."""
+    if isinstance(answer, rbd.Solution):
+        return answer.status in (rbd.Status.SOLVED, rbd.Status.INACCURATE)
+    if isinstance(answer, rbd.Hold):
+        return answer.residual < 1e-6
+    if isinstance(answer, rbd.State):
+        return bool(np.linalg.eigvalsh(answer.M)[0] > 0.0)
+    return all(map(certified, answer)) if isinstance(answer, list | tuple) else True
+
+
+def cleaned(value: Any, good: Any) -> Any:
+    """An argument as whoever gave it meant it."""
+    listed = isinstance(good, np.ndarray) and isinstance(value, np.ndarray | list | tuple) and len(value) > 0
+    return np.array(value, float) if listed else value
+
+
+def ask(case: Case, given: dict[str, Any]) -> Any:
+    """The answer, or the `RbdError`; any other exception, and warnings that are not ours, go through."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", rbd.RbdWarning)
+        try:
+            return case.call(**given)
+        except rbd.RbdError as error:
+            return error
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nonsense_is_refused_or_answered_right(name: str) -> None:
+    """An `RbdError` that can be read, or an answer that is finite, certified and that of the cleaned input."""
+    case = CASES[name]
+
+    @hypothesis.settings(SETTINGS, max_examples=case.examples)
+    @hypothesis.given(st.data())
+    def law(data: st.DataObject) -> None:
+        keys = data.draw(st.lists(st.sampled_from(sorted(case.good)), min_size=1, max_size=2, unique=True))
+        spoils = {key: data.draw(spoilt(case.good[key]), label=key) for key in keys}
+        answer = ask(case, case.good | spoils)
+        if isinstance(answer, rbd.RbdError):
+            assert 0 < len(str(answer)) <= LONGEST_MESSAGE
+            return
+        found = list(numbers_in(answer))
+        assert all(np.isfinite(x).all() for x in found), "not finite"
+        assert certified(answer) or "check" in keys, "not certified"
+        again = ask(case, case.good | {key: cleaned(value, case.good[key]) for key, value in spoils.items()})
+        for x, y in zip(found, numbers_in(again), strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-6 * max(1.0, float(np.abs(y).max(initial=0.0))))
+
+    law()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_unspoilt_call_is_answered(name: str) -> None:
+    """The law above can fail: arguments that work are not refused, but for pages that cannot be written."""
+    answer = ask(CASES[name], CASES[name].good)
+    refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles"}
+    assert isinstance(answer, rbd.RbdError) == (name in refused), answer
+
+
+def public() -> Iterator[str]:
+    """Names of all public callables that take arguments."""
+    rooms = {"": (rbd, rbd.__all__), "dynamics.": (rbd.dynamics, None), "catalogue.": (rbd.catalogue, None)}
+    rooms |= {"Robot.": (rbd.Robot, None), "State.": (rbd.State, None), "visual.": (rbd.visual, rbd.visual.__all__)}
+    for room, (place, names) in rooms.items():
+        for name in names or [n for n in dir(place) if not n.startswith("_")]:
+            value = getattr(place, name)
+            if inspect.ismodule(value) or not callable(value) or name in MADE_BY_RBD or room + name in INNER:
+                continue
+            if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, rbd.Status)):
+                continue
+            if names is None and inspect.ismodule(place) and (value.__module__ != place.__name__ or isinstance(value, type)):
+                continue
+            wanted = [p for p in inspect.signature(value).parameters if p != "self"]
+            if wanted:
+                yield room + name
+
+
+INNER = {"State.moving", "State.balance"}
+"""What constraints and problems call, with what was checked."""
+
+
+def test_every_public_callable_is_asked() -> None:
+    """A new one wants a case."""
+    assert set(public()) - set(CASES) == set()
