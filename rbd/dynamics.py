@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, zeros
 from rbd.errors import InputError
 from rbd.external import External, generalised
 from rbd.problem import GaussProblem
@@ -124,8 +124,11 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
 def free_force(state: State, tau: Array, external: External = None) -> tuple[Array, Array]:
     """(S^T tau + tau_ext - h, external wrench about the centre of mass): shapes (nv,) and (6,)."""
     robot = checked(state).robot
-    tau_ext, wrench = generalised(state, external)
-    rhs = tau_ext - state.h
+    if external is None:
+        rhs, wrench = -state.h, zeros(6)
+    else:
+        tau_ext, wrench = generalised(state, external)
+        rhs = tau_ext - state.h
     rhs[robot.motors] += robot.check_tau(tau)
     return rhs, wrench
 

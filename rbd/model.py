@@ -144,8 +144,7 @@ class CheckedModel:
         Raises:
             InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
         """
-        q = self._vector("q", q, self.nq, "nq")
-        _check_reach(f"q of {self.name}", q)
+        q = self._vector("q", q, self.nq, "nq", FARTHEST)
         for begin, end in self._unit_blocks:
             block = q[begin:end]
             norm = math.sqrt(np.vdot(block, block))
@@ -155,7 +154,7 @@ class CheckedModel:
                     f"q[{begin}:{end}] is the {what} {np.round(block, 9).tolist()} of norm {norm:.9g}; expected norm 1 to "
                     f"{UNIT_TOLERANCE:g}. Divide it by its norm, or build q with robot.model's pinocchio.integrate."
                 )
-            if norm != 1.0:
+            if abs(norm - 1.0) > 4e-16:  # two roundings
                 block /= norm
         return q
 
@@ -165,10 +164,7 @@ class CheckedModel:
         Raises:
             InputError: wrong size or not finite.
         """
-        out = self._vector(what, v, self.nv, "nv")
-        if what == "v":
-            _check_reach(f"v of {self.name}", out)
-        return out
+        return self._vector(what, v, self.nv, "nv", FARTHEST if what == "v" else math.inf)
 
     def check_tau(self, tau: Array) -> Array:
         """Motor torques, copied, shape (nu,).
@@ -178,14 +174,21 @@ class CheckedModel:
         """
         return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
 
-    def _vector(self, what: str, value: Array, size: int, meaning: str) -> Array:
+    def _vector(self, what: str, value: Array, size: int, meaning: str, most: float = math.inf) -> Array:
         out = numbers(f"{what} of {self.name}", value)
         if out.shape != (size,):
             hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
             raise InputError(
                 f"{what} of {self.name} has shape {out.shape}; expected ({size},): {meaning}.{hint}"
             )
-        check_finite(f"{what} of {self.name}", out)
+        # One pass for both: NaN fails the comparison, and a norm within `most` has entries within it.
+        if not np.vdot(out, out) < most * most:
+            check_finite(f"{what} of {self.name}", out)
+            if largest(out) > most:
+                raise InputError(
+                    f"{what} of {self.name} reaches {largest(out):.3g}; at most {most:g} is taken [m, rad, and per second]: "
+                    "so far away, rounding eats the millimetres between links."
+                )
         return out
 
     def _check_passive(self, passive: Iterable[str]) -> frozenset[str]:
@@ -248,12 +251,6 @@ class DataPool:
                 slot.ticket = 0
                 self._lent.remove(slot)
                 self._free.append(slot)
-
-
-def _check_reach(what: str, values: Array) -> None:
-    """Refuse what no robot reaches: positions so large lose the millimetres between their links to rounding."""
-    if largest(values) > FARTHEST:
-        raise InputError(f"{what} reaches {largest(values):.3g}; at most {FARTHEST:g} is taken [m, rad, and per second].")
 
 
 def _as_slice(indices: Array) -> slice | Array:

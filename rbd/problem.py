@@ -151,7 +151,7 @@ class GaussProblem:
         """The product of the rows' sets."""
         return Product([r.cone for r in self.rows])
 
-    @property
+    @lazy
     def bilateral(self) -> bool:
         """Whether every row holds, whatever force that takes."""
         return self.rays.all_lines

@@ -127,15 +127,12 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) 
     P, scales = problem, Scales(problem, a, f)
     if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
         return Residuals((math.nan,) * 5, scales)
+    stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), _centroidal(P, a, f)
+    if P.bilateral:
+        return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), scales)
     terms = _Terms(P, a, f, weights)
-    values = (
-        largest(P.M @ a - P.rhs - P.J.T @ f),
-        largest(terms.gap),
-        largest(terms.off_cone),
-        largest(terms.slack),
-        _centroidal(P, a, f),
-    )
-    return Residuals(values, scales)
+    gap, off_cone, slack = largest(terms.gap), largest(terms.off_cone), largest(terms.slack)
+    return Residuals((stationarity, gap, off_cone, slack, centroidal), scales)
 
 
 class Scales:

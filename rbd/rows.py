@@ -81,8 +81,8 @@ class Rows:
                 continue
             elif not (type(value) is np.ndarray and value.shape == shape and value.dtype == float):
                 object.__setattr__(self, what, _vector(self.name, what, value, m))
-        # J, bias and feedback are checked where they are stacked, in GaussProblem.
-        if not is_finite(self.velocity) or (self.error is not None and not is_finite(self.error)):
+        # J, bias and feedback are checked where they are stacked, in GaussProblem; a patch's velocity is its state's.
+        if self.patch is None and not (is_finite(self.velocity) and (self.error is None or is_finite(self.error))):
             raise InputError(f"rows {self.name!r}: velocity or error is not finite.")
         if not hasattr(self.cone, "generators"):
             raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.Free({m}).")

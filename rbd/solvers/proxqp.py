@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, identity, zeros
+from rbd.arrays import Array, identity, largest, zeros
 from rbd.cones import rays
 from rbd.problem import GaussProblem, checked
 from rbd.residuals import SOLVED
@@ -54,9 +54,10 @@ class ProxQP:
             return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
         R = _factor(P)
         along, opening, holds = _ray_rows(P, R)
-        length, rate = _size(along), _size(opening)  # of the QP's data: far from one, its tolerances would mean nothing
-        A: Array | None = along / length if length != 1.0 else along
-        b: Array | None = -opening / rate
+        # Of the QP's data; far from one, its tolerances would mean nothing.
+        length, rate = _size(math.sqrt(largest(P.delassus.diagonal()))), _size(largest(opening))
+        A: Array | None = along if length == 1.0 else along / length
+        b: Array | None = opening * (-1.0 / rate)
         C: Array | None = None
         l: Array | None = None
         if not P.bilateral:
@@ -102,10 +103,9 @@ def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
     return G.T @ R.T, G.T @ P.free_row_acceleration, P.rays.is_line
 
 
-def _size(data: Array) -> float:
-    """The largest entry where it is beyond 1e-3 to 1e4, else one: ordinary robots are solved as they are."""
-    top = float(np.abs(data).max(initial=0.0))
-    return 1.0 if top == 0.0 or 1e-3 <= top <= 1e4 else top
+def _size(top: float) -> float:
+    """The largest entry where it is far from one, else one: ordinary robots are solved as they are."""
+    return 1.0 if top == 0.0 or 1e-3 <= top <= 1e6 else top
 
 
 def _solution(P: GaussProblem, weights: Array, iterations: int, start: float) -> Solution:

@@ -19,7 +19,7 @@ import numpy as np
 import proxsuite
 from scipy.optimize import linprog
 
-from rbd.arrays import Array, check_finite, is_finite
+from rbd.arrays import Array, check_finite, identity, is_finite, zeros
 
 _QP = proxsuite.proxqp.dense.QP
 _NO_GUESS = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
@@ -85,10 +85,11 @@ def attempts(
     Raises:
         InputError: if an entry is NaN or infinite: ProxSuite would run on and call it solved.
     """
-    for what, value in zip("HgAbC", (H, g, A, b, C), strict=True):
+    n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
+    unit = H is identity(n) and g is zeros(n)  # our own constants need no look
+    for what, value in zip("AbCHg", (A, b, C) if unit else (A, b, C, H, g), strict=False):
         if value is not None and not is_finite(value):
             check_finite(f"{what} of the QP", value)
-    n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
     low, high = _bounds(l, k, -_UNBOUNDED), _bounds(u, k, _UNBOUNDED)
     total = 0
     for setting in policy:
@@ -96,8 +97,9 @@ def attempts(
         s = qp.settings
         s.eps_abs, s.eps_rel, s.initial_guess, s.max_iter = setting.eps_abs, 0.0, _NO_GUESS, setting.max_iter
         s.max_iter_in = 100  # of the default 1500, hopeless runs take minutes; robots need a few
-        # Else it calls solved what pushes at bounds 1e-3 away. Of an objective of 1e5, 1e-9 is below rounding: hence the 1e-10.
-        s.check_duality_gap, s.eps_duality_gap_abs, s.eps_duality_gap_rel = True, 10.0 * setting.eps_abs, 1e-10
+        if k:
+            # Else it calls solved what pushes at bounds 1e-3 away. Of an objective of 1e5, 1e-9 is below rounding: hence 1e-10.
+            s.check_duality_gap, s.eps_duality_gap_abs, s.eps_duality_gap_rel = True, 10.0 * setting.eps_abs, 1e-10
         # A strictly convex program is never dual infeasible; at the default 1e-4 its test says so of 81 in 100 states of
         # Talos full, in `a`. Its test for primal infeasibility stays: it is what ends hopeless runs.
         s.eps_dual_inf = 1e-16
@@ -110,7 +112,7 @@ def attempts(
         r = qp.results
         total += r.info.iter
         # ProxSuite: H x + g + A^T y + C^T z = 0; a force is minus its multiplier.
-        yield QPResult(np.array(r.x), -np.array(r.y), -np.array(r.z), total)
+        yield QPResult(np.array(r.x), -r.y if p else zeros(0), -r.z if k else zeros(0), total)
 
 
 def _bounds(given: Array | None, k: int, default: float) -> Array | None:
