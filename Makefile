@@ -4,12 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 MARKER := $(VENV)/installed
 
-.PHONY: help demo test lint bench pictures clean
+.PHONY: help demo test lint bench fuzz pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
 	@echo "make test      all tests"
 	@echo "make bench     what an answer costs beside one constraintDynamics call"
+	@echo "make fuzz      robot files broken on purpose, N=20000 of them: each refused by name, or loaded right"
 	@echo "make lint      ruff and mypy"
 	@echo "make pictures  the pictures of README and docs again (needs Chromium)"
 
@@ -33,6 +34,11 @@ lint: $(MARKER)
 
 bench: $(MARKER)
 	$(BIN)/python tests/bench.py
+
+N ?= 20000
+SEED ?= 0
+fuzz: $(MARKER)
+	$(BIN)/python tests/fuzz.py --n $(N) --seed $(SEED) --keep $(VENV)/fuzz_failures
 
 pictures: $(MARKER)
 	$(BIN)/python docs/pictures/make.py

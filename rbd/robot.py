@@ -194,7 +194,7 @@ class Robot(CheckedModel):
         >>> rbd.load_robot("g1").soles_from_collision(["left_ankle_roll_link"])[0].corners.shape
         (4, 3)
         """
-        if isinstance(frames, str) or not isinstance(frames, Iterable):
+        if isinstance(frames, str) or not np.iterable(frames):
             raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
         if at is None:
             known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)

@@ -41,10 +41,8 @@ TIME_LIMIT, MEMORY_LIMIT, SCREEN = 10.0, 4 << 30, 1500  # seconds, bytes, letter
 Element = ElementTree.Element
 
 REAL = ("bolt", "solo12", "go2", "panda", "ur5", "xarm7", "human", "talos")
-_BODY = (
-    '<inertial><origin xyz="0.1 0 -0.2" rpy="0 0.1 0"/><mass value="{}"/>'
-    '<inertia ixx="0.2" ixy="0" ixz="0.01" iyy="0.2" iyz="0" izz="0.1"/></inertial>'
-)
+_BODY = '<inertial><origin xyz="0.1 0 -0.2" rpy="0 0.1 0"/><mass value="{}"/>'
+_BODY += '<inertia ixx="0.2" ixy="0" ixz="0.01" iyy="0.2" iyz="0" izz="0.1"/></inertial>'
 
 
 def link(name: str, mass: float | None, shape: str = "") -> str:
@@ -81,7 +79,7 @@ def sources() -> dict[str, bytes]:
     for name, spec in LITTLE.items():
         joints = [each.split() for each in spec.split(";")]
         links = dict.fromkeys(end for each in joints for end in each[2:])
-        parts = [link(n, None if n in ("world", "l0", "l4") else 1.0 + k, MORE.get(n, "")) for k, n in enumerate(links)]
+        parts = [link(n, None if n in ("l0", "l4") else 1.0 + k, MORE.get(n, "")) for k, n in enumerate(links)]
         parts += [joint(*each, MORE.get(each[0], "")) for each in joints]
         out[name] = f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(parts)}</robot>\n'.encode()
     out |= {p.stem: p.read_bytes() for p in sorted((Path(__file__).parents[1] / "urdf").glob("*.urdf"))}
@@ -385,10 +383,10 @@ def main() -> int:
         counts[verdict] += 1
         kinds[verdict + ": " + re.sub(r"'[^']*'|\S+\.urdf|-?\d\S*", "..", message.replace("\n", " "))[:90]] += 1
         if verdict == "failure" or given.n == 1:
-            story, again = mutant(given.seed, i, sources())[2], f"python tests/fuzz.py --seed {given.seed} --start {i} --n 1"
-            print(f"\n{verdict}: {message}\n  {story}; again: {again}")
-        if (done := counts.total()) % 100 == 0:
-            print(f"\r{done} of {given.n}: {dict(counts)}", end="", file=sys.stderr, flush=True)
+            story, again = mutant(given.seed, i, sources())[2], f"--seed {given.seed} --start {i} --n 1"
+            print(f"\n{verdict}: {message}\n  {story}; again: python tests/fuzz.py {again}")
+        if counts.total() % 100 == 0:
+            print(f"\r{counts.total()} of {given.n}: {dict(counts)}", end="", file=sys.stderr, flush=True)
         if stops:
             break
     print("", *[f"{n:6} {what}" for what, n in kinds.most_common(40)], sep="\n")

@@ -12,8 +12,6 @@ from collections import Counter
 from pathlib import Path
 
 import fuzz
-import numpy as np
-import pinocchio as pin
 import pytest
 
 import rbd
@@ -49,13 +47,13 @@ def test_a_mutant_is_always_the_same() -> None:
     assert sum(a == b for a, b in zip(once, other, strict=True)) < 3
 
 
-def test_every_way_to_break_a_file_is_gone() -> None:
-    """In a thousand mutants each step comes up, and nine in ten files are changed."""
+def test_every_way_to_break_a_file_comes_up() -> None:
+    """In 400 mutants there is each step, and nine in ten files are changed."""
     files = fuzz.sources()
-    drawn = [fuzz.mutant(5, i, files) for i in range(1000)]
+    drawn = [fuzz.mutant(5, i, files) for i in range(400)]
     steps = Counter(word for _, _, story in drawn for word in re.findall(r"\w+", story.split(": ")[1]))
     assert {*fuzz._Breaker.TREE, *fuzz._Breaker.TEXT, *fuzz._Breaker.BYTES} <= set(steps)
-    assert sum(data not in files.values() for data, _, _ in drawn) > 900
+    assert sum(data not in files.values() for data, _, _ in drawn) > 360
 
 
 @pytest.mark.parametrize(
@@ -63,7 +61,6 @@ def test_every_way_to_break_a_file_is_gone() -> None:
     [
         (lambda model: setattr(model.inertias[2], "mass", 3.0), "mass is not the file's at joint ['hinge']"),
         (lambda model: setattr(model.inertias[2], "inertia", 9.0 * model.inertias[2].inertia), "not that of Pinocchio's own"),
-        (lambda model: model.appendBodyToJoint(2, pin.Inertia(-9.0, np.zeros(3), np.eye(3)), pin.SE3.Identity()), "mass is not"),
     ],
 )
 def test_a_robot_that_is_not_the_files_is_a_failure(
@@ -87,7 +84,7 @@ def test_a_robot_that_is_not_the_files_is_a_failure(
 @pytest.mark.parametrize(
     ("load", "why"),
     [
-        (lambda *_, **__: os.kill(os.getpid(), signal.SIGSEGV), "crash by signal 11"),
+        (lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL), "crash by signal 9"),
         (lambda *_, **__: time.sleep(60), "not ready within 1 s"),
         (lambda *_, **__: [][0], "IndexError"),
         (lambda *_, **__: bytearray(1 << 40), "MemoryError"),
