@@ -76,6 +76,16 @@ def numbers(what: str, value: object) -> Array:
     return raw.astype(float)
 
 
+def a_number(value: object) -> float:
+    """A real number as a float; NaN if it is none (a truth value, text, an integer too large)."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
 def three(what: str, value: Sequence[float] | Array) -> Array:
     """Three finite numbers as an array.
 

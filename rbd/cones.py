@@ -20,7 +20,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from rbd.arrays import Array, is_finite, numbers
+from rbd.arrays import Array, a_number, is_finite, numbers
 from rbd.errors import InputError
 
 
@@ -392,7 +392,7 @@ def check_friction(mu: float, facets: int) -> None:
     Raises:
         InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.
     """
-    if isinstance(mu, bool) or not isinstance(mu, int | float | np.floating | np.integer) or not 0.0 <= mu < 1e100:
+    if not 0.0 <= a_number(mu) < 1e100:
         raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a contact that holds.")
     if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or not 3 <= facets <= 1000:
         raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")

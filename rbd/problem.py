@@ -37,7 +37,7 @@ class MomentumBalance:
     base: tuple[Array, Array] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GaussProblem:
     """Find a = argmin 1/2 |a - a_free|_M^2 subject to c = J a + offset in K* (convex law), with forces f in K.
 
@@ -103,6 +103,9 @@ class GaussProblem:
         if (np.abs(np.diag(self.factor)) ** 2 < 1e-12 * np.diag(M)).any():
             i = int(np.argmin(np.diag(self.factor) ** 2 / np.diag(M)))
             raise SingularInertia(f"M is singular to rounding at coordinate {i}: what moves there carries no inertia.")
+
+    def __repr__(self) -> str:
+        return f"GaussProblem(nv={self.nv}, m={self.m}, rows={[r.name for r in self.rows]})"
 
     @property
     def nv(self) -> int:

@@ -26,7 +26,7 @@ import rbd
 from rbd.visual import Scene, contact_colors, contact_sheet, screenshot
 
 set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
-EXAMPLES = 150
+EXAMPLES = 60
 SETTINGS = hypothesis.settings(
     derandomize=True,
     deadline=None,
@@ -150,11 +150,11 @@ CASES: dict[str, Case] = {
     "GaussProblem": Case(
         use_problem, {"M": np.diag([1.0, 2.0]), "rhs": np.array([1.0, -1.0]), "rows": [rbd.Rows(**PLAIN, cone=rbd.Free(2))]}
     ),
-    "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V}, 400),
+    "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V}, 200),
     "KKT": Case(lambda problem: rbd.KKT().solve(problem), {"problem": rbd.gauss_problem(STATE, TAU, BOLT.feet(None))}),
     "ProxQP": Case(lambda problem: rbd.ProxQP().solve(problem), {"problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
-    "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True}, 400),
+    "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True}, 200),
     "hold": Case(rbd.hold, {"state": STATE, "contacts": FEET, "external": np.zeros(BOLT.nv)}),
     "doctor": Case(rbd.doctor, {"robot": BOX}),
     "FileLimits": Case(

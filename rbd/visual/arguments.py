@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 
 import numpy as np
 
+from rbd.arrays import a_number
 from rbd.errors import InputError, PictureError
 
 MOST_PIXELS = 30_000
@@ -50,7 +50,7 @@ def a_length(what: str, value: object) -> float:
     Raises:
         InputError: if it is not.
     """
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not number or not 0.0 < value < 1e100 or math.isnan(value):  # type: ignore[operator,arg-type]
+    length = a_number(value)
+    if not 0.0 < length < 1e100:
         raise InputError(f"{what} is {value!r:.80}; expected a length above zero, in metres.")
-    return float(value)  # type: ignore[arg-type]
+    return length
