@@ -112,3 +112,25 @@ def test_the_module_runs_as_a_command():
     found = subprocess.run([sys.executable, "-m", "rbd", "stand", "--help"], capture_output=True, text=True, timeout=120)
     assert found.returncode == 0
     assert "--push" in found.stdout and "--json" in found.stdout
+
+
+def test_the_robots_are_listed_with_whether_they_stand():
+    """Every robot file once: degrees of freedom, mass, postures, feet; nine of them and more stand."""
+    code, out, _ = run("robots")
+    assert code == 0
+    lines = {words[0]: words for line in out.splitlines() if (words := line.split())}
+    for name in ("talos", "g1", "romeo", "icub", "human", "solo12", "anymal_c", "go2", "bolt"):
+        assert lines[name][-1] == "yes", name
+    assert lines["talos"][1:3] == ["38", "90.272"]
+    assert "panda" in lines and "xarm7" in lines and "ur5" in lines
+
+
+def test_info_tells_joints_frames_motors_and_findings():
+    """What a user must know before naming a joint or a frame, and what the doctor found."""
+    code, out, _ = run("info", "talos")
+    assert code == 0
+    for word in ("leg_left_4_joint", "left_sole_link", "90.272 kg", "32 motors", "half_sitting", "effort limit", "300",
+                 "0 errors", "wrist_right_ft_link"):  # fmt: skip
+        assert word in out, word
+    code, _, complaint = run("info", "talos", "--root", "welded")
+    assert code == 2 and "free_flyer" in complaint
