@@ -240,7 +240,7 @@ class _Breaker:
     def prologue(self) -> bytes:
         if self.rng.random() < 0.2:
             coding = self.rng.choice(("utf-16", "utf-32", "utf-8-sig", "utf-7", "cp037"))
-            return self.data.decode("utf-8", "replace").encode(coding)
+            return self.data.decode("utf-8", "replace").encode(coding, "replace")
         body = self.data.split(b"?>", 1)[-1].lstrip() if self.rng.random() < 0.7 else self.data
         return self.rng.choice(HEADS) + body.replace(b"</robot>", self.rng.choice((b"", b"&a29;")) + b"</robot>")
 
@@ -362,7 +362,7 @@ def run(seed: int, numbers: Iterable[int], jobs: int = 2, keep: Path | None = No
                     said = stream.read()
                 ends = {True: f"crash by signal {os.waitpid(child, 0)[1] & 127}", False: f"not ready within {TIME_LIMIT:g} s"}
                 verdict, message = json.loads(said) if said else ("failure", ends[pipe in ready])
-                if keep is not None and verdict == "failure":
+                if keep is not None and verdict == "failure" and path.exists():
                     keep.mkdir(parents=True, exist_ok=True)
                     (keep / f"seed_{seed}_{path.name}").write_bytes(path.read_bytes())
                 path.unlink(missing_ok=True)
