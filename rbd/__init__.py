@@ -4,7 +4,7 @@ from rbd import engine as _engine  # noqa: F401  first: another Pinocchio than o
 
 # isort: split
 from rbd import dynamics, errors
-from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
+from rbd.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.constraints import PointContact, SurfaceContact
 from rbd.doctor import Finding, Report, doctor
 from rbd.equilibrium import Hold, hold
@@ -60,6 +60,7 @@ __all__ = [
     "InaccurateWarning",
     "InputError",
     "JointNotFound",
+    "LineCone",
     "ModelError",
     "ModelWarning",
     "NoSolution",

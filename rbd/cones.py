@@ -2,19 +2,16 @@
 
 A cone K here is any closed convex set of forces in contact axes (tangent, tangent, normal): a whole space, a half-line, a
 friction cone, an interval. Every K is the image K = G P of a product P of simple *parts* (line, half-line, interval,
-second-order cone): `generators` gives (G, parts). From that one form come the rays of the pyramid QP (`rays`), the corner
-forces of a patch, and the true cones of a conic solver.
-
-The n-facet pyramid *circumscribes* the friction cone, its first facet across the contact's x axis (n = 4 reads
-|fx|, |fy| <= mu fz): rays at (2k + 1) pi / n with tangential radius mu / cos(pi / n). The *inscribed* one has radius mu.
+second-order cone): `generators` gives (G, parts). From that one form come the rays of the pyramid QP (`rbd.rays`), the corner
+forces of a patch, and the true cones of a conic solver (`rbd.parts`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -212,7 +209,8 @@ class WrenchCone:
 
         Newtons and newton metres are weighed alike.
         """
-        G = rays(self).G
+        corner_rays = block_diagonal([pyramid(self.mu, self.facets)] * len(self.corners))
+        G = self.corner_map @ corner_rays
         return G @ nnls(G, force)[0]
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
@@ -221,6 +219,55 @@ class WrenchCone:
         if self.mu == 0.0:
             return self.corner_map[:, 2::3], (HalfLine(),) * k
         return self.corner_map, (SecondOrderCone(self.mu, self.facets),) * k
+
+
+@dataclass(frozen=True)
+class LineCone:
+    """Wrenches that forces in friction cones at the two ends of a line can make: an edge of a foot on the ground.
+
+    The line lies along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
+    nothing on a line resists turns about it.
+
+    Args:
+        half_length: Half of the line's length [m].
+        mu: Friction coefficient; 0 leaves the normal components only.
+        facets: Facets of each end's pyramid in the QP.
+    """
+
+    half_length: float
+    mu: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        check_friction(self.mu, self.facets)
+        if not 0.0 < a_number(self.half_length) < 1e100:
+            raise InputError(f"half_length of a LineCone is {self.half_length!r:.80}; expected a length > 0 [m].")
+
+    @property
+    def dim(self) -> int:
+        """Five."""
+        return 5
+
+    @property
+    def corners(self) -> Array:
+        """The two ends from the middle, in contact axes, shape (2, 3) [m]."""
+        return np.array([[self.half_length, 0.0, 0.0], [-self.half_length, 0.0, 0.0]])
+
+    @property
+    def corner_map(self) -> Array:
+        """The row forces of stacked end forces, shape (5, 6)."""
+        return np.delete(WrenchCone(self.corners, self.mu).corner_map, 3, axis=0)
+
+    def project(self, force: Array) -> Array:
+        """The nearest row forces of the end pyramids (not of the true cones), by nonnegative least squares."""
+        G = self.corner_map @ block_diagonal([pyramid(self.mu, self.facets)] * 2)
+        return G @ nnls(G, force)[0]
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """The map of the ends and a second-order cone an end; without friction, its normal columns and half-lines."""
+        if self.mu == 0.0:
+            return self.corner_map[:, 2::3], (HalfLine(),) * 2
+        return self.corner_map, (SecondOrderCone(self.mu, self.facets),) * 2
 
 
 @dataclass(frozen=True)
@@ -253,108 +300,6 @@ class Product:
         """Block-diagonal G; the members' parts in order."""
         blocks = [c.generators() for c in self.cones]
         return block_diagonal([g for g, _ in blocks]), tuple(part for _, parts in blocks for part in parts)
-
-
-@dataclass(frozen=True, eq=False)
-class Rays:
-    """A polyhedral set as weights on columns: {G w : lower <= w <= upper}.
-
-    Attributes:
-        G: Columns, shape (dim, r).
-        lower: Lower bounds of the weights, shape (r,): -inf for a line, 0 for a ray.
-        upper: Upper bounds of the weights, shape (r,).
-        facets: Facets of the pyramids that stand for second-order cones; empty where there are none.
-    """
-
-    G: Array
-    lower: Array
-    upper: Array
-    facets: frozenset[int] = field(default=frozenset())
-
-    @cached_property
-    def all_lines(self) -> bool:
-        """Whether every weight is free."""
-        return bool(self.is_line.all())
-
-    @cached_property
-    def has_lines(self) -> bool:
-        """Whether some weight is free."""
-        return bool(self.is_line.any())
-
-    @cached_property
-    def has_intervals(self) -> bool:
-        """Whether some weight has a finite bound other than zero from below."""
-        return bool((self.above | (self.below & (self.lower != 0.0))).any())
-
-    @cached_property
-    def below(self) -> Array:
-        """Which weights have a lower bound, shape (r,)."""
-        return np.isfinite(self.lower)
-
-    @cached_property
-    def above(self) -> Array:
-        """Which weights have an upper bound, shape (r,)."""
-        return np.isfinite(self.upper)
-
-    @cached_property
-    def finite_lower(self) -> Array:
-        """Lower bounds, zero where there is none, shape (r,)."""
-        return np.where(self.below, self.lower, 0.0)
-
-    @cached_property
-    def finite_upper(self) -> Array:
-        """Upper bounds, zero where there is none, shape (r,)."""
-        return np.where(self.above, self.upper, 0.0)
-
-    @cached_property
-    def is_line(self) -> Array:
-        """Which weights are free, shape (r,)."""
-        return ~self.below & ~self.above
-
-
-@lru_cache(maxsize=512)
-def stacked_rays(cones: tuple[Cone, ...]) -> Rays:
-    """The rays of several sets side by side, G block-diagonal; kept, as a robot's contacts keep their cones."""
-    return rays(Product(cones)) if cones else Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
-
-
-@lru_cache(maxsize=512)  # contacts keep one cone for life: computed once a contact
-def rays(cone: Cone, *, inscribed: bool = False) -> Rays:
-    """The set with every second-order cone replaced by its pyramid, as weights on columns.
-
-    Args:
-        cone: Any set; hashable, as frozen dataclasses are.
-        inscribed: Take the pyramid inside the cone (tangential radius mu) in place of the one around it
-            (mu / cos(pi / n)).
-    """
-    G, parts = cone.generators()
-    columns, lower, upper, facets, at = [], [], [], set(), 0
-    for part in parts:
-        block = G[:, at : at + part.dim]
-        at += part.dim
-        if isinstance(part, SecondOrderCone):
-            block = block @ pyramid(part.mu, part.facets, inscribed=inscribed)
-            facets.add(part.facets)
-        r = block.shape[1]
-        columns.append(block)
-        low, high = _bounds(part)
-        lower += [low] * r
-        upper += [high] * r
-    together = np.hstack(columns) if columns else np.zeros((cone.dim, 0))
-    return Rays(_locked(together), _locked(np.array(lower)), _locked(np.array(upper)), frozenset(facets))
-
-
-def _locked(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
-
-
-def _bounds(part: Part) -> tuple[float, float]:
-    if isinstance(part, Line):
-        return -math.inf, math.inf
-    if isinstance(part, Interval):
-        return part.lo, part.hi
-    return 0.0, math.inf
 
 
 def pyramid(mu: float, facets: int, *, inscribed: bool = False) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.cones import HalfLine, SecondOrderCone, WrenchCone, pyramid
+from rbd.cones import HalfLine, LineCone, SecondOrderCone, WrenchCone, pyramid
 from rbd.rows import Patch, Rows
 
 CARRIES_NOTHING_N = 1e-6
@@ -64,11 +64,15 @@ def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool
     """
     assert rows.patch is not None
     k = len(rows.patch.corners)
-    if k == 1 or len(f) != 6:
+    if not len(f):
+        return np.zeros((k, 3))
+    if k == 1:
         assert rows.resultant is not None
         return (rows.resultant @ f)[:3].reshape(1, 3)
-    if weights is None or not isinstance(rows.cone, WrenchCone):
+    if weights is None or not isinstance(rows.cone, WrenchCone | LineCone):
         corner_map = WrenchCone(rows.patch.corners, 0.0).corner_map
+        if len(f) == 5:  # a line: no moment about itself
+            corner_map = np.delete(corner_map, 3, axis=0)
         local = np.linalg.lstsq(corner_map, f, rcond=None)[0].reshape(k, 3)
     else:
         local, at = np.zeros((k, 3)), 0

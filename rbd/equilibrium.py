@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from rbd.arrays import Array
-from rbd.cones import block_diagonal, rays
+from rbd.cones import block_diagonal
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.dynamics import checked, free_force
@@ -21,6 +21,7 @@ from rbd.external import External
 from rbd.least_constraint import Constraint, rows_of
 from rbd.model import CheckedModel
 from rbd.polygon import convex_hull, inside_distance
+from rbd.rays import rays
 from rbd.residuals import SOLVED, USABLE
 from rbd.rows import Rows
 from rbd.solvers import qp

@@ -9,20 +9,17 @@ from typing import Protocol
 import numpy as np
 
 from rbd.arrays import Array, largest
-from rbd.cones import rays
 from rbd.dynamics import free_force
 from rbd.errors import ContactMoves, EffortLimitWarning, InaccurateWarning, InputError, NoSolution, Unsupported
 from rbd.external import External
 from rbd.model import CheckedModel
+from rbd.parts import REST_SPEED
 from rbd.problem import GaussProblem
 from rbd.rows import Rows
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
 from rbd.solvers.proxqp import ProxQP
 from rbd.state import State
-
-REST_SPEED = 1e-6
-"""A contact that can break or slip must not move faster than this [m/s, rad/s]."""
 
 
 class Constraint(Protocol):
@@ -70,6 +67,8 @@ def solve(
     if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
         raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
     problem = _assembled(state, tau, constraints, external)
+    if problem.moving:
+        _refuse_moving(problem, solver.law)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
@@ -93,10 +92,7 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
     _warn_of_effort(state.robot, np.asarray(tau, float))
     rows = rows_of(state, constraints)
     loose = any([r.resultant is None or r.patch is None for r in rows])
-    problem = GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), from_state=state.robot.sound)
-    if not problem.bilateral:
-        _refuse_moving(problem)
-    return problem
+    return GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), from_state=state.robot.sound)
 
 
 def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
@@ -136,13 +132,19 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     return out
 
 
-def _refuse_moving(problem: GaussProblem) -> None:
-    for r in problem.rows:
-        if not r.speed <= REST_SPEED and not rays(r.cone).all_lines:
-            raise ContactMoves(
-                f"contact {r.name!r} moves at {r.speed:.3g} m/s, and it can slip or break: sliding and impacts are not "
-                f"solved here (limit {REST_SPEED:g}). Use friction=None for a contact that holds, or a state at rest."
-            )
+def _refuse_moving(problem: GaussProblem, law: str) -> None:
+    """An impact is no matter of accelerations; and the convex law knows contacts at rest only."""
+    parts = problem.parts
+    if parts.impact:
+        raise ContactMoves(f"contact {parts.impact}. Give a state whose contacts do not approach (limit {REST_SPEED:g} m/s).")
+    if law == "coulomb" or not (parts.sliding or parts.opening):
+        return
+    r = next(r for r in problem.moving if r.name in parts.opening or r.name in [s.rows for s in parts.sliding])
+    raise ContactMoves(
+        f"contact {r.name!r} moves at {r.speed:.3g} m/s (limit {REST_SPEED:g}), and it can slip or break: under the {law} law "
+        "only contacts at rest are solved. Use solver=rbd.ADMM(), whose friction follows the motion; friction=None for a "
+        "contact that holds; or a state at rest."
+    )
 
 
 def _complain(state: State, solution: Solution) -> None:

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from itertools import accumulate, pairwise
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, check_finite, is_finite, lazy, numbers
-from rbd.cones import Cone, Product, Rays, rays, stacked_rays
+from rbd.cones import Cone, Product
 from rbd.errors import DuplicateName, InputError, SingularInertia
+from rbd.parts import REST_SPEED, Parts, parts_of
+from rbd.rays import Rays, rays, stacked_rays
 from rbd.rows import Rows
 
 
@@ -37,6 +40,13 @@ class MomentumBalance:
     base: tuple[Array, Array] | None = None
 
 
+class Origin(Protocol):
+    """What a problem was assembled from: it can tell how the answer changes with the state."""
+
+    def derivatives(self, solution: Any) -> Any:
+        """Derivatives of the answer with respect to state, torques and external forces."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class GaussProblem:
     """Find a = argmin 1/2 |a - a_free|_M^2 subject to c = J a + offset in K* (convex law), with forces f in K.
@@ -48,12 +58,14 @@ class GaussProblem:
         rhs: Generalised force of free motion, shape (nv,).
         rows: The constraints.
         balance: What the centroidal residual is computed from, or None.
+        origin: What it was assembled from, or None of a problem built by hand; `Solution.derivatives` asks it.
 
     Args:
         M: See above.
         rhs: See above.
         rows: See above.
         balance: See above.
+        origin: See above.
         from_state: M and rhs come from a `State`, which has checked them.
 
     Raises:
@@ -66,6 +78,7 @@ class GaussProblem:
     rhs: Array
     rows: Sequence[Rows] = ()
     balance: MomentumBalance | None = None
+    origin: Origin | None = None
     from_state: InitVar[bool] = False
 
     def __post_init__(self, from_state: bool) -> None:
@@ -163,6 +176,16 @@ class GaussProblem:
     def rays(self) -> Rays:
         """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r)."""
         return stacked_rays(tuple([r.cone for r in self.rows]))
+
+    @lazy
+    def moving(self) -> tuple[Rows, ...]:
+        """The rows with bounded forces that have a velocity: their friction has no choice left (see `rbd.parts`)."""
+        return tuple([r for r in self.rows if not r.speed <= REST_SPEED and not rays(r.cone).all_lines])
+
+    @lazy
+    def parts(self) -> Parts:
+        """The stacked sets in generator form, circular cones as they are, and what the rows' velocities decide."""
+        return parts_of(self.rows)
 
     @lazy
     def factor(self) -> Array:

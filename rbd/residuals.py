@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,6 @@ SOLVED = 1e-9
 USABLE = 1e-7
 """Scaled residuals up to this are `inaccurate`; above, there is no answer."""
 
-_NONE = np.zeros(0)
 _UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 
 
@@ -56,7 +56,11 @@ class Residuals:
 
     @property
     def feasibility(self) -> Residual:
-        """Distance of c = J a + offset to K* [m/s2, rad/s2], along its rays as given; over max(1, |J||a| + |bias|)."""
+        """Distance of c~ to K* [m/s2, rad/s2]; over max(1, |J||a| + |bias|).
+
+        c~ = J a + offset, for Coulomb's law plus mu |c_t| along the normal of each point. Of pyramids, along their rays as
+        given; of true cones, point by point.
+        """
         return self._residual(1)
 
     @property
@@ -66,7 +70,7 @@ class Residuals:
 
     @property
     def complementarity(self) -> Residual:
-        """|weight x acceleration|, the worst of the rays [N m/s2]; over the product of the two scales."""
+        """|weight x acceleration|, the worst of the rays or points [N m/s2]; over the product of the two scales."""
         return self._residual(3)
 
     @property
@@ -115,14 +119,16 @@ class Residuals:
         return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
 
 
-def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) -> Residuals:
-    """The certificate of acceleration a and row forces f for the convex (or bilateral) law.
+def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> Residuals:
+    """The certificate of acceleration a and row forces f under a law.
 
     Args:
         problem: What is answered.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: Weights of `problem.rays`, shape (r,); where None and rows can break, the best that can be found.
+        weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; where None and rows can
+            break, the best that can be found.
+        law: "bilateral", "convex", "convex, 4 facets" or "coulomb".
     """
     P, scales = problem, Scales(problem, a, f)
     if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
@@ -130,7 +136,7 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None) 
     stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), _centroidal(P, a, f)
     if P.bilateral:
         return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), scales)
-    terms = _Terms(P, a, f, weights)
+    terms = _terms(P, a, f, weights, law)
     gap, off_cone, slack = largest(terms.gap), largest(terms.off_cone), largest(terms.slack)
     return Residuals((stationarity, gap, off_cone, slack, centroidal), scales)
 
@@ -162,38 +168,52 @@ class Scales:
         return max(1.0, largest(P.balance.A_g @ a + P.balance.rate_bias), largest(P.balance.wrench), largest(f))
 
 
+@dataclass(frozen=True, eq=False)
 class _Terms:
-    """Row accelerations against row forces: `gap` and `slack` by ray (by row where all rows hold), `off_cone` by row."""
+    """Row accelerations against row forces: `gap` and `slack` by column of the sets, `off_cone` by row."""
 
-    def __init__(self, P: GaussProblem, a: Array, f: Array, weights: Array | None) -> None:
-        c = P.J @ a + P.offset
-        self.by_ray = not P.bilateral
-        if not self.by_ray:
-            self.gap, self.off_cone, self.slack = c, _NONE, _NONE
-            return
-        R = P.rays
-        if weights is None:  # any weights within the bounds that make the force as nearly as can be
-            weights = lsq_linear(R.G, f, (R.lower, R.upper), tol=1e-14).x
-        w = np.minimum(np.maximum(weights, R.lower), R.upper)
-        along = R.G.T @ c
-        opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
-        # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
-        self.gap = np.where(R.below, 0.0, opens) + np.where(R.above, 0.0, closes)
-        self.slack = (w - R.finite_lower) * R.below * opens + (R.finite_upper - w) * R.above * closes
-        self.off_cone = f - R.G @ w
+    gap: Array
+    slack: Array
+    off_cone: Array
+    slices: Sequence[slice]
 
 
-def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None) -> str:
+def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str) -> _Terms:
+    c = P.J @ a + P.offset
+    if P.bilateral:
+        return _Terms(c, np.zeros(len(c)), np.zeros(len(c)), list(P.slices.values()))
+    return _of_rays(P, c, f, weights) if "facets" in law else _of_parts(P, c, f, weights, coulomb=law == "coulomb")
+
+
+def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Terms:
+    R = P.rays
+    if weights is None:  # any weights within the bounds that make the force as nearly as can be
+        weights = lsq_linear(R.G, f, (R.lower, R.upper), tol=1e-14).x
+    w = np.minimum(np.maximum(weights, R.lower), R.upper)
+    along = R.G.T @ c
+    opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
+    # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
+    gap = np.where(R.below, 0.0, opens) + np.where(R.above, 0.0, closes)
+    slack = (w - R.finite_lower) * R.below * opens + (R.finite_upper - w) * R.above * closes
+    return _Terms(gap, slack, f - R.G @ w, P.ray_slices)
+
+
+def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
+    T = P.parts
+    w = T.project(T.weights_of(f) if weights is None else weights)
+    y = T.accelerations(c, coulomb=coulomb)
+    return _Terms(T.gap(y), T.slack(w, y), f - T.G @ w, T.slices)
+
+
+def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> str:
     """The constraint that misses its equations most, and by how much, in words."""
     if not problem.m:
         return "no constraint"
-    terms = _Terms(problem, a, f, weights)
+    terms = _terms(problem, a, f, weights, law)
     found = [(-1.0, "")]
-    for i, rows in enumerate(problem.rows):
-        part, ray = problem.slices[rows.name], problem.ray_slices[i]
-        gap = largest(terms.gap[ray if terms.by_ray else part])
-        off = largest(terms.off_cone[part]) if terms.by_ray else 0.0
-        slack = largest(terms.slack[ray]) if terms.by_ray else 0.0
+    for rows, columns in zip(problem.rows, terms.slices, strict=True):
+        gap, slack = largest(terms.gap[columns]), largest(terms.slack[columns])
+        off = largest(terms.off_cone[problem.slices[rows.name]])
         found.append((gap, f"{rows.name} cannot hold: residual {gap:.2g} m/s2"))
         found.append((off, f"{rows.name} leaves its cone: by {off:.2g} N"))
         found.append((slack, f"{rows.name} pushes while it opens: by {slack:.2g} N m/s2"))
@@ -210,7 +230,7 @@ def _centroidal(P: GaussProblem, a: Array, f: Array) -> float | None:
     for rows in P.rows:
         part = f[at : at + len(rows)]
         at += len(rows)
-        if rows.resultant is not None and rows.patch is not None:
+        if rows.resultant is not None and rows.patch is not None and rows.patch.against is None:
             add_wrench(total, (rows.resultant @ part).tolist(), rows.patch.point.tolist(), com)
         elif b.base is not None:
             point, axes = b.base

@@ -26,12 +26,15 @@ class Patch:
         axes: R_WP, columns tangent, tangent, normal in W, shape (3, 3).
         corners: Corner points from `point`, in contact axes, shape (k, 3) [m]; one zero row for a point contact.
         friction: Coefficient, or None for a contact that holds.
+        against: Frame of the robot that it touches, of a contact between two bodies; None for the ground. Its force is the
+            one on the first body, and the second feels the opposite.
     """
 
     point: Array
     axes: Array
     corners: Array
     friction: float | None
+    against: str | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,7 +10,9 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.problem import GaussProblem
+from rbd.rays import rays
 from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals
+from rbd.rows import Rows
 
 RANK_TOLERANCE = 1e-9
 """Singular values of J below this, times the largest, count as zero in `Solution.rank`."""
@@ -53,12 +55,15 @@ class Solution:
         problem: What was solved.
         a: Acceleration, shape (nv,) [m/s2, rad/s2]; on a floating base, linear then angular in the base's axes.
         multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
-        weights: Weights of the rays (`problem.rays`) that add up to f, shape (r,); None where all rows hold.
-        law: The law whose residuals are given: "bilateral", "convex" or "convex, 4 facets".
+        weights: What adds up to f: of the rays (`problem.rays`) where the law speaks of facets, else of the true parts
+            (`problem.parts`), shape (r,); None where all rows hold.
+        law: The law whose residuals are given: "bilateral", "convex", "convex, 4 facets" or "coulomb".
         solver: Name of the solver.
         iterations: What the solver needed.
         seconds: Time in the solver [s].
         infeasible: Whether a linear program confirmed that no acceleration satisfies the rows.
+        others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
+        reason: Why there is no answer, in the solver's words; empty where there is one.
     """
 
     problem: GaussProblem
@@ -70,6 +75,8 @@ class Solution:
     iterations: int
     seconds: float
     infeasible: bool = False
+    others: tuple[Solution, ...] = ()
+    reason: str = ""
 
     @property
     def a_free(self) -> Array:
@@ -79,7 +86,7 @@ class Solution:
     @lazy
     def residuals(self) -> Residuals:
         """How far a and f are from the equations of the law; see `Residuals`."""
-        return residuals(self.problem, self.a, self.multipliers, self.weights)
+        return residuals(self.problem, self.a, self.multipliers, self.weights, self.law)
 
     @lazy
     def status(self) -> Status:
@@ -109,13 +116,15 @@ class Solution:
         They add up to the wrench, but four of them are not unique. A contact that holds has no corner law: its split is
         the minimum-norm one, and may pull.
         """
-        out = {}
-        for i, rows in enumerate(self.problem.rows):
-            if rows.patch is not None:
-                part = self.multipliers[self.problem.slices[rows.name]]
-                weights = None if self.weights is None else self.weights[self.problem.ray_slices[i]]
-                out[rows.name] = corner_split(rows, part, weights)
-        return out
+        return {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
+
+    def _corners(self, i: int, rows: Rows) -> Array:
+        P = self.problem
+        if self.weights is not None and len(rows) and "facets" not in self.law and not rays(rows.cone).all_lines:
+            assert rows.patch is not None
+            return P.parts.point_forces(self.weights, P.parts.slices[i]) @ rows.patch.axes.T
+        weights = None if self.weights is None else self.weights[P.ray_slices[i]]
+        return corner_split(rows, self.multipliers[P.slices[rows.name]], weights)
 
     @lazy
     def contacts(self) -> dict[str, ContactForce]:
@@ -148,7 +157,7 @@ class Solution:
     @property
     def worst(self) -> str:
         """The constraint that misses its equations most, and by how much, in words."""
-        return blame(self.problem, self.a, self.multipliers, self.weights)
+        return blame(self.problem, self.a, self.multipliers, self.weights, self.law)
 
     def __repr__(self) -> str:
         return f"Solution({self.status}, law {self.law!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"

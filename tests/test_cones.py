@@ -16,8 +16,8 @@ from rbd.cones import (
     check_friction,
     cross_matrix,
     pyramid,
-    rays,
 )
+from rbd.rays import rays
 
 SOLE = np.array([[0.11, 0.05, 0.0], [0.11, -0.05, 0.0], [-0.11, -0.05, 0.0], [-0.11, 0.05, 0.0]])
 

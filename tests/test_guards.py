@@ -134,6 +134,7 @@ CASES: dict[str, Case] = {
     "Free": Case(lambda **given: use_cone(rbd.Free(**given)), {"dim": 3}),
     "NonNegative": Case(lambda **given: use_cone(rbd.NonNegative(**given)), {"dim": 3}),
     "FrictionCone": Case(lambda **given: use_cone(rbd.FrictionCone(**given)), {"mu": 0.5, "facets": 4}),
+    "LineCone": Case(lambda **given: use_cone(rbd.LineCone(**given)), {"half_length": 0.1, "mu": 0.5, "facets": 4}),
     "Product": Case(lambda **given: use_cone(rbd.Product(**given)), {"cones": [rbd.Free(1), rbd.FrictionCone(0.5)]}),
     "WrenchCone": Case(
         lambda **given: use_cone(rbd.WrenchCone(**given)), {"corners": np.c_[CORNERS, np.zeros(4)], "mu": 0.5, "facets": 4}

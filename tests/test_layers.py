@@ -17,6 +17,7 @@ LAYERS: dict[str, int] = {
     "errors": 0,
     "arrays": 0,
     "cones": 0,
+    "rays": 0,
     "polygon": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
@@ -28,6 +29,7 @@ LAYERS: dict[str, int] = {
     "model_file": 1,
     "model": 1,
     "rows": 1,
+    "parts": 1,
     "problem": 1,
     # 2: a state is made of a model and can say its momentum balance, in the arrays of `problem`.
     #    dynamics and external read a state; residuals and contact_force are parts of the solution.
@@ -67,6 +69,8 @@ BESIDE: set[tuple[str, str]] = {
     ("arrays", "errors"),  # what is not finite is refused
     ("cones", "errors"),  # a negative friction is refused
     ("cones", "arrays"),  # the type Array, and the check of numbers
+    ("rays", "arrays"),
+    ("rays", "cones"),  # rays of the sets
     ("polygon", "arrays"),  # the type Array
     ("engine", "errors"),  # another Pinocchio is refused
     ("mjcf_file", "urdf_file"),  # complaints and numbers are told alike
@@ -74,6 +78,8 @@ BESIDE: set[tuple[str, str]] = {
     ("model_file", "urdf_file"),
     ("model_file", "mjcf_file"),
     ("catalogue", "errors"),
+    ("parts", "rows"),  # sets and velocities of rows
+    ("problem", "parts"),
     ("problem", "rows"),  # a problem is made of rows
     ("external", "state"),  # a force at a frame needs the frame's Jacobian
     ("dynamics", "state"),  # terms of a state

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
-from rbd.cones import rays
 from rbd.problem import GaussProblem, checked
+from rbd.rays import rays
 from rbd.solution import RANK_TOLERANCE, Solution
 
 

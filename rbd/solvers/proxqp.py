@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, identity, largest, zeros
-from rbd.cones import rays
 from rbd.problem import GaussProblem, checked
+from rbd.rays import rays
 from rbd.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers import qp
@@ -40,8 +40,14 @@ class ProxQP:
     law: str = "convex"
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
-        """Names the first constraint whose forces are bounded on both sides."""
-        if not checked(problem).rays.has_intervals:
+        """Names the first constraint whose forces are bounded on both sides, or that already moves."""
+        if checked(problem).moving:
+            r = problem.moving[0]
+            return (
+                f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid of forces says. "
+                "Use rbd.ADMM()."
+            )
+        if not problem.rays.has_intervals:
             return None
         bad = next(r for r in problem.rows if rays(r.cone).has_intervals)
         return f"ProxQP takes cones, and {bad.name!r} has forces in a bounded set ({type(bad.cone).__name__})."

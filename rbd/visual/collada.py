@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rbd.cones import Array
+from rbd.arrays import Array
 from rbd.visual.shapes import Mesh, joined
 
 Element = ElementTree.Element
