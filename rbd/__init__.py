@@ -4,8 +4,24 @@ from rbd import engine as _engine  # noqa: F401  first: another Pinocchio than o
 
 # isort: split
 from rbd import dynamics, errors
+from rbd.agreement import Agreement, agree
+from rbd.analysis.contradiction import Contradiction, contradiction
+from rbd.analysis.uniqueness import Uniqueness
+from rbd.combined import Pair, combine
 from rbd.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
-from rbd.constraints import PointContact, SurfaceContact
+from rbd.constraints import (
+    Baumgarte,
+    JointCoupling,
+    JointFriction,
+    JointLimit,
+    JointLock,
+    LineContact,
+    PointContact,
+    SurfaceContact,
+    joint_frictions,
+    joint_limits,
+    mimics,
+)
 from rbd.doctor import Finding, Report, doctor
 from rbd.equilibrium import Hold, hold
 from rbd.errors import (
@@ -21,8 +37,10 @@ from rbd.errors import (
     ModelWarning,
     NoSolution,
     NotAtRest,
+    NotDifferentiable,
     RbdError,
     RbdWarning,
+    SeveralMotions,
     SingularInertia,
     UnknownName,
     UnknownRobot,
@@ -30,11 +48,15 @@ from rbd.errors import (
     WrongPinocchio,
 )
 from rbd.external import ExternalForce
+from rbd.laws import LawComparison, compare_laws
 from rbd.least_constraint import gauss_problem, solve
+from rbd.nearest import NearestMotion, nearest_motion
 from rbd.problem import GaussProblem
 from rbd.robot import Robot, load_robot
 from rbd.rows import Rows
+from rbd.sensitivity import Derivatives
 from rbd.solution import Solution, Status
+from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT
 from rbd.solvers.proxqp import ProxQP
 from rbd.state import State
@@ -43,10 +65,14 @@ from rbd.xml_file import FileLimits
 __version__ = "0.1.0"
 
 __all__ = [
+    "ADMM",
     "KKT",
+    "Agreement",
+    "Baumgarte",
     "Box",
     "CannotHold",
     "ContactMoves",
+    "Derivatives",
     "DuplicateName",
     "EffortLimitWarning",
     "ExternalForce",
@@ -59,13 +85,21 @@ __all__ = [
     "Hold",
     "InaccurateWarning",
     "InputError",
+    "JointCoupling",
+    "JointFriction",
+    "JointLimit",
+    "JointLock",
     "JointNotFound",
+    "LawComparison",
     "LineCone",
+    "LineContact",
     "ModelError",
     "ModelWarning",
     "NoSolution",
     "NonNegative",
     "NotAtRest",
+    "NotDifferentiable",
+    "Pair",
     "PointContact",
     "Product",
     "ProxQP",
@@ -74,22 +108,34 @@ __all__ = [
     "Report",
     "Robot",
     "Rows",
+    "SeveralMotions",
     "SingularInertia",
     "Solution",
     "State",
     "Status",
     "SurfaceContact",
+    "Uniqueness",
     "UnknownName",
     "UnknownRobot",
     "Unsupported",
     "WrenchCone",
     "WrongPinocchio",
     "__version__",
+    "combine",
+    "agree",
+    "compare_laws",
     "doctor",
     "dynamics",
     "errors",
     "gauss_problem",
     "hold",
+    "joint_frictions",
+    "joint_limits",
     "load_robot",
+    "mimics",
     "solve",
+    "Contradiction",
+    "NearestMotion",
+    "contradiction",
+    "nearest_motion",
 ]

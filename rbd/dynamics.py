@@ -94,10 +94,16 @@ def constraint_hessian(state: State, constraint: HasRows) -> Array:
 
     Row index first, symmetric in the two velocity indices (the reference text writes n x m x n). By polarising the bias,
     which is quadratic in v: H_jk = 1/2 (b(e_j + e_k) - b(e_j) - b(e_k)).
+
+    Raises:
+        InputError: of a contact with a ground that moves, whose bias is not quadratic in v.
     """
     nv = checked(state).robot.nv
     if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
         raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give a contact, e.g. robot.soles()[0].")
+    rest = constraint.rows(state.with_velocity(np.zeros(nv)))
+    if rest.bias.any() or rest.velocity.any():
+        raise InputError(f"what {rest.name!r} touches moves, so its J_dot v is not quadratic in v: it has no Hessian.")
     unit = np.eye(nv)
     single = np.array([constraint.rows(state.with_velocity(e)).bias for e in unit])
     H = np.zeros((single.shape[1], nv, nv))

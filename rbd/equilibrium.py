@@ -14,6 +14,8 @@ from scipy.optimize import linprog
 from rbd.arrays import Array
 from rbd.cones import block_diagonal
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.counterpart import changed
+from rbd.constraints.line_contact import LineContact
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.dynamics import checked, free_force
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
@@ -116,7 +118,7 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
         external: Other forces to hold against: generalised (nv,), or `ExternalForce`s.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9.
+        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
         CannotHold: naming the limit in the way: contacts that only push, friction, or a motor.
     """
     robot = checked(state).robot
@@ -128,6 +130,9 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     if len(names := [r.name for r in rows]) != len(set(names)):
         twice = next(name for name in names if names.count(name) > 1)
         raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
+    for r in rows:  # at v = 0, J_dot v of a ground at rest is zero
+        if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
+            raise NotAtRest(f"hold wants a ground at rest, and what {r.name!r} touches moves. Use rbd.solve.")
     rhs, _ = free_force(state, np.zeros(robot.nu), external)
     statics = _Statics(state, contacts, rows, rhs)
     w = statics.weights()
@@ -254,7 +259,8 @@ class _Statics:
         )
 
     def _outside(self) -> str:
-        ground = [r.patch.point + r.patch.corners @ r.patch.axes.T for r in self.rows if r.patch is not None]
+        patches = [r.patch for r in self.rows if r.patch is not None and r.patch.against is None]
+        ground = [patch.point + patch.corners @ patch.axes.T for patch in patches]
         if not ground:
             return ""
         d = inside_distance(self.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
@@ -262,7 +268,8 @@ class _Statics:
 
     def _least_friction(self) -> float | None:
         """About the smallest coefficient, the same at all contacts that rub or only push, that would do; None above 10."""
-        given = [c.friction for c in self.contacts if isinstance(c, PointContact | SurfaceContact) and c.friction is not None]
+        rub = [c for c in self.contacts if isinstance(c, PointContact | SurfaceContact | LineContact)]
+        given = [c.friction for c in rub if c.friction is not None]
         if not given or not self._balanced_with(10.0):
             return None
         low, high = min(given), 10.0
@@ -306,16 +313,8 @@ class _Statics:
 
 def _with_friction(contact: Constraint, mu: float) -> Constraint:
     """The contact with at least this coefficient, if it has one."""
-    if isinstance(contact, PointContact) and contact.friction is not None:
-        mu = max(mu, contact.friction)
-        return PointContact(
-            contact.name, contact.frame, offset=contact.offset, normal=contact.normal, friction=mu, facets=contact.facets
-        )
-    if isinstance(contact, SurfaceContact) and contact.friction is not None:
-        mu, at = max(mu, contact.friction), contact.placement
-        return SurfaceContact(
-            contact.name, contact.frame, corners=contact.corners, placement=at, friction=mu, facets=contact.facets
-        )
+    if isinstance(contact, PointContact | SurfaceContact | LineContact) and contact.friction is not None:
+        return changed(contact, friction=max(mu, contact.friction))
     return contact
 
 

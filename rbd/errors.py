@@ -11,6 +11,7 @@
       ContactMoves                      a contact that can break or slip already moves
       NotAtRest                         statics asked of a moving robot
       Unsupported                       this solver cannot take this problem; the message says why
+      NotDifferentiable                 an answer at a change of contact mode has no derivatives
       SingularInertia                   M(q) is not positive definite
       NoSolution                        no answer within tolerance; carries problem and result
         CannotHold                      no motor torques hold this pose
@@ -23,15 +24,19 @@
       EffortLimitWarning                a torque given is beyond a motor's limit
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
       ModelWarning                      a robot file that loads, but is not what it seems
+      SeveralMotions                    more than one motion satisfies the contact law; the answer is one of them
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rbd.analysis.contradiction import Contradiction
+    from rbd.arrays import Array
+    from rbd.nearest import NearestMotion
     from rbd.problem import GaussProblem
     from rbd.solution import Solution
 
@@ -69,7 +74,7 @@ class ModelError(RbdError):
 
 
 class ContactMoves(RbdError):
-    """A contact that can break or slip has a velocity: sliding and impacts are not solved here."""
+    """A contact that can break or slip has a velocity that the law asked for does not know: an impact, or a slide."""
 
 
 class NotAtRest(RbdError):
@@ -78,6 +83,10 @@ class NotAtRest(RbdError):
 
 class Unsupported(RbdError):
     """The solver cannot take the problem; raised before it starts."""
+
+
+class NotDifferentiable(RbdError):
+    """The answer has no derivatives: on one side of it a contact sticks, on the other it slips or opens."""
 
 
 class SingularInertia(RbdError):
@@ -90,12 +99,37 @@ class NoSolution(RbdError):
     Attributes:
         problem: What was to be solved, or None where no contact problem was posed.
         result: The best that was found, residuals and all, or None.
+        contradiction: The constraints that contradict each other, with the proof, or None.
     """
 
-    def __init__(self, message: str, *, problem: GaussProblem | None = None, result: Solution | None = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        problem: GaussProblem | None = None,
+        result: Solution | None = None,
+        contradiction: Contradiction | None = None,
+        nearest: Callable[..., NearestMotion] | None = None,
+    ) -> None:
         super().__init__(message)
         self.problem = problem
         self.result = result
+        self.contradiction = contradiction
+        self._nearest = nearest
+
+    def nearest(self, *, weights: Mapping[str, float | Array] | None = None) -> NearestMotion:
+        """The motion that violates the constraints least, by the solver that was asked; see `rbd.nearest_motion`.
+
+        Args:
+            weights: {constraint: weight of its rows}; 1 if not given.
+
+        Raises:
+            InputError: where no contact problem was posed, or on weights that are none.
+            NoSolution: where it was not found within tolerance.
+        """
+        if self._nearest is None:
+            raise InputError("there is no nearest motion: this error comes from no least-constraint problem.")
+        return self._nearest(weights=weights)
 
 
 class CannotHold(NoSolution):
@@ -120,6 +154,10 @@ class EffortLimitWarning(RbdWarning):
 
 class InaccurateWarning(RbdWarning):
     """The answer's residuals are above 1e-9, though at most 1e-7, scaled."""
+
+
+class SeveralMotions(RbdWarning):
+    """More than one motion satisfies the contact law; the answer is one of them, `Solution.others` has others."""
 
 
 class ModelWarning(RbdWarning):

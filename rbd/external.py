@@ -49,7 +49,7 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
 
     Returns:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
-        in world axes, shape (6,). Of a generalised force, the wrench is its base part; it means nothing on a fixed base.
+        in world axes, shape (6,). Of a generalised force, the wrench is its bases' part; it means nothing on a fixed base.
     """
     robot = state.robot
     if external is None:
@@ -83,8 +83,8 @@ def _generalised_force(state: State, external: Array | Sequence[float] | Sequenc
     if tau_ext.shape in ((3,), (6,)) and len(tau_ext) != robot.nv:
         raise InputError(f"external has {len(tau_ext)} entries, and a generalised force {robot.nv}; {_WANTED}")
     tau_ext = robot.check_v(tau_ext, "external")
-    if robot.floating:  # joint 1 is the base: its part is the resultant, about its origin, in its axes
-        X_WB = state.base_pose()
-        base = [*(X_WB.rotation @ tau_ext[:3]), *(X_WB.rotation @ tau_ext[3:6])]
+    for joint in robot.bases:  # the part of a base is the resultant on its robot, about its origin, in its axes
+        X_WB, at = state.base_pose(joint), robot.model.joints[joint].idx_v
+        base = [*(X_WB.rotation @ tau_ext[at : at + 3]), *(X_WB.rotation @ tau_ext[at + 3 : at + 6])]
         add_wrench(wrench, base, X_WB.translation.tolist(), state.com.tolist())
     return tau_ext, np.array(wrench)

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from rbd.arrays import Array, largest
 from rbd.dynamics import free_force
-from rbd.errors import ContactMoves, EffortLimitWarning, InaccurateWarning, InputError, NoSolution, Unsupported
+from rbd.errors import (
+    ContactMoves,
+    EffortLimitWarning,
+    InaccurateWarning,
+    InputError,
+    NoSolution,
+    SeveralMotions,
+    Unsupported,
+)
 from rbd.external import External
 from rbd.model import CheckedModel
+from rbd.nearest import nearest_motion
 from rbd.parts import REST_SPEED
 from rbd.problem import GaussProblem
 from rbd.rows import Rows
+from rbd.sensitivity import StateOrigin
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
 from rbd.solvers.proxqp import ProxQP
@@ -56,13 +67,15 @@ def solve(
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
 
     Returns:
-        The answer with its certificate, `solution.residuals`.
+        The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law (sliding contacts) a
+        warning `SeveralMotions` says what they are; the others are in `solution.others`.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
         ContactMoves: a contact that can break or slip has a velocity above 1e-6.
         Unsupported: the solver cannot take the problem.
-        NoSolution: no answer within tolerance; names the worst row and carries problem and result.
+        NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
+            problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
     if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
         raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
@@ -74,7 +87,14 @@ def solve(
         raise Unsupported(reason)
     solution = solver.solve(problem)
     if solution.status is not Status.SOLVED and check:
-        _complain(state, solution)
+        _complain(state, solution, solver)
+    if solution.others:
+        warnings.warn(
+            f"{state.robot.name} has no one motion: {solution.reason or f'{1 + len(solution.others)} were found'}. "
+            "`solution.others` has all but the first.",
+            SeveralMotions,
+            stacklevel=2,
+        )
     return solution
 
 
@@ -90,9 +110,11 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state.robot, np.asarray(tau, float))
-    rows = rows_of(state, constraints)
+    given = _listed(constraints)
+    rows = rows_of(state, given)
     loose = any([r.resultant is None or r.patch is None for r in rows])
-    return GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), from_state=state.robot.sound)
+    origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
+    return GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), origin, from_state=state.robot.sound)
 
 
 def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
@@ -113,16 +135,8 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     Raises:
         InputError: if something in the list is no constraint.
     """
-    if isinstance(constraints, str | bytes):
-        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
-    if hasattr(constraints, "rows"):
-        raise InputError("constraints is a single constraint; give a list, [constraint].")
-    try:
-        given = list(constraints)
-    except TypeError:
-        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
     out = []
-    for constraint in given:
+    for constraint in _listed(constraints):
         if isinstance(constraint, type) or not callable(getattr(constraint, "rows", None)):
             raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give contacts, e.g. robot.soles().")
         r = constraint.rows(state)
@@ -132,14 +146,25 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     return out
 
 
+def _listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    if isinstance(constraints, str | bytes):
+        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
+    if hasattr(constraints, "rows"):
+        raise InputError("constraints is a single constraint; give a list, [constraint].")
+    try:
+        return tuple(constraints)
+    except TypeError:
+        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
+
+
 def _refuse_moving(problem: GaussProblem, law: str) -> None:
     """An impact is no matter of accelerations; and the convex law knows contacts at rest only."""
     parts = problem.parts
     if parts.impact:
         raise ContactMoves(f"contact {parts.impact}. Give a state whose contacts do not approach (limit {REST_SPEED:g} m/s).")
-    if law == "coulomb" or not (parts.sliding or parts.opening):
+    if law == "coulomb" or not problem.slipping:  # what opens carries nothing, by any law
         return
-    r = next(r for r in problem.moving if r.name in parts.opening or r.name in [s.rows for s in parts.sliding])
+    r = problem.slipping[0]
     raise ContactMoves(
         f"contact {r.name!r} moves at {r.speed:.3g} m/s (limit {REST_SPEED:g}), and it can slip or break: under the {law} law "
         "only contacts at rest are solved. Use solver=rbd.ADMM(), whose friction follows the motion; friction=None for a "
@@ -147,7 +172,7 @@ def _refuse_moving(problem: GaussProblem, law: str) -> None:
     )
 
 
-def _complain(state: State, solution: Solution) -> None:
+def _complain(state: State, solution: Solution, solver: Solver) -> None:
     res = solution.residuals
     scaled = ", ".join(f"{name} {value:.1e}" for name, value in res.scaled.items())
     if solution.status is Status.INACCURATE:
@@ -157,10 +182,30 @@ def _complain(state: State, solution: Solution) -> None:
             stacklevel=3,
         )
         return
-    why = "no acceleration satisfies the constraints together" if solution.infeasible else "no answer within tolerance"
     raise NoSolution(
-        f"{solution.worst}: {why} ({solution.solver}, law {solution.law}; scaled residuals {scaled}). Rows that repeat each "
-        "other contradict each other once the robot moves: a sole is one SurfaceContact, not four held points.",
+        f"{_why(solution)} ({solution.solver}, law {solution.law}; scaled residuals {scaled}).{_what_to_do(solution)}",
         problem=solution.problem,
         result=solution,
+        contradiction=solution.contradiction,
+        nearest=partial(nearest_motion, solution.problem, solver=solver),
     )
+
+
+def _why(solution: Solution) -> str:
+    found = solution.contradiction
+    if found is not None:
+        return f"{solution.worst}: no acceleration satisfies the constraints together, as {found.claim}"
+    return solution.reason or f"{solution.worst}: no answer within tolerance"
+
+
+def _what_to_do(solution: Solution) -> str:
+    found = solution.contradiction
+    if found is None:
+        return ""
+    out = " The proof is `error.contradiction`, the motion that misses least `error.nearest()`."
+    if found.unmet_most:
+        out += f" {found.unmet_most}"
+    points = [r.patch for r in solution.problem.rows if r.name in found.rows and r.patch is not None]
+    if found.unmet_most and sum(p.friction is None and len(p.corners) == 1 for p in points) > 1:
+        out += " Held points of one body disagree once it turns: a sole is one SurfaceContact, not four held points."
+    return out

@@ -42,6 +42,7 @@ class CheckedModel:
         motors: The same as a slice where they follow each other, which is faster.
         actuated_names: Their joints' names, in the order of tau.
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
+        bases: Indices of the free-flyers that all bodies hang from, one a robot; empty if anything is fixed to the world.
         floating: Whether all bodies hang from one free-flyer joint.
         mass: Total mass of the moving bodies [kg].
         gravity: In W, shape (3,) [m/s2].
@@ -61,8 +62,9 @@ class CheckedModel:
         self._frames = _frame_ids(model)
         self._sites: dict[str, tuple[int, pin.SE3]] = {}
         self.passive = self._check_passive(passive)
-        root_type = model.joints[1].shortname() if model.njoints > 1 else ""
-        self.floating = root_type == "JointModelFreeFlyer" and all(model.parents[i] for i in range(2, model.njoints))
+        roots = tuple(i for i in range(1, model.njoints) if model.parents[i] == 0)
+        self.bases = roots if all(model.joints[i].shortname() == "JointModelFreeFlyer" for i in roots) else ()
+        self.floating = self.bases == (1,)
         motors = [
             (n, model.joints[i].idx_v + k)
             for n, i in self._joints.items()

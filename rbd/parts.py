@@ -125,7 +125,7 @@ class Parts:
         Where second-order cones share rows (corners of a patch) it is slow and near, not exact.
         """
         if not len(self.mu):
-            return np.asarray(lsq_linear(self.G, f, (self.lower, self.upper), tol=1e-14).x)
+            return bounded_weights(self.G, f, self.lower, self.upper)
         step = 1.0 / max(float(np.linalg.norm(self.G, 2)) ** 2, 1e-300)
         w = ahead = self.project(np.linalg.lstsq(self.G, f, rcond=None)[0])
         for i in range(2000):
@@ -165,6 +165,14 @@ class Parts:
         return out
 
 
+def bounded_weights(G: Array, f: Array, lower: Array, upper: Array) -> Array:
+    """Weights within their bounds, equal ones among them, that make the force f as nearly as can be, shape (p,)."""
+    w, free = lower.copy(), lower < upper
+    if free.any():
+        w[free] = lsq_linear(G[:, free], f - G[:, ~free] @ lower[~free], (lower[free], upper[free]), tol=1e-14).x
+    return w
+
+
 def project_cones(W: Array, mu: Array) -> Array:
     """The nearest points of the cones |w_t| <= mu w_n to the rows of W, shape (k, 3)."""
     return _project(W, mu, np.ones(1))
@@ -173,7 +181,10 @@ def project_cones(W: Array, mu: Array) -> Array:
 def _project(W: Array, s: Array, r: Array) -> Array:
     """Nearest points of the cones r |w_t| <= s w_n."""
     t, n = np.hypot(W[:, 0], W[:, 1]), W[:, 2]
-    inside, polar = r * t <= s * n, s * t <= -r * n
+    inside = r * t <= s * n
+    if inside.all():
+        return W
+    polar = s * t <= -r * n
     size: Array = s * s + r * r
     along = (s * t + r * n) / size  # length along the edge (s, r)
     scale = np.where(t > 0.0, s * along / np.where(t > 0.0, t, 1.0), 0.0)
@@ -298,12 +309,12 @@ class _Moving:
         local, parts = r.cone.generators()
         G = np.zeros((self.build.m, local.shape[1]))
         G[row : row + len(r)] = local
-        velocity, centripetal = local.T @ r.velocity, _centripetal(r.cone, r.velocity)
+        velocity, inward = local.T @ r.velocity, centripetal(r.cone, r.velocity)
         at = 0
         for i, part in enumerate(parts):
             span = slice(at, at + part.dim)
             at += part.dim
-            self._add(r.name, i, part, G[:, span], velocity[span], centripetal[span])
+            self._add(r.name, i, part, G[:, span], velocity[span], inward[span])
 
     def _add(self, name: str, i: int, part: Part, G: Array, u: Array, offset: Array) -> None:
         if isinstance(part, Line):
@@ -337,15 +348,15 @@ class _Moving:
             self.build.put_cone(i, mu, G, offset)
 
 
-def _centripetal(cone: Cone, velocity: Array) -> Array:
+def centripetal(cone: Cone, velocity: Array) -> Array:
     """G^T's missing part of the corners' accelerations, w x (w x p) for a patch that turns with w, shape (p,)."""
     if isinstance(cone, Product):
         ends = np.cumsum([c.dim for c in cone.cones])[:-1]
-        return np.concatenate([_centripetal(c, v) for c, v in zip(cone.cones, np.split(velocity, ends), strict=True)])
+        return np.concatenate([centripetal(c, v) for c, v in zip(cone.cones, np.split(velocity, ends), strict=True)])
     local, parts = cone.generators()
     if not isinstance(cone, WrenchCone | LineCone):
         return np.zeros(local.shape[1])
-    # A line does not feel turns about itself: they leave its points where they are.
+    # Of a line turns about itself leave the points where they are, and its rows are accelerations of its direction.
     w = velocity[3:] if isinstance(cone, WrenchCone) else np.array([0.0, velocity[3], velocity[4]])
     inward = np.cross(w, np.cross(w, cone.corners))
     return (inward if parts[0].dim == 3 else inward[:, 2:]).ravel()

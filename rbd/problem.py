@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from itertools import accumulate, pairwise
+from math import isfinite
 from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, check_finite, is_finite, lazy, numbers
-from rbd.cones import Cone, Product
+from rbd.cones import Cone, Interval, Line, Product, SecondOrderCone
 from rbd.errors import DuplicateName, InputError, SingularInertia
 from rbd.parts import REST_SPEED, Parts, parts_of
 from rbd.rays import Rays, rays, stacked_rays
@@ -174,13 +175,29 @@ class GaussProblem:
 
     @lazy
     def rays(self) -> Rays:
-        """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r)."""
-        return stacked_rays(tuple([r.cone for r in self.rows]))
+        """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r).
+
+        A weight that its rows' velocity has decided has equal bounds: an interval's that moves stands at the bound against
+        the motion, and what opens carries nothing. (That friction follows the motion of what slides, rays cannot say.)
+        """
+        at_rest = stacked_rays(tuple([r.cone for r in self.rows]))
+        return _decided(self.rows, at_rest) if self.moving else at_rest
 
     @lazy
     def moving(self) -> tuple[Rows, ...]:
         """The rows with bounded forces that have a velocity: their friction has no choice left (see `rbd.parts`)."""
         return tuple([r for r in self.rows if not r.speed <= REST_SPEED and not rays(r.cone).all_lines])
+
+    @lazy
+    def slipping(self) -> tuple[Rows, ...]:
+        """Those of `moving` of which rays cannot tell: points that slide, corners of a patch that turns."""
+        if not self.moving:
+            return ()
+        T = self.parts
+        told = {s.rows for s in T.sliding}
+        turns = (np.abs(T.offset) > 1e-11) & (T.lower < T.upper)  # rounding, and what carries nothing, turn nothing
+        told |= {r.name for r, at in zip(self.rows, T.slices, strict=True) if turns[at].any()}
+        return tuple([r for r in self.moving if r.name in told])
 
     @lazy
     def parts(self) -> Parts:
@@ -222,6 +239,24 @@ class GaussProblem:
     def free_row_acceleration(self) -> Array:
         """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
         return self.J @ self.a_free + self.offset
+
+
+def _decided(rows: Sequence[Rows], at_rest: Rays) -> Rays:
+    """The rays, with equal bounds where a velocity leaves a weight no choice."""
+    lower, upper, at = at_rest.lower.copy(), at_rest.upper.copy(), 0
+    for r in rows:
+        G, parts = r.cone.generators()
+        ends = list(accumulate(part.dim for part in parts))
+        for part, u in zip(parts, (G.T @ r.velocity)[[end - 1 for end in ends]].tolist(), strict=True):  # of the normals
+            columns = slice(at, at + (part.facets if isinstance(part, SecondOrderCone) else 1))
+            at = columns.stop
+            if isinstance(part, Interval):
+                against = part.lo if u > 0.0 else part.hi
+                if abs(u) > REST_SPEED and isfinite(against):
+                    lower[columns] = upper[columns] = against
+            elif not isinstance(part, Line) and u > REST_SPEED:
+                upper[columns] = 0.0
+    return Rays(at_rest.G, lower, upper, at_rest.facets)
 
 
 def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:

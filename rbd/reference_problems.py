@@ -179,6 +179,9 @@ def _by_hand() -> list[ReferenceProblem]:
         rows = Rows("stop", one, np.array([bias]), cone, feedback=np.array([feedback]))
         return GaussProblem(2.0 * one, np.array([push]), [rows])
 
+    def moving(v: float) -> GaussProblem:
+        return GaussProblem(2.0 * one, np.array([3.0]), [Rows("rub", one, np.zeros(1), rub, velocity=np.array([v]))])
+
     unit = NonNegative(1)
     rub = Box(-5.0, 5.0)  # type: ignore[arg-type]
     mixed = Rows("mixed", np.eye(2), np.zeros(2), Product([unit, Free(1)]))
@@ -223,6 +226,8 @@ def _by_hand() -> list[ReferenceProblem]:
         ),
         ReferenceProblem("dry friction sticks", stop(3.0, rub), {"any": np.zeros(1)}, {"stop": np.array([-3.0])}),
         ReferenceProblem("dry friction slips", stop(8.0, rub), {"any": np.array([1.5])}, {"stop": np.array([-5.0])}),
+        ReferenceProblem("dry friction brakes", moving(0.3), {"any": np.array([-1.0])}, {"rub": np.array([-5.0])}),
+        ReferenceProblem("dry friction brakes the other way", moving(-0.3), {"any": np.array([4.0])}, {"rub": np.array([5.0])}),
     ]
 
 
@@ -231,6 +236,7 @@ def _made_up() -> list[ReferenceProblem]:
     rng = np.random.default_rng(7)
     mu = 0.5
     facet = np.array([-1.0, 0.0, mu])  # inward normal of the first facet; of the cone too, where they touch
+    slides = np.array([-0.7, 0.0, 0.0])  # Coulomb's law: against the force, and it stays down
     modes: dict[str, tuple[Cone, Array, Array]] = {
         "sticks": (FrictionCone(mu), np.array([0.2, -0.1, 1.0]), np.zeros(3)),
         "slips": (FrictionCone(mu), np.array([mu, 0.0, 1.0]), 0.7 * facet),
@@ -244,6 +250,7 @@ def _made_up() -> list[ReferenceProblem]:
         M, rows, pull, forces = A @ A.T + np.eye(nv), [], np.zeros(nv), {}
         for label in which:
             cone, f, c = modes[label]
+            c = slides if law == "coulomb" and label == "slips" else c
             J, feedback = rng.normal(size=(cone.dim, nv)), rng.normal(size=cone.dim)
             rows.append(Rows(label, J, c - J @ a - feedback, cone, feedback=feedback))
             pull, forces[label] = pull + J.T @ f, f
@@ -251,6 +258,8 @@ def _made_up() -> list[ReferenceProblem]:
             Q, r = np.linalg.qr(rng.normal(size=(3, 3)))[0], rows[0]
             rows.append(Rows("again", Q @ r.J, Q @ r.bias, r.cone, feedback=Q @ r.feedback))
             forces = {}
+        if law != "any":
+            forces = {}  # the rows are independent, so a tells them; under the other law they differ
         return ReferenceProblem(name, GaussProblem(M, M @ a - pull, rows), {law: a}, forces, source="built from its answer")
 
     return [
@@ -259,4 +268,6 @@ def _made_up() -> list[ReferenceProblem]:
         made("made up, sticking and breaking", 9, ["sticks", "breaks", "touches", "holds"], "any"),
         made("made up, all at once", 14, ["sticks", "slips", "breaks", "touches", "holds"], "convex"),
         made("made up, large", 40, ["sticks", "slips", "breaks", "touches", "holds"], "convex"),
+        made("made up, all at once, Coulomb", 14, ["sticks", "slips", "breaks", "touches", "holds"], "coulomb"),
+        made("made up, large, Coulomb", 40, ["sticks", "slips", "breaks", "touches", "holds"], "coulomb"),
     ]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from rbd.arrays import Array, add_wrench, largest, lazy
+from rbd.parts import bounded_weights
 from rbd.problem import GaussProblem
 
 SOLVED = 1e-9
@@ -188,7 +188,7 @@ def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str)
 def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Terms:
     R = P.rays
     if weights is None:  # any weights within the bounds that make the force as nearly as can be
-        weights = lsq_linear(R.G, f, (R.lower, R.upper), tol=1e-14).x
+        weights = bounded_weights(R.G, f, R.lower, R.upper)
     w = np.minimum(np.maximum(weights, R.lower), R.upper)
     along = R.G.T @ c
     opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
@@ -230,7 +230,9 @@ def _centroidal(P: GaussProblem, a: Array, f: Array) -> float | None:
     for rows in P.rows:
         part = f[at : at + len(rows)]
         at += len(rows)
-        if rows.resultant is not None and rows.patch is not None and rows.patch.against is None:
+        if rows.patch is not None and rows.patch.against is not None:
+            continue  # between two bodies: nothing from outside, by action and reaction
+        if rows.resultant is not None and rows.patch is not None:
             add_wrench(total, (rows.resultant @ part).tolist(), rows.patch.point.tolist(), com)
         elif b.base is not None:
             point, axes = b.base

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rbd.arrays import Array, lazy
+from rbd.analysis.admissible import Admissible
+from rbd.analysis.complementary import admissible
+from rbd.analysis.contradiction import Contradiction, contradiction
+from rbd.analysis.family import motion_freedom
+from rbd.analysis.feedback import feedback_acceleration
+from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
+from rbd.analysis.uniqueness import Uniqueness, uniqueness
+from rbd.arrays import Array, largest, lazy
+from rbd.cones import FrictionCone, LineCone, WrenchCone
 from rbd.contact_force import ContactForce, contact_force, corner_split
+from rbd.errors import NoSolution, Unsupported
 from rbd.problem import GaussProblem
 from rbd.rays import rays
 from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals
-from rbd.rows import Rows
+from rbd.rows import Patch, Rows
+
+if TYPE_CHECKING:
+    from rbd.sensitivity import Derivatives
 
 RANK_TOLERANCE = 1e-9
 """Singular values of J below this, times the largest, count as zero in `Solution.rank`."""
@@ -28,7 +42,7 @@ class Status(StrEnum):
     FAILED = "failed"
     """A scaled residual is above 1e-7: not an answer."""
     INFEASIBLE = "infeasible"
-    """Not an answer, and a linear program confirms that there is none."""
+    """Not an answer, and a certificate proves that there is none (`Solution.contradiction`)."""
 
 
 class Gauss(float):
@@ -61,9 +75,11 @@ class Solution:
         solver: Name of the solver.
         iterations: What the solver needed.
         seconds: Time in the solver [s].
-        infeasible: Whether a linear program confirmed that no acceleration satisfies the rows.
+        infeasible: Whether the solver knows that no acceleration satisfies the rows; see `contradiction` for the proof.
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
-        reason: Why there is no answer, in the solver's words; empty where there is one.
+        reason: Why there is no answer, or what the several are, in the solver's words; else empty.
+        chosen_corners: Corner forces that were chosen together with the multipliers; None: chosen when asked for.
+        choice: What they are, `force_choice`, where they were chosen.
     """
 
     problem: GaussProblem
@@ -77,6 +93,8 @@ class Solution:
     infeasible: bool = False
     others: tuple[Solution, ...] = ()
     reason: str = ""
+    chosen_corners: Mapping[str, Array] | None = None
+    choice: str = ""
 
     @property
     def a_free(self) -> Array:
@@ -95,7 +113,12 @@ class Solution:
             return Status.SOLVED
         if self.residuals.within(USABLE):
             return Status.INACCURATE
-        return Status.INFEASIBLE if self.infeasible else Status.FAILED
+        return Status.INFEASIBLE if self.infeasible or self.contradiction is not None else Status.FAILED
+
+    @lazy
+    def contradiction(self) -> Contradiction | None:
+        """The rows that contradict each other under this law, with the proof; None where they do not."""
+        return contradiction(self.problem, self.law)
 
     @lazy
     def forces(self) -> dict[str, Array]:
@@ -113,10 +136,109 @@ class Solution:
     def corner_forces(self) -> dict[str, Array]:
         """Forces at the corners of each contact, shape (k, 3), on the robot, world axes [N]; a point has one corner.
 
-        They add up to the wrench, but four of them are not unique. A contact that holds has no corner law: its split is
-        the minimum-norm one, and may pull.
+        They add up to the wrench, but four of them are not unique: `force_choice` says which these are, `uniqueness()` how far
+        they could go. A contact that holds has no corner law: its corners may pull. `weights` stay what the solver found. Rows
+        made by hand with a friction, line or wrench cone and no patch: in their own axes, as the solver left them.
         """
-        return {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
+        by_hand = {r.name: self._by_hand(i, r) for i, r in enumerate(self.problem.rows) if r.patch is None and _has_points(r)}
+        return by_hand | {name: corners.copy() for name, corners in self._split[0].items()}
+
+    def _by_hand(self, i: int, rows: Rows) -> Array:
+        corners = np.zeros((1, 3)) if isinstance(rows.cone, FrictionCone) else rows.cone.corners  # type: ignore[attr-defined]
+        patch = Patch(np.zeros(3), np.eye(3), corners, None)
+        return self._corners(i, replace(rows, patch=patch, resultant=np.eye(len(rows))))
+
+    @property
+    def force_choice(self) -> str:
+        """Which of all forces that give the same motion under the same law `corner_forces` and `forces` are.
+
+        "unique"; "minimum norm of the corner forces [N]", inside the cones, row forces of what is no contact counted in
+        their units; "minimum of the given weight"; or "as ProxQP left it", as of what is no answer.
+        """
+        return self._split[1]
+
+    @lazy
+    def _split(self) -> tuple[Mapping[str, Array], str]:
+        """(corner forces, which they are)."""
+        if self.chosen_corners is not None:
+            return self.chosen_corners, self.choice
+        corners = {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
+        if self.residuals.within(USABLE):
+            found = self._admissible
+            if not found.null.shape[1]:
+                return corners, UNIQUE
+            if found.rank == self.problem.m:  # the row forces are unique, their split is not
+                x = shortest(found)
+                if self._agrees(found, x):
+                    return corners | found.corner_forces(x), MINIMUM_NORM
+        return corners, f"as {self.solver} left it"
+
+    def _agrees(self, found: Admissible, x: Array) -> bool:
+        f = found.forces(x)
+        missed = largest(f - self.multipliers)
+        return missed <= SOLVED * self.residuals.scales.of_force and found.outside(x) <= SOLVED * found.size
+
+    @lazy
+    def _admissible(self) -> Admissible:
+        tolerance = SOLVED if self.residuals.within(SOLVED) else USABLE
+        return admissible(self.problem, self.a, self.multipliers, self.weights, self.law, tolerance=tolerance)
+
+    def with_forces(self, weight: Mapping[str, object] | None = None) -> Solution:
+        """The same motion with the forces that minimise sum_i weight_i |corner force_i|^2, inside their cones.
+
+        Args:
+            weight: {contact: positive number, one number a corner (k,), or a positive definite matrix (3k, 3k) on its stacked
+                corner forces in world axes}; 1 of what is not named. Constraints that are no contacts count with their row
+                forces, in units of their rows. None: minimum norm.
+
+        Returns:
+            A solution whose `force_choice` says so; `multipliers`, `weights`, `forces` and `corner_forces` belong together, and
+            its residuals certify them. Where rounding keeps those above 1e-9 the forces stay as they were, and it says that.
+
+        Raises:
+            InputError: on a weight that is not positive or does not fit.
+            UnknownName: on a name that is no constraint of the problem.
+            NoSolution: if this is no answer.
+        """
+        self._must_be_one("other forces were asked for")
+        return self._with(self._admissible, weight)
+
+    def settled(self) -> Solution:
+        """The same with forces of minimum norm, `with_forces()`; itself where it is no answer.
+
+        For solvers to call where rows depend on each other, so that all of them return the same forces.
+        """
+        return self._with(self._admissible, None) if self.residuals.within(USABLE) else self
+
+    def _with(self, found: Admissible, weight: Mapping[str, object] | None) -> Solution:
+        x = shortest(found, metric(found, weight))
+        name = UNIQUE if not found.null.shape[1] else MINIMUM_NORM if weight is None else GIVEN_WEIGHT
+        f = self.multipliers if found.rank == self.problem.m else found.forces(x)
+        corners = {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
+        out = replace(
+            self, multipliers=f, weights=found.law_weights(x), chosen_corners=corners | found.corner_forces(x), choice=name
+        )
+        if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
+            return out
+        return replace(self, chosen_corners=corners, choice=f"as {self.solver} left it")
+
+    def uniqueness(self) -> Uniqueness:
+        """What is unique of the forces, and how far the rest could go with the same motion under the same law.
+
+        It tells too whether the motion itself stands alone: under Coulomb's law a patch that slips and turns on more than three
+        corners has a family of motions, and the solver returns one of them.
+
+        Raises:
+            NoSolution: if this is no answer.
+        """
+        self._must_be_one("its uniqueness was asked for")
+        return uniqueness(
+            self._admissible, self.a, self.law, self.corner_forces, self.force_choice, self.multipliers, motion_freedom(self)
+        )
+
+    def _must_be_one(self, what: str) -> None:
+        if not self.residuals.within(USABLE):
+            raise NoSolution(f"{self.worst}: this is no answer, and {what}.", problem=self.problem, result=self)
 
     def _corners(self, i: int, rows: Rows) -> Array:
         P = self.problem
@@ -136,6 +258,28 @@ class Solution:
         """J a + J_dot v of each constraint, shape (m,), in its own axes, feedback left out [m/s2, rad/s2]."""
         c = self.problem.J @ self.a + self.problem.bias
         return {name: c[part] for name, part in self.problem.slices.items()}
+
+    @lazy
+    def feedback_acceleration(self) -> Array:
+        """The part of a that the rows' feedback makes, shape (nv,): zero without stabilisation; see `rbd.analysis.feedback`.
+
+        Through the active rows as they are: a less this is the motion that they alone would make.
+        """
+        return feedback_acceleration(self.problem, self.weights, self.law)
+
+    def derivatives(self) -> Derivatives:
+        """How a and the forces change with q, v, tau and external forces, the contact modes held; see `Derivatives`.
+
+        Raises:
+            NotDifferentiable: at a change of contact mode.
+            Unsupported: of a problem built by hand, which has no state to differentiate by.
+        """
+        if self.problem.origin is None:
+            raise Unsupported(
+                "a problem built by hand has no state to differentiate by. Use rbd.solve(state, ...), or "
+                "solver.solve(rbd.gauss_problem(state, ...))."
+            )
+        return self.problem.origin.derivatives(self)
 
     @lazy
     def gauss(self) -> Gauss:
@@ -167,8 +311,14 @@ class Solution:
         if self.contacts:
             lines.append(f"  {'contact':<16}{'normal':>11}{'tangential':>13}{'friction used':>15}  centre of pressure")
         lines += [f"  {name:<16}{contact}" for name, contact in self.contacts.items()]
-        others = [r.name for r in self.problem.rows if r.patch is None]
-        lines += [f"  {name:<16}force {np.array2string(self.forces[name], precision=4)}" for name in others]
+        others = [r.name for r in self.problem.rows if r.patch is None and len(r)]  # limits that are not reached have no rows
+        lines += [f"  {name:<15} force {np.array2string(self.forces[name], precision=4)}" for name in others]
+        if self.reason:
+            lines.append(f"  {'one of several motions: ' if self.others else ''}{self.reason}")
         lines.append(f"  1/2 |a - a_free|_M^2 = {self.gauss:.6g} N m/s2")
         lines.append(f"  residuals: {self.residuals}")
         return "\n".join(lines)
+
+
+def _has_points(rows: Rows) -> bool:
+    return isinstance(rows.cone, FrictionCone | LineCone | WrenchCone)

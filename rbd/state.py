@@ -125,20 +125,22 @@ class State:
         X_WF, J, v, bias = self.moving(name, X_FP, pin.LOCAL_WORLD_ALIGNED)
         return FrameKinematics(X_WF, J, v, bias)
 
-    def base_pose(self) -> pin.SE3:
-        """X_WB of the first joint's body: of the base, where it floats."""
+    def base_pose(self, joint: int = 1) -> pin.SE3:
+        """X_WB of a joint's body, of `robot.bases`; by default of the first."""
         with self._pool.lock:
-            return self._data().oMi[1].copy()
+            return self._data().oMi[joint].copy()
 
     def balance(self, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
-        """What the centroidal residual is computed from; None unless all bodies hang from one floating base.
+        """What the centroidal residual is computed from; None unless all bodies hang from floating bases.
+
+        Of two robots in one model it is that of both together.
 
         Args:
             wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
-            with_base: Give the base's pose too: some rows have no resultant of their own.
+            with_base: Give the base's pose too: some rows have no resultant of their own. With two bases there is none then.
         """
         robot = self.robot
-        if not robot.floating:
+        if not robot.bases or (with_base and not robot.floating):
             return None
         with self._pool.lock:
             data = self._data()

@@ -19,12 +19,13 @@ import pinocchio as pin
 from scipy.optimize import nnls
 
 from rbd.arrays import Array
-from rbd.cones import Box, Cone, Free, FrictionCone, NonNegative, Product, WrenchCone
+from rbd.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.errors import InputError, RbdError
 from rbd.least_constraint import Constraint
+from rbd.parts import REST_SPEED
 from rbd.problem import GaussProblem
 from rbd.reference_problems import ReferenceProblem, box, reference_problems
-from rbd.rows import Rows
+from rbd.rows import Patch, Rows
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
 from rbd.state import State
@@ -106,9 +107,13 @@ def check_constraint(
         J a + J_dot v  = resultant^T (p'', w')      with the patch's axes held still, as `bias` has it,
 
     p the patch's point and w the angular velocity of its axes (which turn with the body where the resultant is a
-    wrench). Rays of the force cone must push along the patch's normal. Rows with an `error` and no patch must give
-    J v = error' and J a + J_dot v = error''. Rows with neither have only their J_dot v checked, against the change of
-    their own J; the report says so.
+    wrench; where that has no moment about x, of the x axis alone); of a contact against another body, as seen from that
+    body's frame. Rays of the force cone must push along the patch's normal. Rows with an `error` and no patch must give
+    J v = error' and J a + J_dot v = error''. A patch with an error must give them too where its error is zero, the second
+    where J v = 0. Rows with neither have only their J_dot v checked, against the change of their own J; the report says so.
+
+    Of a contact with a surface whose motion is given, what its rows give at v = 0 is the surface's own, and is taken out of
+    them first, together with what changes its sign with v: the Coriolis term of a surface that turns, which is not checked.
 
     Args:
         constraint: What is checked.
@@ -135,14 +140,20 @@ def check_constraint(
         v, a = rng.normal(size=nv), rng.normal(size=nv)
         if not moving:
             v -= np.linalg.pinv(rows.J) @ (rows.J @ v)
-        at = constraint.rows(state.with_velocity(v))
-        first, second, against = _motion(constraint, state, rows, v, a)
-        deviations = {"J v": (rows.J @ v, first), "J a + J_dot v": (rows.J @ a + at.bias, second)}
+        at, bias = constraint.rows(state.with_velocity(v)), np.zeros(len(rows))
+        if rows.velocity.any() or rows.bias.any():  # a surface moves by itself: J_dot v is what is quadratic in v
+            bias = 0.5 * (constraint.rows(state.with_velocity(-v)).bias - at.bias) - rows.bias
+        first, second, against, errors = _motion(constraint, state, rows, v, a)
+        deviations = {"J v": (rows.J @ v, first), "J a + J_dot v": (rows.J @ a + (at.bias + bias), second)}
         if at.velocity.any() or rows.velocity.any():  # else the rows do not give it
             deviations["velocity"] = (at.velocity - rows.velocity, rows.J @ v)
+        if errors is not None:
+            deviations["error' against J v:"] = (_FIRST @ errors, rows.J @ v)
+            if not moving:
+                deviations["error'' against J a + J_dot v:"] = (_SECOND @ errors, rows.J @ a + (at.bias + bias))
         for what, (given, found) in deviations.items():
             gap = np.abs(given - found) / max(1.0, float(np.abs(found).max()), float(np.abs(given).max()))
-            worst[what] = max(worst[what], float(gap.max()))
+            worst[what] = max(worst.get(what, 0.0), float(gap.max()))
             if not gap.max() <= tolerance:
                 i = int(np.argmax(gap))
                 raise ConstraintWrong(
@@ -153,24 +164,46 @@ def check_constraint(
     return ConstraintReport(constraint.name, len(rows), against, jacobian, worst["velocity"], worst["J a + J_dot v"])
 
 
-def _motion(constraint: Constraint, state: State, rows: Rows, v: Array, a: Array) -> tuple[Array, Array, str]:
-    """(J v, J a + J_dot v, whence) as the motion along the curve has them."""
+def _motion(constraint: Constraint, state: State, rows: Rows, v: Array, a: Array) -> tuple[Array, Array, str, Array | None]:
+    """(J v, J a + J_dot v, whence, the errors of a patch that is at its anchor) as the motion along the curve has them."""
     model, q = state.robot.model, state.q
-    along = [constraint.rows(State(state.robot, pin.integrate(model, q, v * t + 0.5 * a * t * t))) for t in _NODES]
+    states = [State(state.robot, pin.integrate(model, q, v * t + 0.5 * a * t * t)) for t in _NODES]
+    along = [constraint.rows(s) for s in states]
     if rows.patch is not None and rows.resultant is not None:
-        R0, p0, wrench = rows.patch.axes, rows.patch.point, len(rows.resultant) == 6
-        y = np.zeros((len(_NODES), len(rows.resultant)))
-        for i, r in enumerate(along):
-            assert r.patch is not None
-            y[i, :3] = r.patch.point - p0
-            if wrench:  # the second derivative of the rotation vector at zero is the angular acceleration
-                y[i, 3:] = pin.log3(r.patch.axes @ R0.T)
-        return rows.resultant.T @ (_FIRST @ y), rows.resultant.T @ (_SECOND @ y), "motion of the patch"
+        about = rows.resultant[3:]
+        of_line = len(about) == 3 and not np.abs(rows.patch.axes[:, 0] @ about).max(initial=0.0) > 1e-12  # no moment about x
+        y, anchored = _patch_motion(states, along, state, rows.patch, of_line), None
+        if rows.error is not None and np.abs(rows.error).max(initial=0.0) < 1e-9:
+            anchored = np.array([r.error for r in along])
+        y = y[:, : len(rows.resultant)]
+        return rows.resultant.T @ (_FIRST @ y), rows.resultant.T @ (_SECOND @ y), "motion of the patch", anchored
     if rows.error is not None:
         errors = np.array([r.error for r in along])
-        return _FIRST @ errors, _SECOND @ errors, "motion of the error"
+        return _FIRST @ errors, _SECOND @ errors, "motion of the error", None
     own = np.array([r.J @ (v + a * t) for r, t in zip(along, _NODES, strict=True)])
-    return rows.J @ v, _FIRST @ own, "its own J"
+    return rows.J @ v, _FIRST @ own, "its own J", None
+
+
+def _patch_motion(states: list[State], along: list[Rows], state: State, patch: Patch, of_line: bool) -> Array:
+    """Way and rotation vector of a patch from where it is at `state`, shape (nodes, 6), in world axes.
+
+    Against another body: as seen from its frame, whose axes stand as they do at `state`. Of a line, the turn of its
+    direction x alone, x at `state` cross x.
+    """
+    y = np.zeros((len(along), 6))
+    X_WB0 = _body(state, patch)
+    for i, (moved, r) in enumerate(zip(states, along, strict=True)):
+        assert r.patch is not None
+        back = X_WB0 * _body(moved, patch).inverse()  # moves the other body to where it was
+        y[i, :3] = back.act(r.patch.point) - patch.point
+        # The second derivative of the rotation vector at zero is the angular acceleration.
+        turned = back.rotation @ r.patch.axes
+        y[i, 3:] = np.cross(patch.axes[:, 0], turned[:, 0]) if of_line else pin.log3(turned @ patch.axes.T)
+    return y
+
+
+def _body(state: State, patch: Patch) -> pin.SE3:
+    return pin.SE3.Identity() if patch.against is None else state.frame(patch.against).X_WF
 
 
 def _check_normal(rows: Rows) -> None:
@@ -281,11 +314,12 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
             continue
         row_scale = max(row_scale, float((np.abs(rows.J) @ np.abs(a) + np.abs(offset)).max()))
         corners = None
-        if "facets" not in solution.law and isinstance(rows.cone, WrenchCone):
+        if "facets" not in solution.law and isinstance(rows.cone, WrenchCone | LineCone):
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
             corners = solution.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
-        gaps = _gaps(rows.cone, rows.J @ a + offset, part, "pyramids" if "facets" in solution.law else law, corners)
+        cone = _against_motion(rows.cone, rows.velocity)
+        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in solution.law else law, corners)
         for what, value in zip(("feasibility", "cone", "complementarity"), gaps, strict=True):
             worst[what] = max(worst[what], value)
     worst["stationarity"] = float(np.abs(left).max()) / force_scale
@@ -293,6 +327,17 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
     worst["cone"] /= force_scale
     worst["complementarity"] /= force_scale * row_scale
     return {what: value if np.isfinite(value) else np.inf for what, value in worst.items()}
+
+
+def _against_motion(cone: Cone, velocity: Array) -> Cone:
+    """The set with the moving components of its boxes at the bound against their motion."""
+    if isinstance(cone, Product):
+        ends = np.cumsum([part.dim for part in cone.cones])[:-1]
+        return Product([_against_motion(part, u) for part, u in zip(cone.cones, np.split(velocity, ends), strict=True)])
+    if not isinstance(cone, Box) or not (np.abs(velocity) > REST_SPEED).any():
+        return cone
+    lo = np.where((velocity < -REST_SPEED) & np.isfinite(cone.hi), cone.hi, cone.lo)
+    return Box(lo, np.where((velocity > REST_SPEED) & np.isfinite(cone.lo), cone.lo, cone.hi))
 
 
 def _gaps(cone: Cone, c: Array, f: Array, law: str, corners: Array | None) -> tuple[float, float, float]:
@@ -307,9 +352,12 @@ def _gaps(cone: Cone, c: Array, f: Array, law: str, corners: Array | None) -> tu
     if isinstance(cone, NonNegative):
         return float(np.maximum(-c, 0.0).max()), float(np.maximum(-f, 0.0).max()), float(np.abs(f * c).max())
     if isinstance(cone, Box):
-        slack = np.maximum(c, 0.0) * np.abs(f - cone.lo) + np.maximum(-c, 0.0) * np.abs(cone.hi - f)
-        return 0.0, float(np.maximum(np.maximum(cone.lo - f, f - cone.hi), 0.0).max()), float(slack.max())
-    if not isinstance(cone, FrictionCone | WrenchCone):
+        opens, closes, low, high = np.maximum(c, 0.0), np.maximum(-c, 0.0), np.isfinite(cone.lo), np.isfinite(cone.hi)
+        gap = np.where(low, 0.0, opens) + np.where(high, 0.0, closes)  # where no bound ends the force, nothing may move
+        slack = opens * np.abs(f - np.where(low, cone.lo, f)) + closes * np.abs(np.where(high, cone.hi, f) - f)
+        beyond = np.maximum(np.maximum(cone.lo - f, f - cone.hi), 0.0)
+        return float(gap.max(initial=0.0)), float(beyond.max(initial=0.0)), float(slack.max(initial=0.0))
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
         raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.cones.")
     if law == "pyramids":
         G = _corner_rays(cone)
@@ -326,18 +374,19 @@ def _gaps(cone: Cone, c: Array, f: Array, law: str, corners: Array | None) -> tu
     return float(np.maximum(opening, 0.0).max()), max(split, float(np.maximum(beyond, 0.0).max())), slack
 
 
-def _corner_map(cone: FrictionCone | WrenchCone) -> Array:
-    """Row forces of stacked corner forces: identity for a point, p and c x p for a patch."""
+def _corner_map(cone: FrictionCone | WrenchCone | LineCone) -> Array:
+    """Row forces of stacked corner forces: identity for a point, p and c x p for a patch; of a line no moment about it."""
     if isinstance(cone, FrictionCone):
         return np.eye(3)
-    return np.hstack([np.vstack([np.eye(3), np.cross(c, np.eye(3)).T]) for c in cone.corners])
+    G = np.hstack([np.vstack([np.eye(3), np.cross(c, np.eye(3)).T]) for c in cone.corners])
+    return G[[0, 1, 2, 4, 5]] if isinstance(cone, LineCone) else G
 
 
 def _corner_rays(cone: Cone) -> Array | None:
     """Rays of the corner pyramids as columns, from their facets: a ray is where two neighbouring facets meet."""
     if isinstance(cone, NonNegative):
         return np.eye(cone.dim) if cone.dim == 1 else None
-    if not isinstance(cone, FrictionCone | WrenchCone):
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
         return None
     angle = 2.0 * np.pi * np.arange(cone.facets) / cone.facets
     inward = np.column_stack([-np.cos(angle), -np.sin(angle), np.full(cone.facets, cone.mu)])

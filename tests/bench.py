@@ -24,7 +24,14 @@ import rbd
 from rbd.errors import EffortLimitWarning
 
 DRAWS = 300
-MARKS = {"held": (10.0, 8.0), "frictional": (25.0, 18.0)}
+MARKS = {
+    "held, ProxQP": (10.0, 8.0),
+    "frictional, ProxQP": (25.0, 18.0),
+    "frictional, ADMM coulomb, sticking": (25.0, 18.0),
+    "frictional, ADMM coulomb, slipping": (60.0, 40.0),
+    "frictional, ADMM convex, sticking": (25.0, 18.0),
+    "frictional, ADMM convex, slipping": (60.0, 40.0),
+}
 
 
 class Draws:
@@ -42,7 +49,20 @@ class Draws:
         self.held = robot.soles(friction=None)
         self.frictional = robot.soles(friction=0.7)
         self.zero = np.zeros(robot.nv)
+        self.sticking = self._draws(rng, tau, 1.0, slips=False)
+        self.slipping = self._draws(rng, tau, 30.0, slips=True)
         self.v = [self._resting_soles(q, 0.1 * rng.normal(size=robot.nv)) for q in self.q]
+
+    def _draws(self, rng: np.random.Generator, hold: np.ndarray, noise: float, *, slips: bool) -> list[tuple]:
+        """(q, tau) where the frictional soles all stick, or where one slips or opens."""
+        out: list[tuple] = []
+        while len(out) < DRAWS:
+            q = self.q[rng.integers(DRAWS)]
+            tau = np.clip(hold + noise * rng.normal(size=self.robot.nu), -self.robot.effort_limit, self.robot.effort_limit)
+            s = rbd.solve(rbd.State(self.robot, q), tau, self.frictional, solver=rbd.ADMM())
+            if (max(np.abs(c).max() for c in s.accelerations.values()) > 1e-6) == slips:
+                out.append((q, tau))
+        return out
 
     def _resting_soles(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """V with the soles' motion taken out: where a sole moves, constraintDynamics' drift is another one."""
@@ -118,6 +138,16 @@ def ours(d: Draws, kind: str, solver: rbd.ProxQP | rbd.KKT) -> Callable[[int], o
     return run
 
 
+def rubbing(d: Draws, solver: rbd.ADMM | rbd.ProxQP, draws: list[tuple]) -> Callable[[int], object]:
+    """The whole pipeline with frictional soles, on draws that all stick or all slip."""
+
+    def run(i: int) -> rbd.Solution:
+        q, tau = draws[i]
+        return rbd.solve(rbd.State(d.robot, q), tau, d.frictional, solver=solver)
+
+    return run
+
+
 def agree(d: Draws) -> float:
     """Largest difference between constraintDynamics and our held accelerations, relative."""
     theirs, mine = constraint_dynamics(d), ours(d, "held", rbd.ProxQP())
@@ -172,16 +202,20 @@ def main() -> None:
             "rbd held, ProxQP": ours(d, "held", rbd.ProxQP()),
             "rbd frictional, ProxQP": ours(d, "frictional", rbd.ProxQP()),
         }
+        for mode, draws in (("sticking", d.sticking), ("slipping", d.slipping)):
+            columns[f"rbd frictional, ProxQP, {mode}"] = rubbing(d, rbd.ProxQP(), draws)
+            for law in ("coulomb", "convex"):
+                columns[f"rbd frictional, ADMM {law}, {mode}"] = rubbing(d, rbd.ADMM(law=law), draws)
         medians = interleaved(columns)
         unit = medians["constraintDynamics, held"]
         table = Table(title=f"{name}: nv = {d.robot.nv}, two soles; agreement in a: {agree(d):.1e}")
         for heading in ("", "median", "x constraintDynamics", "mark, second mark"):
             table.add_column(heading, justify="left" if not heading else "right")
         for label, seconds in medians.items():
-            kind = next((k for k in MARKS if label.startswith(f"rbd {k}, ProxQP")), None)
-            mark = f"{MARKS[kind][0]:.0f}, {MARKS[kind][1]:.0f}" if kind else ""
+            marks = MARKS.get(label.removeprefix("rbd "))
+            mark = f"{marks[0]:.0f}, {marks[1]:.0f}" if marks else ""
             table.add_row(label, f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", mark)
-        for kind in MARKS:
+        for kind in ("held", "frictional"):
             for label, seconds in interleaved(stages(d, kind), rounds=2).items():
                 table.add_row(f"  {kind}: {label}", f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", "")
         console.print(table)

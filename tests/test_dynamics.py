@@ -311,3 +311,11 @@ def test_terms_given_out_are_copies(talos: rbd.Robot) -> None:
         kept = first.copy()
         first[:] = 7.0
         assert np.array_equal(term(state), kept)
+
+
+def test_a_contact_with_a_moving_ground_has_no_hessian(talos):
+    """Its J_dot v is not quadratic in v: a Hessian would be a wrong number."""
+    state = talos.standing()
+    lift = rbd.PointContact("lift", "left_sole_link", acceleration=(0.0, 0.0, 1.0))
+    with pytest.raises(rbd.InputError, match="no Hessian"):
+        rbd.dynamics.constraint_hessian(state, lift)

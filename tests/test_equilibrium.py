@@ -505,3 +505,14 @@ def test_a_state_that_is_none_is_refused(talos: rbd.Robot, state: object) -> Non
     """With what to make one with."""
     with pytest.raises(InputError, match="expected a State"):
         rbd.hold(state, talos.soles())  # type: ignore[arg-type]
+
+
+def test_a_ground_that_moves_is_refused(talos):
+    """Statics on a lift that starts, or on a belt, would be the answer to another question."""
+    state, sole = talos.standing(), talos.soles()[0]
+    for motion in ({"acceleration": (0.0, 0.0, 1.0)}, {"velocity": (0.1, 0.0, 0.0)}):
+        moving = rbd.SurfaceContact(
+            sole.name, sole.frame, corners=sole.corners, placement=sole.placement, friction=0.7, **motion
+        )
+        with pytest.raises(rbd.NotAtRest, match="ground at rest.*left_sole"):
+            rbd.hold(state, [moving, talos.soles()[1]])

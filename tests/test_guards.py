@@ -21,9 +21,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis.configuration import set_hypothesis_home_dir
+from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import Scene, contact_colors, contact_sheet, screenshot
+from rbd.visual import Scene, contact_colors, contact_sheet, plot_ranges, screenshot
 
 set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
 EXAMPLES = 60
@@ -60,6 +61,22 @@ def use_contact(contact: Any) -> Any:
     """A contact's rows on the box, and what they hold."""
     state = rbd.State(BOX, BOX.neutral())
     return contact.rows(state), rbd.solve(state, [], [contact])
+
+
+def use_joint(constraint: Any) -> Any:
+    """The rows of a constraint on a joint, and what they do to Bolt in free fall."""
+    return constraint.rows(STATE), rbd.solve(STATE, TAU, [constraint])
+
+
+SQUEEZED = rbd.GaussProblem(
+    np.eye(1), np.ones(1), [rbd.Rows("row", np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5]), rbd.NonNegative(2))]
+)
+
+
+def use_contradiction(**given: Any) -> Any:
+    """The certificate and the violation of a contradiction, if there is one."""
+    found = rbd.contradiction(**given)
+    return None if found is None else (dict(found.certificate), found.violation)
 
 
 def use_cone(cone: Any) -> Any:
@@ -109,6 +126,11 @@ def use_export(path: Any) -> Any:
     return scene.export(path)
 
 
+def use_plot(ax: Any, uniqueness: Any) -> Any:
+    """Where bars and marks are."""
+    return [artist.get_xdata() for artist in plot_ranges(ax, uniqueness)]
+
+
 @dataclass(frozen=True)
 class Case:
     """A public callable, by its name, and arguments that work."""
@@ -122,6 +144,16 @@ def contact_case(kind: Any, more: dict[str, Any]) -> Case:
     """A contact, made and used."""
     good = {"name": "floor", "frame": "box", "friction": 0.5, "facets": 4, **more}
     return Case(lambda **given: use_contact(kind(**given)), good)
+
+
+LIFT = {"velocity": np.zeros(6), "acceleration": np.array([0.0, 0.0, 1.0]), "about": np.array([1.0, 0.0, 0.0])}
+
+
+def use_pair(against: Any, **given: Any) -> Any:
+    """Two robots in one model, and a contact between them."""
+    pair = rbd.combine(**given)
+    contact = rbd.SurfaceContact("between", given["names"][0] + "box", half_lengths=(0.1, 0.1), against=against)
+    return contact.rows(pair.at()), pair.mass, pair.at().M
 
 
 def of_state(name: str, **more: Any) -> Case:
@@ -141,7 +173,36 @@ CASES: dict[str, Case] = {
     ),
     "PointContact": contact_case(rbd.PointContact, {"offset": np.array([0.1, 0.0, -0.1]), "normal": np.array([0.0, 0.0, 1.0])}),
     "SurfaceContact": contact_case(rbd.SurfaceContact, {"corners": CORNERS, "placement": np.eye(4)}),
+    "PointContact, on a lift": contact_case(rbd.PointContact, LIFT | {"anchor": np.array([0.0, 0.1, 0.0])}),
+    "SurfaceContact, on a lift": contact_case(rbd.SurfaceContact, LIFT | {"half_lengths": (0.1, 0.05), "anchor": np.eye(4)}),
+    "LineContact": contact_case(
+        rbd.LineContact, {"half_length": 0.1, "placement": np.eye(4), "normal": np.array([0.0, 0.0, 1.0])}
+    ),
+    "combine": Case(
+        use_pair, {"first": BOX, "second": BOLT, "placement": np.eye(4), "names": ("a_", "b_"), "against": "b_FL_FOOT"}
+    ),
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
+    "JointLimit": Case(
+        lambda **given: use_joint(rbd.JointLimit(**given)),
+        {"name": "stop", "joint": BOLT.joints()[3], "lower": 0.5, "upper": 2.0, "margin": 0.1},
+    ),
+    "JointLock": Case(
+        lambda **given: use_joint(rbd.JointLock(**given)), {"name": "lock", "joint": "root_joint", "position": STATE.q[:7]}
+    ),
+    "JointCoupling": Case(
+        lambda **given: use_joint(rbd.JointCoupling(**given)),
+        {"name": "gear", "joint": BOLT.joints()[3], "to": BOLT.joints()[4], "ratio": -2.0, "offset": 0.1},
+    ),
+    "JointFriction": Case(
+        lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": BOLT.joints()[3], "torque": 0.2}
+    ),
+    "Baumgarte": Case(
+        lambda **given: use_joint(rbd.Baumgarte(**given).of(rbd.JointLock("lock", BOLT.joints()[3], position=0.3))),
+        {"frequency": 10.0, "damping_ratio": 0.7},
+    ),
+    "joint_limits": Case(rbd.joint_limits, {"robot": BOLT, "margin": 0.1}),
+    "joint_frictions": Case(rbd.joint_frictions, {"robot": BOLT}),
+    "mimics": Case(rbd.mimics, {"robot": BOLT}),
     "ExternalForce": Case(
         use_force, {"frame": FRAME, "force": np.array([1.0, 0.0, 9.0]), "moment": (0.0, 1.0, 0.0), "offset": (0.1, 0.0, 0.0)}
     ),
@@ -154,8 +215,13 @@ CASES: dict[str, Case] = {
     "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V}, 200),
     "KKT": Case(lambda problem: rbd.KKT().solve(problem), {"problem": rbd.gauss_problem(STATE, TAU, BOLT.feet(None))}),
     "ProxQP": Case(lambda problem: rbd.ProxQP().solve(problem), {"problem": PROBLEM}),
+    "ADMM": Case(lambda law, problem: rbd.ADMM(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
     "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True}, 200),
+    "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
+    "nearest_motion": Case(rbd.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "compare_laws": Case(rbd.compare_laws, ASKED),
+    "agree": Case(lambda **given: [x.a for x in rbd.agree(**given).answers], ASKED),  # times in it differ
     "hold": Case(rbd.hold, {"state": STATE, "contacts": FEET, "external": np.zeros(BOLT.nv)}),
     "doctor": Case(rbd.doctor, {"robot": BOX}),
     "FileLimits": Case(
@@ -194,6 +260,10 @@ CASES: dict[str, Case] = {
     "Robot.check_q": Case(BOLT.check_q, {"q": STATE.q}),
     "Robot.check_v": Case(BOLT.check_v, {"v": V}),
     "Robot.check_tau": Case(BOLT.check_tau, {"tau": TAU}),
+    "Solution.with_forces": Case(SOLUTION.with_forces, {"weight": {SOLUTION.problem.rows[0].name: 2.0}}),
+    "Solution.with_forces, one foot": Case(
+        lambda foot: SOLUTION.with_forces({SOLUTION.problem.rows[0].name: foot}), {"foot": [2.0]}
+    ),
     "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
     "State.frame": Case(STATE.frame, {"name": FRAME, "offset": np.zeros(3)}),
     "visual.Scene": Case(
@@ -202,6 +272,7 @@ CASES: dict[str, Case] = {
         40,
     ),
     "visual.Scene.export": Case(use_export, {"path": "/nowhere/x.html"}, 40),
+    "visual.plot_ranges": Case(use_plot, {"ax": Figure().subplots(), "uniqueness": SOLUTION.uniqueness()}, 20),
     "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
     "visual.contact_sheet": Case(
         contact_sheet,
@@ -211,7 +282,20 @@ CASES: dict[str, Case] = {
         screenshot, {"html_path": "/nowhere/x.html", "png_path": "/nowhere/x.png", "width": 9, "height": 9}
     ),
 }
-MADE_BY_RBD = {"Hold", "Solution", "Robot", "Report", "Finding"}
+MADE_BY_RBD = {
+    "Agreement",
+    "LawComparison",
+    "Contradiction",
+    "NearestMotion",
+    "Derivatives",
+    "Hold",
+    "Pair",
+    "Solution",
+    "Robot",
+    "Report",
+    "Finding",
+    "Uniqueness",
+}
 """Records that only `rbd` makes; their makers are tested here."""
 
 
@@ -379,7 +463,7 @@ def public() -> Iterator[str]:
                 yield room + name
 
 
-INNER = {"State.moving", "State.balance"}
+INNER = {"State.moving", "State.balance", "State.base_pose"}
 """What constraints and problems call, with what was checked."""
 
 

@@ -32,7 +32,7 @@ LAYERS: dict[str, int] = {
     "parts": 1,
     "problem": 1,
     # 2: a state is made of a model and can say its momentum balance, in the arrays of `problem`.
-    #    dynamics and external read a state; residuals and contact_force are parts of the solution.
+    #    dynamics and external read a state; residuals, contact_force and analysis are parts of the solution.
     "state": 2,
     "geometry": 2,
     "external": 2,
@@ -40,17 +40,23 @@ LAYERS: dict[str, int] = {
     "doctor": 2,
     "residuals": 2,
     "contact_force": 2,
+    "analysis": 2,
     "solution": 2,
     # 3: constraints and solvers never import each other.
     "constraints": 3,
     "solvers": 3,
+    "sensitivity": 3,
     # 4: the facade stands on a posture; least_constraint is the door.
     "posture": 4,
     "robot": 4,
+    "combined": 4,
+    "nearest": 4,
     "least_constraint": 4,
     # 5 and 6: what is built on the answer.
     "simulation": 5,
     "equilibrium": 5,
+    "laws": 5,
+    "agreement": 5,
     "inverse": 5,
     "mechanism": 5,
     "reference_problems": 5,
@@ -85,7 +91,11 @@ BESIDE: set[tuple[str, str]] = {
     ("dynamics", "state"),  # terms of a state
     ("dynamics", "external"),  # the right-hand side has external forces in it
     ("solution", "residuals"),  # the certificate
+    ("least_constraint", "nearest"),  # an error offers the nearest motion
     ("solution", "contact_force"),  # the table of contacts
+    ("solution", "analysis"),  # what is unique, chosen, contradictory
+    ("analysis", "residuals"),  # what counts as zero
+    ("analysis", "contact_force"),  # what carries nothing
     ("robot", "posture"),  # a robot stands in one
     ("cli", "report"),  # the command line prints it
     ("cli", "visual"),  # imported where the page is written, so that the table alone needs no viewer
@@ -195,9 +205,10 @@ def test_only_one_file_knows_proxsuite():
 
 
 def test_the_algebra_knows_no_pinocchio():
-    """Cones, rows, problems, solutions and solvers are arrays."""
-    algebra = set("errors arrays cones polygon rows problem residuals contact_force solution solvers".split())
-    assert not {m for m, path in MODULES.items() if room(m) in algebra and _imports_library(path, "pinocchio")}
+    """Cones, rows, problems, solutions and solvers are arrays; one file asks Pinocchio's ADMM."""
+    algebra = "errors arrays cones rays parts polygon rows problem residuals contact_force analysis solution solvers".split()
+    users = {m for m, path in MODULES.items() if room(m) in algebra and _imports_library(path, "pinocchio")}
+    assert users == {"solvers.pinocchio_admm"}
 
 
 def _imports_library(path: Path, library: str) -> bool:

@@ -117,3 +117,40 @@ def test_a_singular_inertia_is_an_error_in_every_solver(solver):
     for rows in ([], [_toe()]):
         with pytest.raises(SingularInertia):
             solver.solve(rbd.GaussProblem(np.zeros((2, 2)), np.ones(2), rows))
+
+
+class TestWhatAVelocityDecides:
+    """`rays` of rows that move: equal bounds where there is no choice left."""
+
+    def test_a_moving_interval_stands_against_its_motion(self):
+        """Each component by itself, and an infinite bound is none to stand at; below 1e-6 nothing is decided."""
+        box = rbd.Box([-1.0, -2.0, -3.0, -np.inf], [1.0, 2.0, 3.0, 4.0])
+        rows = Rows("rub", np.eye(4), np.zeros(4), box, velocity=np.array([0.1, -0.1, 0.9e-6, 0.1]))
+        R = rbd.GaussProblem(np.eye(4), np.zeros(4), [rows]).rays
+        assert R.lower.tolist() == [-1.0, 2.0, -3.0, -np.inf] and R.upper.tolist() == [-1.0, 2.0, 3.0, 4.0]
+
+    def test_what_opens_carries_nothing(self):
+        """All facets of a cone that leaves, none of one that rests; lines stay lines."""
+        cone = rbd.Product([rbd.FrictionCone(0.5), rbd.Free(1), rbd.NonNegative(2)])
+        rows = Rows("all", np.eye(6), np.zeros(6), cone, velocity=np.array([0.1, 0.0, 0.2, 5.0, 0.3, 0.0]))
+        P = rbd.GaussProblem(np.eye(6), np.zeros(6), [rows])
+        assert P.rays.upper.tolist() == [0.0] * 4 + [np.inf, 0.0, np.inf]
+        assert P.rays.lower.tolist() == [0.0] * 4 + [-np.inf, 0.0, 0.0] and P.slipping == ()
+
+    def test_rows_at_rest_share_their_rays(self, problem):
+        """Nothing is copied on the usual path."""
+        again = rbd.GaussProblem(problem.M, problem.rhs, problem.rows)
+        assert problem.moving == problem.slipping == () and again.rays is problem.rays
+
+    def test_what_slides_or_tips_is_slipping(self):
+        """A point that slides under friction, and a patch whose corners have centripetal accelerations; nothing smooth."""
+        patch = rbd.WrenchCone([[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]], 0.5)
+
+        def slipping(cone, velocity):
+            rows = Rows("row", np.eye(cone.dim), np.zeros(cone.dim), cone, velocity=np.array(velocity, float))
+            return [r.name for r in rbd.GaussProblem(np.eye(cone.dim), np.zeros(cone.dim), [rows]).slipping]
+
+        assert slipping(rbd.FrictionCone(0.5), [0.1, 0.0, 0.0]) == ["row"]
+        assert slipping(patch, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]) == ["row"]
+        assert slipping(patch, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) == []
+        assert slipping(rbd.FrictionCone(0.0), [0.1, 0.0, 0.0]) == [] == slipping(rbd.Free(2), [1.0, 1.0])

@@ -142,3 +142,17 @@ def test_residuals_can_be_asked_of_any_answer():
     s = _by_hand(0.0, 6.0)
     r = residuals(s.problem, s.a, s.multipliers, s.weights)
     assert set(r.scaled) == set(EQUATIONS) and r.worst == 0.0
+
+
+def test_forces_of_moving_rows_are_judged_by_the_bound_against_the_motion():
+    """Without weights too, and beside a pyramid: right at the bound, 0.5 N off it, and 3 N on a stop that leaves."""
+    rub = Rows("rub", np.eye(3)[:1], np.zeros(1), rbd.Box([-2.0], [2.0]), velocity=np.array([0.3]))
+    stop = Rows("stop", np.eye(3)[1:2], np.zeros(1), rbd.NonNegative(1), velocity=np.array([0.3]))
+    end = Rows("end", np.eye(3)[2:], np.zeros(1), rbd.NonNegative(1))
+    P = rbd.GaussProblem(np.eye(3), np.array([1.0, -1.0, -1.0]), [rub, stop, end])
+    for f, off in (([-2.0, 0.0, 1.0], 0.0), ([-1.5, 0.0, 1.0], 0.5), ([-2.0, 3.0, 1.0], 3.0)):
+        a = P.rhs + np.array(f)
+        for law in ("convex", "convex, 4 facets"):
+            found = residuals(P, a, np.array(f), None, law)
+            assert found.cone == pytest.approx(off) and found.stationarity == 0.0
+            assert found.feasibility == pytest.approx(0.0) and found.complementarity == pytest.approx(0.0, abs=1e-9)

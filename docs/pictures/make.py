@@ -41,11 +41,57 @@ def push() -> Path:
     return PICTURES / "push.png"
 
 
+def two_laws() -> Path:
+    """The plot of examples/04_two_laws.py."""
+    sys.path.insert(0, str(TOP / "examples"))
+    example = importlib.import_module("04_two_laws")
+    with contextlib.redirect_stdout(io.StringIO()):
+        result = example.main(show=False)
+    figure = Figure(figsize=(8.6, 3.8), layout="constrained")
+    example.plot_laws(figure.subplots(1, 2), result)
+    figure.savefig(PICTURES / "two_laws.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "two_laws.png"
+
+
+def sensitivities() -> Path:
+    """The plot of examples/07_sensitivities.py."""
+    sys.path.insert(0, str(TOP / "examples"))
+    example = importlib.import_module("07_sensitivities")
+    with contextlib.redirect_stdout(io.StringIO()):
+        result = example.main(show=False)
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    example.plot_sensitivity(figure.subplots(), result)
+    figure.savefig(PICTURES / "sensitivities.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "sensitivities.png"
+
+
+def fists() -> Path:
+    """The page of examples/05_moving_and_body_contacts.py: two robots in one model."""
+    sys.path.insert(0, str(TOP / "examples"))
+    example = importlib.import_module("05_moving_and_body_contacts")
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+        example.main(show=True)
+        page = next(Path(folder).rglob("*.html"))
+        return screenshot(page, PICTURES / "fists.png", width=1100, height=900)
+
+
+def unique() -> Path:
+    """The plot of examples/08_what_is_unique.py."""
+    sys.path.insert(0, str(TOP / "examples"))
+    example = importlib.import_module("08_what_is_unique")
+    with contextlib.redirect_stdout(io.StringIO()):
+        result = example.main(show=False)
+    figure = Figure(figsize=(8.0, 6.4), layout="constrained")
+    example.draw(figure.subplots(2, sharex=True), result)
+    figure.savefig(PICTURES / "unique.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "unique.png"
+
+
 def robots() -> Path:
     """The contact sheet: nine robots at rest on their feet, with the forces that carry them."""
     return contact_sheet(STANDING, PICTURES / "robots.png")
 
 
 if __name__ == "__main__":
-    for make in (talos, push, robots):
+    for make in (talos, push, two_laws, sensitivities, fists, robots):
         print(make().relative_to(TOP))

@@ -1,8 +1,8 @@
-"""Contacts of a robot with a world that does not move: points and surfaces, held or rubbing.
+"""Contacts at a point and on a patch: held, rubbing or smooth; on the ground, on what moves, on another body.
 
-Rows are in contact axes (tangent, tangent, normal); the normal points out of the ground, so that a positive normal force
-pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v its
-classical acceleration with the contact axes held still.
+Rows are in contact axes (tangent, tangent, normal); the normal points out of what is touched, so that a positive normal
+force pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v
+its classical acceleration with the contact axes held still; both as seen from what is touched (`rbd.constraints.counterpart`).
 """
 
 from __future__ import annotations
@@ -13,16 +13,27 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, is_finite, numbers, three
+from rbd.arrays import Array, three
 from rbd.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
-from rbd.errors import InputError
+from rbd.constraints.contact_geometry import (
+    check_names,
+    check_state,
+    contact_axes,
+    patch_corners,
+    rigid_placement,
+    unit_normal,
+)
+from rbd.constraints.counterpart import Counterpart, anchor_placement, anchor_point, changed, counterpart
 from rbd.rows import Patch, Rows
 from rbd.state import State
+
+_ONE_CORNER = np.zeros((1, 3))
+_ONE_CORNER.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)
 class PointContact:
-    """A point of the robot touching the ground.
+    """A point of the robot touching the ground, a surface that moves, or another body.
 
     `friction=None` holds: 3 rows, forces in all directions. `friction=mu` pushes and rubs: 3 rows and a friction cone.
     `friction=0.0` only pushes: 1 row, the normal one.
@@ -31,13 +42,25 @@ class PointContact:
         name: The contact's role, e.g. "left_toe".
         frame: Frame of the robot that the point is fixed to.
         offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
-        normal: The ground's outward normal, a unit vector in world axes, shape (3,).
+        normal: Outward normal of what is touched, a unit vector, shape (3,): in world axes, as it is at this state; with
+            `against`, in that frame's axes.
         friction: Coulomb's coefficient, or None.
         facets: Facets of the pyramid that a QP puts in place of the cone; it circumscribes the cone, so it admits up to
             mu / cos(pi / facets) on its edges.
+        against: Frame of another body of the same model that the point touches, in place of the ground. The force is the
+            one on `frame`'s body; the other feels the opposite.
+        velocity: Of the ground's surface (a belt, a lift, a turntable, a cart), world axes: linear (3,), or linear and
+            angular (6,) [m/s, rad/s]; zero if not given. Rows are relative to it: a point that moves with it is at rest.
+        acceleration: Likewise of the material point of the surface that `velocity` is of [m/s2, rad/s2]. Both are of the
+            instant: another instant wants another contact.
+        about: Point in W, shape (3,) [m], at which `velocity` and `acceleration` are those of the surface, as a point on
+            a turntable's axis; the contact's own point if not given.
+        anchor: Where on what it touches the point first touched, shape (3,) [m], in W or in `against`'s axes: the rows'
+            `error` is the way from there, in contact axes. None gives no error. See `anchored`.
 
     Raises:
-        InputError: negative friction, a normal that is not of unit length, numbers that are not finite.
+        InputError: negative friction, a normal that is not of unit length, numbers that are not finite, `against` together
+            with a motion of the ground.
     """
 
     name: str
@@ -46,10 +69,16 @@ class PointContact:
     normal: Sequence[float] | Array = (0.0, 0.0, 1.0)
     friction: float | None = None
     facets: int = 4
+    against: str | None = None
+    velocity: Sequence[float] | Array | None = None
+    acceleration: Sequence[float] | Array | None = None
+    about: Sequence[float] | Array | None = None
+    anchor: Sequence[float] | Array | None = None
     _axes: Array = field(init=False, repr=False)
     _X_FP: pin.SE3 = field(init=False, repr=False)
     _cone: Cone = field(init=False, repr=False)
     _upright: bool = field(init=False, repr=False)
+    _touched: Counterpart | None = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -60,16 +89,29 @@ class PointContact:
         normal: Sequence[float] | Array = (0.0, 0.0, 1.0),
         friction: float | None = None,
         facets: int = 4,
+        against: str | None = None,
+        velocity: Sequence[float] | Array | None = None,
+        acceleration: Sequence[float] | Array | None = None,
+        about: Sequence[float] | Array | None = None,
+        anchor: Sequence[float] | Array | None = None,
     ) -> None:
-        _check_names(name, frame)
+        check_names(name, frame)
         check_friction(0.0 if friction is None else friction, facets)
         put = object.__setattr__
         put(self, "name", name)
         put(self, "frame", frame)
         put(self, "offset", three(f"offset of contact {name!r}", offset))
-        put(self, "normal", _unit(name, normal))
+        put(self, "normal", unit_normal(name, normal))
         put(self, "friction", friction)
         put(self, "facets", facets)
+        X_S0 = anchor_point(name, anchor)
+        touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
+        put(self, "against", against)
+        put(self, "velocity", None if velocity is None or touched is None else touched.velocity)
+        put(self, "acceleration", None if acceleration is None or touched is None else touched.acceleration)
+        put(self, "about", None if touched is None else touched.about)
+        put(self, "anchor", None if X_S0 is None else X_S0.translation)
+        put(self, "_touched", touched)
         put(self, "_axes", contact_axes(np.asarray(self.normal)))
         put(self, "_X_FP", pin.SE3(np.eye(3), self.offset))
         put(self, "_upright", bool(np.array_equal(self._axes, np.eye(3))))
@@ -88,23 +130,40 @@ class PointContact:
 
         Raises:
             FrameNotFound: with the nearest names.
+            InputError: if it is between two frames of one body.
         """
-        _check_state(state, self.name)
-        X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
-        R = self._axes
+        if type(state) is not State:  # one call less on the hot path
+            check_state(state, self.name)
+        R, against, error = self._axes, None, None
+        if self._touched is None:
+            X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
+            turned = not self._upright
+        else:
+            motion = self._touched.motion(state, self.frame, self._X_FP)
+            X_WP, J, v, bias = motion.X_WP, motion.J, motion.v, motion.bias
+            R, against, turned = motion.X_WS.rotation @ R, self.against, True
+            error = self._touched.shift(motion, R)
         J, v, bias = J[:3], v[:3], bias[:3]
-        if not self._upright:
+        if turned:
             J, v, bias = R.T @ J, R.T @ v, R.T @ bias
         resultant = R
-        if self._cone.dim == 1:
+        if self.friction == 0.0:
             J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
-        patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction)
-        return Rows(self.name, J, bias, self._cone, v, resultant=resultant, patch=patch)
+            error = None if error is None else error[2:]
+        patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction, against)
+        return Rows(self.name, J, bias, self._cone, v, error, resultant=resultant, patch=patch)
+
+    def anchored(self, state: State) -> PointContact:
+        """The same contact, its anchor where it touches at this state."""
+        bare = changed(self, anchor=np.zeros(3))
+        assert bare._touched is not None
+        motion = bare._touched.motion(state, self.frame, self._X_FP)
+        return changed(self, anchor=motion.X_WS.actInv(motion.X_WP.translation))
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceContact:
-    """A flat patch of the robot on flat ground: a sole, a palm.
+    """A flat patch of the robot on something flat: a sole on the ground, a palm on a box.
 
     `friction=None` holds: 6 rows, wrenches of all kinds. `friction=mu` pushes and rubs at the patch's corners, and so
     resists torque: 6 rows, wrenches that corner forces in friction cones can make. `friction=0.0` only pushes at them.
@@ -113,9 +172,17 @@ class SurfaceContact:
         name: The contact's role, e.g. "left_sole".
         frame: Frame of the robot that the patch is fixed to.
         corners: Corner points in patch axes from the patch's centre, shape (k, 3) [m].
-        placement: X_FP, from the frame to the patch's centre and axes: the patch's z is the ground's outward normal.
+        placement: X_FP, from the frame to the patch's centre and axes: the patch's z is the outward normal of what it
+            touches.
         friction: Coulomb's coefficient, or None.
         facets: Facets of each corner's pyramid in a QP; see `PointContact`.
+        against: Frame of the other body, in place of the ground; see `PointContact`.
+        velocity: Of the ground's surface; see `PointContact`.
+        acceleration: Likewise.
+        about: Point in W that these are given at; the patch's centre if not given.
+        anchor: Pose of the patch, pin.SE3 in W or in `against`'s axes, where it first touched. The rows' `error` is the
+            way from there and the rotation vector from there, in patch axes: its derivative is J v where the error is
+            zero, and to first order elsewhere. None gives no error.
 
     Args:
         name: The contact's role.
@@ -125,9 +192,15 @@ class SurfaceContact:
         placement: pin.SE3, a 4 x 4 matrix, or None for the frame itself.
         friction: Coulomb's coefficient, or None.
         facets: Facets of each corner's pyramid.
+        against: Frame of the other body.
+        velocity: Of the ground's surface, (3,) or (6,).
+        acceleration: Likewise.
+        about: Point in W, (3,).
+        anchor: pin.SE3, a 4 x 4 matrix, or None.
 
     Raises:
-        InputError: negative friction, a patch without area, both or neither of `half_lengths` and `corners`.
+        InputError: negative friction, a patch without area, both or neither of `half_lengths` and `corners`, `against`
+            together with a motion of the ground.
     """
 
     name: str
@@ -136,7 +209,13 @@ class SurfaceContact:
     placement: pin.SE3
     friction: float | None
     facets: int
+    against: str | None
+    velocity: Array | None
+    acceleration: Array | None
+    about: Array | None
+    anchor: pin.SE3 | None
     _cone: Cone = field(init=False, repr=False)
+    _touched: Counterpart | None = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -148,16 +227,29 @@ class SurfaceContact:
         placement: pin.SE3 | Array | None = None,
         friction: float | None = None,
         facets: int = 4,
+        against: str | None = None,
+        velocity: Sequence[float] | Array | None = None,
+        acceleration: Sequence[float] | Array | None = None,
+        about: Sequence[float] | Array | None = None,
+        anchor: pin.SE3 | Array | None = None,
     ) -> None:
-        _check_names(name, frame)
+        check_names(name, frame)
         check_friction(0.0 if friction is None else friction, facets)
         put = object.__setattr__
         put(self, "name", name)
         put(self, "frame", frame)
-        put(self, "corners", _corners(name, half_lengths, corners))
-        put(self, "placement", _placement(name, placement))
+        put(self, "corners", patch_corners(name, half_lengths, corners))
+        put(self, "placement", rigid_placement(f"placement of contact {name!r}", placement))
         put(self, "friction", friction)
         put(self, "facets", facets)
+        X_S0 = anchor_placement(name, anchor)
+        touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
+        put(self, "against", against)
+        put(self, "velocity", None if velocity is None or touched is None else touched.velocity)
+        put(self, "acceleration", None if acceleration is None or touched is None else touched.acceleration)
+        put(self, "about", None if touched is None else touched.about)
+        put(self, "anchor", X_S0)
+        put(self, "_touched", touched)
         if friction is None:
             put(self, "_cone", Free(6))
         else:
@@ -168,78 +260,29 @@ class SurfaceContact:
 
         Raises:
             FrameNotFound: with the nearest names.
+            InputError: if it is between two frames of one body.
         """
-        _check_state(state, self.name)
-        X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
-        R = X_WP.rotation
+        if type(state) is not State:  # one call less on the hot path
+            check_state(state, self.name)
+        error = None
+        if self._touched is None:
+            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
+            R = X_WP.rotation
+        else:
+            motion = self._touched.motion(state, self.frame, self.placement)
+            X_WP, R = motion.X_WP, motion.X_WP.rotation
+            J, v, bias = (np.concatenate([R.T @ x[:3], R.T @ x[3:]]) for x in (motion.J, motion.v, motion.bias))
+            if self.anchor is not None:
+                turned = pin.log3(self._touched.anchored_axes(motion).T @ R)
+                error = np.concatenate([self._touched.shift(motion, R), turned])
         resultant = np.zeros((6, 6))
         resultant[:3, :3] = resultant[3:, 3:] = R
-        patch = Patch(X_WP.translation, R, self.corners, self.friction)
-        return Rows(self.name, J, bias, self._cone, v, resultant=resultant, patch=patch)
+        patch = Patch(X_WP.translation, R, self.corners, self.friction, self.against)
+        return Rows(self.name, J, bias, self._cone, v, error, resultant=resultant, patch=patch)
 
-
-_ONE_CORNER = np.zeros((1, 3))
-_ONE_CORNER.flags.writeable = False
-
-
-def _check_names(name: str, frame: str) -> None:
-    for what, value in (("name", name), ("frame", frame)):
-        if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of a contact is {value!r:.80}; expected a word, e.g. 'left_sole'.")
-
-
-def _check_state(state: State, name: str) -> None:
-    if not isinstance(state, State):
-        raise InputError(f"rows of {name!r} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
-
-
-def contact_axes(normal: Array) -> Array:
-    """R_WP with the normal as third column, the first along W's x as far as it goes (W's y for a normal along x)."""
-    along = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    t1 = along - (along @ normal) * normal
-    t1 /= np.linalg.norm(t1)
-    return np.column_stack([t1, np.cross(normal, t1), normal])
-
-
-def _unit(name: str, normal: Sequence[float] | Array) -> Array:
-    n = three(f"normal of contact {name!r}", normal)
-    length = float(np.linalg.norm(n))
-    if abs(length - 1.0) > 1e-6:
-        raise InputError(f"normal of contact {name!r} has length {length:.6g}; expected a unit vector in world axes.")
-    return n / length
-
-
-def _corners(
-    name: str, half_lengths: Sequence[float] | Array | None, corners: Sequence[Sequence[float]] | Array | None
-) -> Array:
-    if (half_lengths is None) == (corners is None):
-        raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
-    if half_lengths is not None:
-        half = numbers(f"half_lengths of contact {name!r}", half_lengths)
-        if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
-            raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
-        X, Y = half
-        return np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
-    given = numbers(f"corners of contact {name!r}", corners)
-    if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
-        raise InputError(
-            f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 3. "
-            "For one point use PointContact."
-        )
-    check_finite(f"corners of contact {name!r}", given)
-    out = np.zeros((len(given), 3))
-    out[:, : given.shape[1]] = given
-    spread = np.linalg.svd(out - out.mean(axis=0), compute_uv=False)
-    if spread[1] <= 1e-9 * max(spread[0], 1e-300) or spread[0] == 0.0:
-        raise InputError(f"corners of contact {name!r} lie on one line; a patch needs an area.")
-    return out
-
-
-def _placement(name: str, placement: pin.SE3 | Array | None) -> pin.SE3:
-    if placement is None:
-        return pin.SE3.Identity()
-    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else numbers(f"placement of contact {name!r}", placement)
-    R = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
-    if not is_finite(matrix) or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
-        raise InputError(f"placement of contact {name!r} is no rigid placement; expected pin.SE3 or a 4 x 4 matrix.")
-    return pin.SE3(R, matrix[:3, 3])
+    def anchored(self, state: State) -> SurfaceContact:
+        """The same contact, its anchor where it touches at this state."""
+        bare = changed(self, anchor=pin.SE3.Identity())
+        assert bare._touched is not None
+        motion = bare._touched.motion(state, self.frame, self.placement)
+        return changed(self, anchor=motion.X_WS.actInv(motion.X_WP))

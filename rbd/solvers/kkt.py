@@ -18,8 +18,8 @@ from rbd.solution import RANK_TOLERANCE, Solution
 class KKT:
     """Lagrange's closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
 
-    For constraints that hold. Where rows are redundant f is the one of minimum norm, and where they contradict each other a
-    is the least-squares one, whose residuals say so.
+    For constraints that hold. Where rows are redundant f is the one of least corner forces (`Solution.force_choice`), and where
+    they contradict each other a is the least-squares one, whose residuals say so.
 
     Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
     """
@@ -40,7 +40,7 @@ class KKT:
         """The closed form; by Cholesky where the rows are independent, else by singular values."""
         start = time.perf_counter()
         P = checked(problem)
-        infeasible = False
+        infeasible = repeats = False
         if not P.m:
             a, f = P.a_free.copy(), np.zeros(0)
         else:
@@ -49,11 +49,13 @@ class KKT:
             if R is not None:
                 f = -lapack.dpotrs(R, c)[0]
             else:
+                repeats = True
                 f, missed = _minimum_norm(P.whitened, c)
                 infeasible = missed > 1e-6 * max(1.0, float(np.abs(c).max()))
             a = constrained(P, f)
         seconds = time.perf_counter() - start
-        return Solution(P, a, f, None, "bilateral", "KKT", 1, seconds, infeasible)
+        found = Solution(P, a, f, None, "bilateral", "KKT", 1, seconds, infeasible)
+        return found.settled() if repeats else found
 
 
 def independent_factor(delassus: Array) -> Array | None:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rbd.analysis.contradiction import contradiction
 from rbd.arrays import Array, identity, largest, zeros
 from rbd.problem import GaussProblem, checked
-from rbd.rays import rays
-from rbd.residuals import SOLVED
+from rbd.rays import Rays
+from rbd.residuals import SOLVED, USABLE
 from rbd.solution import Solution
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, independent_factor
+from rbd.solvers.violation import relaxed, smallest_violation
 
 POLISH = 1e-12
 """An answer whose scaled residuals are above this gets one step on its active rays; kept if it is better."""
@@ -30,7 +33,7 @@ class ProxQP:
 
     The QP is posed in z, with a = a_free + L^-T Q z: L L^T = M makes the inertia metric Euclidean, and W = L^-1 J^T = Q R
     leaves out the directions that no row feels. Its Hessian is the identity whatever the robot's inertia, so ProxSuite
-    needs no preconditioner.
+    needs no preconditioner. Forces between two bounds (dry friction) are rows that give way, at the cost of the bound.
 
     Attributes:
         policy: Settings of ProxSuite to try in order; each answer is judged by its own residuals.
@@ -40,26 +43,45 @@ class ProxQP:
     law: str = "convex"
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
-        """Names the first constraint whose forces are bounded on both sides, or that already moves."""
-        if checked(problem).moving:
-            r = problem.moving[0]
-            return (
-                f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid of forces says. "
-                "Use rbd.ADMM()."
-            )
-        if not problem.rays.has_intervals:
+        """Names the first contact that slides, turns or strikes: no pyramid of forces says what its friction does."""
+        if not checked(problem).moving:
             return None
-        bad = next(r for r in problem.rows if rays(r.cone).has_intervals)
-        return f"ProxQP takes cones, and {bad.name!r} has forces in a bounded set ({type(bad.cone).__name__})."
+        if problem.parts.impact:
+            return f"{problem.parts.impact}."
+        if not problem.slipping:
+            return None
+        r = problem.slipping[0]
+        return (
+            f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid of forces says. "
+            "Use rbd.ADMM()."
+        )
 
     def solve(self, problem: GaussProblem) -> Solution:
-        """The best of the attempts; the first that is `solved`, most often the first of all."""
+        """The best of the attempts; the first that is `solved`, most often the first of all.
+
+        Of rows that contradict each other it is the motion of least violation, with bounded forces: `infeasible`.
+        """
         start = time.perf_counter()
         P = checked(problem)
         if not P.m:
             return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
-        R = _factor(P)
+        independent = independent_factor(P.delassus)
+        # R^T R = J M^-1 J^T, m x m where the rows are independent, else (k, m) from W = Q R.
+        R = np.asarray(np.linalg.qr(P.whitened, mode="r")) if independent is None else independent
+
+        def best(P: GaussProblem, start: float) -> Solution:
+            return self._best(P, R, start)
+
+        found = best(P, start)
+        if not found.residuals.within(USABLE):
+            return _in_spite(best, found, start)
+        return found.settled() if independent is None else found
+
+    def _best(self, P: GaussProblem, R: Array, start: float) -> Solution:
         along, opening, holds = _ray_rows(P, R)
+        bounded = _Bounded(P.rays, along, opening) if P.rays.has_intervals else None
+        if bounded is not None:
+            along, opening, holds = bounded.along, bounded.opening, bounded.holds
         # Of the QP's data; far from one, its tolerances would mean nothing.
         length, rate = _size(math.sqrt(largest(P.delassus.diagonal()))), _size(largest(opening))
         A: Array | None = along if length == 1.0 else along / length
@@ -71,34 +93,93 @@ class ProxQP:
             if P.rays.has_lines and C is not None and l is not None:
                 A, b, C, l = C[holds], l[holds], C[~holds], l[~holds]
         n = R.shape[0]
+        H, g = identity(n), zeros(n)
+        if bounded is not None and bounded.gives and C is not None and l is not None:
+            H, g, A, C, l = bounded.softened(A, C, l, length**2 / rate)
         best: Solution | None = None
-        for attempt in qp.attempts(identity(n), zeros(n), A, b, C, l, None, policy=self.policy):
+        for attempt in qp.attempts(H, g, A, b, C, l, None, policy=self.policy):
             weights = np.maximum(attempt.z, 0.0) if A is None else attempt.y
-            if A is not None and C is not None:
+            if bounded is not None:
+                weights = bounded.weights(attempt, rate / length**2)
+            elif A is not None and C is not None:
                 weights = np.empty(len(holds))
                 weights[holds] = attempt.y
                 weights[~holds] = np.maximum(attempt.z, 0.0)
-            if length != 1.0 or rate != 1.0:
+            if bounded is None and (length != 1.0 or rate != 1.0):
                 weights = weights * (rate / length**2)
             found = _solution(P, weights, attempt.iterations, start)
             if not found.residuals.within(POLISH):
-                found = _better(found, _solution(P, _polished(weights, along, opening, holds), attempt.iterations, start))
+                polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
+                found = _better(found, _solution(P, polished, attempt.iterations, start))
             best = found if best is None else _better(best, found)
             if best.residuals.within(SOLVED):
                 return best
         assert best is not None
-        violation = qp.least_violation(along[holds], -opening[holds], along[~holds], -opening[~holds])
-        infeasible = not math.isnan(violation) and violation > 1e-6 * max(1.0, float(np.abs(opening).max()))
-        return Solution(
-            P, best.a, best.multipliers, best.weights, best.law, "ProxQP", best.iterations,
-            time.perf_counter() - start, infeasible,
-        )  # fmt: skip
+        return best
 
 
-def _factor(P: GaussProblem) -> Array:
-    """R with R^T R = J M^-1 J^T, shape (k, m): m x m where the rows are independent, else from W = Q R."""
-    R = independent_factor(P.delassus)
-    return np.asarray(np.linalg.qr(P.whitened, mode="r")) if R is None else R
+def _in_spite(best: Callable[[GaussProblem, float], Solution], failed: Solution, start: float) -> Solution:
+    """What satisfies the rows as nearly as can be where they contradict each other; else the attempt that failed."""
+    P = failed.problem
+    if contradiction(P, failed.law) is None:
+        return replace(failed, seconds=time.perf_counter() - start)
+    found = best(relaxed(P, smallest_violation(P, failed.law)[0]), start)
+    return replace(found, problem=P, infeasible=True, seconds=time.perf_counter() - start)
+
+
+class _Bounded:
+    """Rows whose weights have bounds other than [0, inf), posed in weights u >= 0: w = base + sign u, u <= room.
+
+    The constant force of the base moves to the rows' acceleration. A row with room gives way: along z + opening + n >= 0 with
+    n >= 0 at a cost of room n, so that its multiplier u stays below the room: dual to the bound, and exact. Weights with
+    equal bounds drop out.
+
+    Attributes:
+        along, opening, holds: As of `_ray_rows`, of the weights that are left.
+        room: Upper bounds of their u; inf for lines and rays.
+        soft: Where the room is finite.
+        gives: Whether any is.
+    """
+
+    def __init__(self, rays: Rays, along: Array, opening: Array) -> None:
+        self.base = np.where(rays.below, rays.finite_lower, rays.finite_upper)
+        self.sign = np.where(rays.below | ~rays.above, 1.0, -1.0)
+        self.kept = rays.lower < rays.upper
+        moved = opening + along @ (along.T @ self.base)
+        self.along = (self.sign[:, None] * along)[self.kept]
+        self.opening = (self.sign * moved)[self.kept]
+        self.holds = rays.is_line[self.kept]
+        self.room = np.where(rays.below & rays.above, rays.finite_upper - rays.finite_lower, math.inf)[self.kept]
+        self.soft = np.isfinite(self.room)
+        self.gives = bool(self.soft.any())
+
+    def softened(self, A: Array | None, C: Array, l: Array, scale: float) -> tuple[Array, Array, Array | None, Array, Array]:
+        """(H, g, A, C, l) in (z, n) of a QP in z, with unit Hessian, whose multipliers are `scale` times the weights."""
+        k, n, room = len(C), C.shape[1], self.room[~self.holds]
+        soft = np.flatnonzero(np.isfinite(room))
+        s = len(soft)
+        H, g = np.zeros((n + s, n + s)), np.zeros(n + s)
+        H[:n, :n], g[n:] = np.eye(n), scale * room[soft]
+        wide = np.zeros((k + s, n + s))
+        wide[:k, :n], wide[soft, n + np.arange(s)], wide[k:, n:] = C, 1.0, np.eye(s)
+        return H, g, None if A is None else np.hstack([A, np.zeros((len(A), s))]), wide, np.r_[l, np.zeros(s)]
+
+    def weights(self, attempt: qp.QPResult, scale: float) -> Array:
+        """The weights w of an attempt, all of them."""
+        u = np.zeros(len(self.holds))
+        u[self.holds] = attempt.y
+        u[~self.holds] = np.maximum(attempt.z[: np.count_nonzero(~self.holds)], 0.0)
+        return self._all(u * scale)
+
+    def polished(self, weights: Array) -> Array:
+        """Weights moved, those at a bound excepted, so that what can give keeps still to rounding."""
+        u = (self.sign * (weights - self.base))[self.kept]
+        return self._all(_polished(u, self.along, self.opening, self.holds, self.room))
+
+    def _all(self, u: Array) -> Array:
+        w = self.base.copy()
+        w[self.kept] += self.sign[self.kept] * np.minimum(u, self.room)
+        return w
 
 
 def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
@@ -125,9 +206,10 @@ def _better(one: Solution, other: Solution) -> Solution:
     return other if not other.residuals.worst >= one.residuals.worst else one
 
 
-def _polished(weights: Array, along: Array, opening: Array, holds: Array) -> Array:
-    """Weights moved, within the rays that carry something, so that those rays keep still to rounding."""
-    active = holds | (weights > 1e-8 * max(1.0, float(np.abs(weights).max())))
+def _polished(weights: Array, along: Array, opening: Array, holds: Array, room: Array | float = math.inf) -> Array:
+    """Weights moved, within the rays that carry something but not all they can, so that those rays keep still to rounding."""
+    small = 1e-8 * max(1.0, float(np.abs(weights).max(initial=0.0)))
+    active = holds | ((weights > small) & (weights < room - small))
     B = along[active]
     miss = B @ (along.T @ weights) + opening[active]
     moved = weights.copy()

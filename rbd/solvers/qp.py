@@ -136,6 +136,8 @@ def least_violation(A: Array, b: Array, C: Array, l: Array) -> float:
 
     Zero, up to HiGHS's tolerance of about 1e-7, if and only if the constraints can be met.
     """
+    if not len(A) and not len(C):
+        return 0.0
     n = A.shape[1] if len(A) else C.shape[1]
     one = np.ones
     rows = [M for M in (np.c_[A, -one(len(A))], np.c_[-A, -one(len(A))], np.c_[-C, -one(len(C))]) if len(M)]

@@ -147,10 +147,10 @@ def support_polygon(contacts: Iterable[ShownForce]) -> Array:
     """Corners of the support polygon on the ground, counter-clockwise, shape (k, 2) [m].
 
     The convex hull of all corners of the contacts that press, projected along z. It answers for flat ground only:
-    contacts whose normal leans more than 45 degrees are left out, friction and torque limits are ignored. Fewer than
-    three corners come out where the contacts are points, or lie on a line.
+    contacts whose normal leans more than 45 degrees and those between two bodies are left out, friction and torque limits
+    are ignored. Fewer than three corners come out where the contacts are points, or lie on a line.
     """
-    contacts = list(contacts)
+    contacts = [c for c in contacts if c.patch.against is None]
     least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in contacts)
     below = [c.corners[:, :2] for c in contacts if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]
     return convex_hull(np.vstack(below)) if below else np.zeros((0, 2))

@@ -68,7 +68,7 @@ class Sizes:
 
 
 def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
-    """Patch, friction cone and arrows of one contact."""
+    """Patch, friction cone and arrows of one contact; between two bodies the second's force too, thin and pale."""
     at = f"contacts/{_node(contact.name)}"
     patch, scale = contact.patch, sizes.metres_per_newton
     outline = _ordered(contact)
@@ -77,6 +77,9 @@ def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
         marks.append(Mark(f"{at}/patch", shapes.polygon(outline), color, 0.55))
         edge = shapes.tube(outline, radius=sizes.line, closed=len(outline) > 2)
         marks.append(Mark(f"{at}/outline", edge, color, seen_through=True))
+        if len(outline) == 2:
+            ends = [shapes.ball(1.3 * sizes.shaft, centre=end) for end in outline]
+            marks.append(Mark(f"{at}/ends", shapes.joined(ends), color, seen_through=True))
     else:
         dot = shapes.ball(2.0 * sizes.shaft, centre=patch.point)
         marks.append(Mark(f"{at}/point", dot, color, seen_through=True))
@@ -95,6 +98,9 @@ def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
         marks.append(Mark(f"{at}/corner_forces", shapes.joined(thin), color, seen_through=True))
     big = shapes.arrow(contact.start, scale * contact.force, radius=sizes.shaft)
     marks.append(Mark(f"{at}/force", big, color, seen_through=True))
+    if patch.against is not None:  # what the other body feels
+        back = shapes.arrow(contact.start, -scale * contact.force, radius=0.6 * sizes.shaft)
+        marks.append(Mark(f"{at}/reaction", back, color, 0.6, seen_through=True))
     return marks
 
 
@@ -149,6 +155,8 @@ def legend(
         detail = f"friction {100.0 * used:.0f} % of mu = {c.patch.friction:g}" if used is not None else ""
         if c.patch.friction is None:
             detail = "held"
+        if c.patch.against is not None:
+            detail = ", ".join(filter(None, [f"against {c.patch.against}", detail]))
         entries.append(_entry(colors[c.name], c.name, f"{np.linalg.norm(c.force):.4g} N", detail))
     entries += [_entry(PUSH_COLOR, f"push on {name}", f"{size:.4g} N", "") for name, size in pushed]
     return {"title": title, "entries": entries}

@@ -44,8 +44,9 @@ class Scene:
 
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
     scale for the whole scene, stated in the legend. A sole's big arrow is the resultant at the centre of pressure, its
-    thin ones are the corner forces; an arrow that leaves its translucent cone slips. Marks shine faintly through the
-    robot. Moments, joint torques and the forces of loops and limits are not drawn.
+    thin ones are the corner forces; an arrow that leaves its translucent cone slips. Between two bodies, the thin pale
+    arrow the other way is what the second feels. Marks shine faintly through the robot. Moments, joint torques and the
+    forces of loops and limits are not drawn.
 
         with Scene(robot) as scene:
             scene.show(state, solution)

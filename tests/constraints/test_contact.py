@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.contact import contact_axes
+from rbd.constraints.contact_geometry import contact_axes
 from rbd.testing import box, check_constraint
 
 
@@ -144,12 +144,22 @@ class TestMoving:
     def test_a_moving_contact_is_refused_by_name(self, talos):
         """Above 1e-6 m/s; the message names it, says how fast, and what to use."""
         v = np.zeros(talos.nv)
-        v[2] = 0.5
+        v[0] = 0.5
         state = talos.standing().with_velocity(v)
-        for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.0)):
+        for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.3)):
             with pytest.raises(rbd.ContactMoves, match=r"'right_sole'.*0\.5 m/s.*friction=None"):
                 rbd.solve(state, np.zeros(talos.nu), [contact])
         rbd.solve(state, np.zeros(talos.nu), talos.soles(None))
+
+    def test_a_contact_that_leaves_carries_nothing(self, talos):
+        """Lifted at 0.5 m/s, with the ground's friction or without: free fall, proved under the convex law too."""
+        v = np.zeros(talos.nv)
+        v[2] = 0.5
+        state, tau = talos.standing().with_velocity(v), np.zeros(talos.nu)
+        free = rbd.dynamics.free_acceleration(state, tau)
+        for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.0)):
+            s = rbd.solve(state, tau, [contact])
+            assert not s.forces["right_sole"].any() and np.abs(s.a - free).max() < 1e-10 * np.abs(free).max()
 
     @pytest.mark.parametrize(("speed", "refused"), [(9e-7, False), (1.1e-6, True)])
     def test_the_limit_is_a_millionth(self, talos, speed, refused):

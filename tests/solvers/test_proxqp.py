@@ -106,14 +106,64 @@ def test_mixed_kinds_in_one_problem(talos, rng):
         assert np.abs(s.accelerations["hand"]).max() < 1e-8
 
 
-def test_forces_bounded_on_both_sides_are_refused_by_name():
-    """Dry friction in a joint is no cone."""
-    rows = [
-        Rows("stop", np.eye(1), np.zeros(1), rbd.NonNegative(1)),
-        Rows("brake", np.eye(1), np.zeros(1), rbd.Box([-1.0], [1.0])),
-    ]
-    reason = rbd.ProxQP().reason_unsupported(rbd.GaussProblem(np.eye(1), np.ones(1), rows))
-    assert "'brake'" in reason and "Box" in reason and "stop" not in reason
+def one_row(rhs: float, cone, *, velocity: float = 0.0, bias: float = 0.0) -> rbd.Solution:
+    """A mass of 2 kg under a force, on one row of a set."""
+    rows = [Rows("row", np.eye(1), np.array([bias]), cone, velocity=np.array([velocity]))]
+    return rbd.ProxQP().solve(rbd.GaussProblem(2.0 * np.eye(1), np.array([rhs]), rows))
+
+
+class TestBounds:
+    """Forces between two bounds: c > 0 has f at the lower one, c < 0 at the upper one."""
+
+    @pytest.mark.parametrize("lo", [-5.0, -1.0, 0.0, 2.0])
+    @pytest.mark.parametrize("width", [0.0, 1e-3, 3.0, 1e4, np.inf])
+    @pytest.mark.parametrize("upside_down", [False, True])
+    @pytest.mark.parametrize(("rhs", "bias"), [(4.0, 0.0), (-4.0, 0.0), (0.0, 0.0), (-3.0, 3.0), (100.0, -70.0)])
+    def test_one_row_by_hand(self, lo, width, upside_down, rhs, bias):
+        """The force that would hold, -(rhs + 2 bias), clipped; half-bounded and one-pointed sets too."""
+        lo, hi = (-(lo + width), -lo) if upside_down else (lo, lo + width)
+        s = one_row(rhs, rbd.Box([lo], [hi]), bias=bias)
+        expected = np.clip(-(rhs + 2.0 * bias), lo, hi)
+        assert s.status is rbd.Status.SOLVED
+        assert s.multipliers[0] == pytest.approx(expected, abs=1e-9 * max(1.0, abs(expected)))
+        assert s.a[0] == pytest.approx(0.5 * (rhs + expected), abs=1e-9 * max(1.0, abs(expected)))
+
+    @pytest.mark.parametrize(("velocity", "force"), [(1e-5, -5.0), (-1e-5, 5.0), (1e-7, -1.0), (-1e-7, -1.0)])
+    def test_a_velocity_decides(self, velocity, force):
+        """Moving, it stands at the bound against the motion, though the push of 1 N could be held; at rest it holds."""
+        s = one_row(1.0, rbd.Box([-5.0], [5.0]), velocity=velocity)
+        assert s.status is rbd.Status.SOLVED and s.multipliers[0] == pytest.approx(force, abs=1e-12)
+
+    def test_beside_pyramids_they_are_certified_by_facets(self, rng):
+        """A moving interval among rays: the law speaks of facets, and the bound against the motion holds in it."""
+        A = rng.normal(size=(5, 5))
+        rub = Rows("rub", np.eye(5)[:2], np.zeros(2), rbd.Box([-1.0, -2.0], [1.0, 2.0]), velocity=np.array([0.3, -0.2]))
+        foot = Rows("foot", np.eye(5)[2:], np.zeros(3), rbd.FrictionCone(0.5))
+        P = rbd.GaussProblem(A @ A.T + np.eye(5), rng.normal(size=5) - 3.0 * np.eye(5)[4], [rub, foot])
+        s = rbd.ProxQP().solve(P)
+        assert s.law == "convex, 4 facets" and s.status is rbd.Status.SOLVED
+        assert s.forces["rub"].tolist() == [-1.0, 2.0]
+
+    @pytest.mark.parametrize("scale", [1e-3, 1.0, 30.0])
+    def test_a_robot_whose_joints_all_rub(self, talos, rng, scale):
+        """Two soles and 32 boxes: proved, also by the second code; some joints stick and some slip."""
+        state = talos.standing()
+        joints = [j for j in talos.joints() if j != "root_joint"]
+        rubbing = [rbd.JointFriction(f"{j} rubs", j, scale * rng.uniform(0.0, 3.0)) for j in joints]
+        for _ in range(5):
+            tau = np.clip(30.0 * rng.normal(size=talos.nu), -talos.effort_limit, talos.effort_limit)
+            P = rbd.gauss_problem(state, tau, [*talos.soles(0.7), *rubbing])
+            s = rbd.ProxQP().solve(P)
+            assert s.status is rbd.Status.SOLVED and max(law_residuals(P, s, "convex").values()) < 1e-9
+
+    def test_what_slides_is_refused_by_name(self):
+        """No pyramid of forces follows a motion."""
+        rows = [
+            Rows("brake", np.eye(3)[:1], np.zeros(1), rbd.Box([-1.0], [1.0]), velocity=np.array([1.0])),
+            Rows("skid", np.eye(3), np.zeros(3), rbd.FrictionCone(0.5), velocity=np.array([0.2, 0.0, 0.0])),
+        ]
+        reason = rbd.ProxQP().reason_unsupported(rbd.GaussProblem(np.eye(3), np.ones(3), rows))
+        assert "'skid' moves at 0.2 m/s" in reason and "ADMM" in reason and "brake" not in reason
 
 
 def test_the_policy_is_followed_until_an_answer_is_solved():

@@ -1,0 +1,262 @@
+"""The derivative of an answer by the implicit function theorem, in arrays.
+
+With the modes of `rbd.analysis.modes` held, an answer satisfies equations, and a change of their terms moves it by
+
+    M+ da - J^T Phi ds = r + J^T f',        Psi^T (J da + c') = 0,        df = Phi ds + f'
+
+r is the change of the forces and inertia forces that is not the multipliers', c' of the rows' accelerations at fixed a.
+f' turns the friction of points that slide; M+ is M with, for each point that starts to slip, N mu/|y_t| (1 - e e^T) between
+its tangential rows, as its friction turns with its acceleration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import blas, lapack
+from scipy.optimize import linprog
+
+from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
+from rbd.arrays import Array
+from rbd.cones import block_diagonal
+from rbd.errors import NotDifferentiable
+from rbd.parts import REST_SPEED, centripetal
+from rbd.rows import Rows
+
+if TYPE_CHECKING:
+    from rbd.solution import Solution
+
+RANK_TOLERANCE = 1e-9
+"""Singular values up to this, of columns of unit length, count as zero."""
+CONSISTENT = 1e-6
+"""Largest part of a change, over its largest entry, that may be left over by rows that repeat each other."""
+
+
+class ActiveSet:
+    """The equations that an answer satisfies, factorised once.
+
+    Args:
+        solution: A solved answer.
+
+    Attributes:
+        words: {constraint: what each of its parts does}, as `rbd.analysis.modes` has them.
+        internal: Row forces that can be added in any share without moving anything, as columns, shape (m, d).
+
+    Raises:
+        NotDifferentiable: at a change of contact mode.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        P = self._problem = solution.problem
+        self._solution, self._modes = solution, modes_of(solution)
+        C, k = self._modes.generators, len(self._modes.start)
+        self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((len(C.w), 0))
+        self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((len(C.w), 0))
+        self._J = C.H.T @ P.J  # of the accelerations y
+        self.words: dict[str, tuple[str, ...]] = {
+            r.name: tuple(word for part, word in self._modes.words.items() if part.rows == i) for i, r in enumerate(P.rows)
+        }
+        self._factorise()
+        _check_room(solution, self._modes, self._kernel)
+        forces = C.G @ self._Phi @ self._kernel
+        self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK_TOLERANCE] if P.m else forces
+
+    def _factorise(self) -> None:
+        """L L^T = M+, and bases of what the active columns push on and answer to, in the metric of inertia."""
+        P, C, M = self._problem, self._modes.generators, self._problem.M.copy()
+        for slip in self._modes.slips:
+            E = C.G[:, slip.columns].T @ P.J
+            M -= self._modes.start[slip.active] * E.T @ slip.turning @ E
+        self._L, info = lapack.dpotrf(M, lower=1, clean=1)
+        if info:
+            raise NotDifferentiable("a point that slips pulls at the ground: solve again, to scaled residuals below 1e-9.")
+        X = blas.dtrsm(1.0, self._L, P.J.T @ (C.G @ self._Phi), lower=1)
+        Y = blas.dtrsm(1.0, self._L, self._J.T @ self._Psi, lower=1)
+        self._U, self._to_weights, self._kernel = _bases(X)
+        self._V, to_answers, self._repeated = _bases(Y)
+        self._answers = to_answers.T
+        if self._U.shape[1] != self._V.shape[1]:
+            raise NotDifferentiable(
+                f"friction couples {self._U.shape[1]} independent forces to {self._V.shape[1]} independent accelerations: how "
+                "the points that slip share the load is not unique, and it decides the motion. Under Coulomb's law that is so "
+                "of a patch that slips on more than three corners. Use fewer corners, or the convex law."
+            )
+        meeting = self._V.T @ self._U
+        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK_TOLERANCE:
+            raise NotDifferentiable(
+                "friction and what slides lock each other (Painleve): near this answer there is no motion, or more than one."
+            )
+        self._meeting = meeting
+
+    def derivative(self, r: Array, c: Array, u: Array) -> tuple[Array, Array]:
+        """(da, df): change of the acceleration and of the row forces, shapes (nv, n) and (m, n).
+
+        Args:
+            r: Change of forces less inertia forces at fixed a and f, shape (nv, n) [N, N m].
+            c: Change of the rows' accelerations at fixed a, shape (m, n).
+            u: Change of the rows' velocities, shape (m, n).
+
+        Raises:
+            NotDifferentiable: if rows that repeat each other here do not where the change leads, or if the change depends
+                on how forces are shared that no motion decides.
+        """
+        P, C = self._problem, self._modes.generators
+        forces, y = self._turning(u)
+        y = y + C.H.T @ c
+        weights = np.zeros_like(y)
+        for slip in self._modes.slips:
+            weights[slip.columns] = self._modes.start[slip.active] * slip.turning @ y[slip.columns]
+        p, z = self._motion(r + P.J.T @ (forces + C.G @ weights), -(self._Psi.T @ y), c)
+        da = self._back(z)
+        dy = self._J @ da + y
+        weights += self._Phi @ (self._to_weights @ p)
+        for slip in self._modes.slips:
+            weights[slip.columns] += self._modes.start[slip.active] * slip.turning @ (dy - y)[slip.columns]
+        self._check_shares(dy, da)
+        return da, forces + C.G @ weights
+
+    def response(self, r: Array) -> Array:
+        """M^-1 r less what the constraints take up: how a generalised force r moves the robot, shape (nv, n)."""
+        return self._back(self._motion(r, np.zeros((len(self._modes.start), r.shape[1])), np.zeros((1, r.shape[1])))[1])
+
+    def _back(self, z: Array) -> Array:
+        """L^-T z."""
+        return blas.dtrsm(1.0, self._L, z, lower=1, trans_a=1)
+
+    def _motion(self, r: Array, b: Array, c: Array) -> tuple[Array, Array]:
+        """(p, z): z = L^T da = L^-1 r + U p with Psi^T J da = b."""
+        left = np.abs(self._repeated.T @ b).max(initial=0.0)
+        if left > CONSISTENT * max(1.0, float(np.abs(c).max(initial=0.0))):
+            raise NotDifferentiable(
+                f"rows repeat each other here, and contradict each other (by {left:.2g} m/s2 per unit) where the state goes: "
+                "the answer does not change smoothly. Leave out the rows that repeat others; a sole is one SurfaceContact."
+            )
+        free = blas.dtrsm(1.0, self._L, r, lower=1)
+        p = np.linalg.solve(self._meeting, self._answers @ b - self._V.T @ free)
+        return p, free + self._U @ p
+
+    def _turning(self, u: Array) -> tuple[Array, Array]:
+        """(forces, y): what a change of velocities does to friction that slides, and to centripetal accelerations."""
+        P, C, n = self._problem, self._modes.generators, u.shape[1]
+        forces, y = np.zeros((P.m, n)), np.zeros((len(C.w), n))
+        if not n or not self._modes.true_parts or not any(r.speed > REST_SPEED for r in P.rows):
+            return forces, y
+        generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
+        sliding = {s.column: s for s in P.parts.sliding}
+        offset = np.vstack([_centripetal_change(r, u[P.slices[r.name]]) for r in P.rows])
+        for part in C.parts:
+            normal = len(part.columns) == 1 and part.dim == 3
+            for k, j in enumerate(part.columns):
+                y[j] = offset[part.source + (2 if normal else k)]
+            if (s := sliding.get(part.columns[0])) is not None:
+                tangents, t = generators[:, part.source : part.source + 2], np.array(s.direction)
+                turned = tangents.T @ u
+                turned -= np.outer(t, t @ turned)
+                forces -= C.w[s.column] * s.mu / s.speed * (tangents @ turned)
+        return forces, y
+
+    def _check_shares(self, dy: Array, da: Array) -> None:
+        """Refuse if internal forces, which nothing decides, decide how friction turns."""
+        load = float(np.abs(self._modes.start).max(initial=0.0))
+        for n in self._kernel.T:
+            turned = np.zeros_like(dy)
+            for slip in self._modes.slips:
+                turned[slip.columns] = load * n[slip.active] * slip.turning @ dy[slip.columns]
+            if not turned.any():
+                continue
+            moved = self.response(self._problem.J.T @ (self._modes.generators.G @ turned))
+            if np.abs(moved).max() > CONSISTENT * max(1.0, float(np.abs(da).max())):
+                raise NotDifferentiable(
+                    "a patch slips without turning, and how its corners share the load is not unique; yet that decides how "
+                    "its friction resists a turn. Use fewer contact points, three at most."
+                )
+
+
+def _bases(X: Array) -> tuple[Array, Array, Array]:
+    """(U, T, N): an orthonormal basis of X's columns, X T = U, and unit vectors with X N = 0."""
+    length = np.linalg.norm(X, axis=0)
+    length[length == 0.0] = 1.0
+    U, s, Vt = np.linalg.svd(X / length, full_matrices=True)
+    rank = int((s > RANK_TOLERANCE).sum())
+    N = Vt[rank:].T / length[:, None]
+    return U[:, :rank], Vt[:rank].T / s[:rank] / length[:, None], N / np.linalg.norm(N, axis=0)
+
+
+def _centripetal_change(rows: Rows, u: Array) -> Array:
+    """How the centripetal part of the accelerations of a set's points, quadratic in the velocity, changes with it."""
+    cone, v = rows.cone, rows.velocity
+    return np.column_stack([0.5 * (centripetal(cone, v + du) - centripetal(cone, v - du)) for du in u.T])
+
+
+def _check_room(solution: Solution, modes: Modes, kernel: Array) -> None:
+    """Refuse unless some weights, with the same motion, leave room on all sides that the modes rely on.
+
+    A linear program, with planes around circular cones added where they are passed.
+    """
+    start = np.array(modes.start)
+    room = _room(modes.needs, start)
+    if room.min(initial=1.0) > RESOLUTION:
+        return
+    worst = modes.needs[int(np.argmin(room))]
+    planes, shift = [_plane(need, start) for need in modes.needs], kernel * max(need.unit for need in modes.needs)
+    for _ in range(40 if kernel.shape[1] else 0):
+        rows, levels = np.array([plane.row for plane in planes]), np.array([plane.level for plane in planes])
+        found = linprog(
+            np.r_[np.zeros(kernel.shape[1]), -1.0],
+            np.column_stack([-rows @ shift, np.ones(len(rows))]),
+            rows @ start + levels,
+            bounds=[(None, None)] * kernel.shape[1] + [(None, 1.0)],
+        )
+        if not found.success:
+            break
+        s = start + shift @ found.x[:-1]
+        room, most = _room(modes.needs, s), float(found.x[-1])
+        if room.min() > RESOLUTION:
+            return
+        if most <= RESOLUTION:
+            worst = planes[int(np.argmin(found.ineqlin.marginals))].need
+            break
+        planes += [_plane(need, s) for need, r in zip(modes.needs, room, strict=True) if need.cone and r < most]
+    _refuse(solution, modes, worst)
+
+
+def _room(needs: list[Need], s: Array) -> Array:
+    """How much room each force has, over its unit, shape (len(needs),)."""
+    out = np.zeros(len(needs))
+    for i, need in enumerate(needs):
+        k = need.active
+        given = need.sign * s[k + 2] - np.hypot(s[k], s[k + 1]) if need.cone else need.sign * s[k] + need.level
+        out[i] = given / need.unit
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """row . s + level: the room of a need over its unit; of a cone, an upper bound that is exact at one s."""
+
+    row: Array
+    level: float
+    need: Need
+
+
+def _plane(need: Need, s: Array) -> _Plane:
+    row, at = np.zeros(len(s)), need.active
+    if need.cone:
+        t = float(np.hypot(s[at], s[at + 1]))
+        row[at : at + 2] = -s[at : at + 2] / t if t else 0.0
+        row[at + 2] = need.sign
+    else:
+        row[at] = need.sign
+    return _Plane(row / need.unit, need.level / need.unit, need)
+
+
+def _refuse(solution: Solution, modes: Modes, need: Need) -> None:
+    rows, y = solution.problem.rows[need.part.rows], modes.generators.y[list(need.part.columns)]
+    raise NotDifferentiable(
+        f"{rows.name!r} is at a change of contact mode: its part {need.part.number} {modes.words[need.part]} (acceleration "
+        f"{np.abs(y).max():.1e} m/s2), and no forces with this motion keep more than {RESOLUTION * need.unit:.1e} N from the "
+        "edge of its set. On one side of this answer it goes on so, on the other it slips, opens or yields, and the two have "
+        "their own derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."
+    )

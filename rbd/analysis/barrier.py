@@ -1,0 +1,168 @@
+"""The least of a convex quadratic over bounds and circular cones, from within: a path of minima of t objective + barrier.
+
+Every point on the way is strictly inside. The barrier -sum log(slack) - sum log(mu^2 n^2 - |t|^2) has the parameter
+nu = rows + 2 cones, and a point whose Newton decrement is below 1/2 is within (nu + 2 sqrt(nu)) / t of the least value
+[Nesterov2018], section 5.3. Steps end far below that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array
+
+STEP = 30.0
+"""t grows by this factor."""
+_NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class ConeSet:
+    """z with A z >= b, and u = C z + at of each cone with |(u_0, u_1)| <= mu (u_2 + widened).
+
+    Attributes:
+        A: Shape (q, z).
+        b: Shape (q,).
+        C: Shape (k, 3, z): tangent, tangent, normal.
+        at: Shape (k, 3).
+        mu: Shape (k,).
+    """
+
+    A: Array
+    b: Array
+    C: Array
+    at: Array
+    mu: Array
+
+    @property
+    def parameter(self) -> float:
+        """Nu of the barrier."""
+        return len(self.b) + 2.0 * len(self.mu)
+
+    def slack(self, z: Array) -> tuple[Array, Array, Array]:
+        """(A z - b, u, mu u_2 - |u_t|)."""
+        u = self.C @ z + self.at
+        return self.A @ z - self.b, u, self.mu * u[:, 2] - np.hypot(u[:, 0], u[:, 1])
+
+    def margin(self, z: Array) -> float:
+        """How far inside z is; not positive outside."""
+        s, _, cone = self.slack(z)
+        return float(min(s.min(initial=math.inf), cone.min(initial=math.inf)))
+
+    def widened(self, by: float) -> ConeSet:
+        """The set with every bound and cone moved out."""
+        at = self.at.copy()
+        at[:, 2] += by / self.mu if len(self.mu) else 0.0
+        return replace(self, b=self.b - by, at=at)
+
+    def boxed(self, side: float) -> ConeSet:
+        """The set within |z_i| <= side."""
+        I = np.eye(self.A.shape[1])
+        return replace(self, A=np.vstack([self.A, I, -I]), b=np.concatenate([self.b, np.full(2 * len(I), -side)]))
+
+
+def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float) -> Array:
+    """A point within `gap` of the least of 1/2 z . P z + q . z over a set, strictly inside.
+
+    Args:
+        P: Positive semidefinite, shape (z, z).
+        q: Shape (z,).
+        inside: The set.
+        z: A point strictly inside.
+        gap: Largest excess of the value.
+    """
+    nu = inside.parameter
+    end = (nu + 2.0 * math.sqrt(nu)) / gap
+    t = min(end, nu / max(1.0, float(np.abs(q).sum())))
+    while True:
+        z = _centred(P, q, inside, z, t)
+        if t >= end:
+            return z
+        t = min(STEP * t, end)
+
+
+def interior(inside: ConeSet, z: Array, enough: float) -> Array | None:
+    """A point inside by about `enough`, or as far inside as the set allows; None where that is nothing.
+
+    Args:
+        inside: The set.
+        z: A point of it, on its boundary perhaps.
+        enough: The margin that will do.
+    """
+    if inside.margin(z) >= enough:
+        return z
+    # Largest margin tau: A z - tau >= b, |u_t| <= mu u_2 - tau, tau <= 2 enough.
+    n = len(z)
+    rows = np.hstack([inside.A, -np.ones((len(inside.b), 1))])
+    cap = np.zeros((1, n + 1))
+    cap[0, n] = -1.0
+    C = np.concatenate([inside.C, np.zeros((len(inside.mu), 3, 1))], axis=2)
+    C[:, 2, n] = -1.0 / inside.mu
+    wider = ConeSet(np.vstack([rows, cap]), np.concatenate([inside.b, [-2.0 * enough]]), C, inside.at, inside.mu)
+    start = np.append(z, min(inside.margin(z), 0.0) - enough)
+    q = np.zeros(n + 1)
+    q[n] = -1.0
+    box = 1.0 + 1e4 * max(1.0, float(np.abs(z).max(initial=0.0)))
+    found = least(np.zeros((n + 1, n + 1)), q, wider.boxed(box), start, 1e-3 * _THIN)[:n]
+    return found if inside.margin(found) > _THIN else None
+
+
+_THIN = 1e-8
+"""Sets that are thinner than this have no inside."""
+
+
+def _centred(P: Array, q: Array, inside: ConeSet, z: Array, t: float) -> Array:
+    """Newton's method on t objective + barrier, until the decrement is small."""
+    for _ in range(_NEWTON_STEPS):
+        gradient, hessian = _derivatives(inside, z)
+        gradient += t * (P @ z + q)
+        hessian += t * P
+        # Diagonal scaling: entries differ by t^2.
+        d = 1.0 / np.sqrt(hessian.diagonal())
+        step = -d * np.linalg.lstsq(hessian * np.outer(d, d), d * gradient, rcond=1e-15)[0]
+        decrement = math.sqrt(max(0.0, -float(gradient @ step)))
+        if decrement < 1e-3:
+            return z
+        size = 1.0 if decrement < 0.25 else _longest(P, q, inside, z, step, t)
+        while size > 1e-12 and not inside.margin(z + size * step) > 0.0:
+            size *= 0.5
+        if size <= 1e-12:
+            return z
+        z = z + size * step
+    return z
+
+
+def _longest(P: Array, q: Array, inside: ConeSet, z: Array, step: Array, t: float) -> float:
+    """A step length that lessens the value enough (Armijo), largest first."""
+    value = _value(P, q, inside, z, t)
+    gradient, _ = _derivatives(inside, z)
+    slope = float((gradient + t * (P @ z + q)) @ step)
+    size = 1.0
+    while size > 1e-12:
+        if inside.margin(z + size * step) > 0.0 and _value(P, q, inside, z + size * step, t) <= value + 0.1 * size * slope:
+            return size
+        size *= 0.5
+    return size
+
+
+def _value(P: Array, q: Array, inside: ConeSet, z: Array, t: float) -> float:
+    s, u, edge = inside.slack(z)
+    barrier = np.log(s).sum() + np.log(edge * (inside.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1]))).sum()
+    return t * float(0.5 * z @ P @ z + q @ z) - float(barrier)
+
+
+def _derivatives(inside: ConeSet, z: Array) -> tuple[Array, Array]:
+    """Gradient and Hessian of the barrier."""
+    s, u, edge = inside.slack(z)
+    scaled = inside.A / s[:, None]
+    gradient, hessian = -scaled.sum(axis=0), scaled.T @ scaled
+    if len(inside.mu):
+        phi = edge * (inside.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1]))
+        Q = np.stack([-np.ones_like(phi), -np.ones_like(phi), inside.mu**2], axis=1)
+        slope = np.einsum("ki,kiz->kz", 2.0 * Q * u, inside.C) / phi[:, None]
+        gradient = gradient - slope.sum(axis=0)
+        hessian = hessian + slope.T @ slope - np.einsum("kiz,ki,kiw->zw", inside.C, 2.0 * Q / phi[:, None], inside.C)
+    return gradient, hessian

@@ -1,0 +1,253 @@
+"""What the rows ask of an acceleration under a law: A a + b = 0 where they hold, >= 0 where they push.
+
+A law with forces f = F z, z in a product of lines, half-lines and friction cones, asks that y = F^T (J a + offset) be zero
+along lines, not negative along half-lines, and in the dual of each cone. Forces between two bounds, and contacts that open,
+ask nothing. Coulomb's law asks of a point at rest that it does not sink, and no more; so does a point that slides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.cones import Free, LineCone, NonNegative, Part, SecondOrderCone, WrenchCone, pyramid
+from rbd.parts import project_cones
+from rbd.problem import GaussProblem
+from rbd.rows import Rows
+
+
+@dataclass(frozen=True)
+class Member:
+    """What a constraint may be split into: a scalar row, or a point that pushes and rubs.
+
+    Attributes:
+        rows: The constraint's name.
+        part: Which of its rows or points, in words; empty where it has but one.
+    """
+
+    rows: str
+    part: str
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A point under a circular friction cone: y = A a + b (tangent, tangent, normal) must obey |y_t| <= y_n / mu.
+
+    Attributes:
+        member: Its number among the members.
+        force: Row forces of unit forces on the point, shape (m, 3).
+        A: Shape (3, nv).
+        b: Shape (3,).
+        mu: Friction coefficient.
+    """
+
+    member: int
+    force: Array
+    A: Array
+    b: Array
+    mu: float
+
+    def sunk(self, a: Array, more: Array | float = 0.0) -> Array:
+        """The force in the friction cone that y works against: its length is y's distance to the dual cone, shape (3,)."""
+        return project_cones(-(self.A @ a + self.b + more)[None], np.array([self.mu]))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """k scalar conditions y = A a + b, and what is not scalar in `rounds`.
+
+    Attributes:
+        force: Row forces of unit multipliers, shape (m, k).
+        A: Shape (k, nv).
+        b: Shape (k,) [m/s2, rad/s2].
+        holds: y = 0 where true, y >= 0 else, shape (k,).
+        push: Unit force on a point that rubs (tangent, tangent, normal), shape (k, 3); zero of scalar rows.
+        member: Number of the member that each belongs to, shape (k,).
+        rounds: Points under circular cones.
+        members: What the numbers stand for.
+        span: For each member, the rows of which its conditions are combinations, shape (1 or 3, nv); none, of a member
+            that asks nothing.
+    """
+
+    force: Array
+    A: Array
+    b: Array
+    holds: Array
+    push: Array
+    member: Array
+    rounds: tuple[Round, ...]
+    members: tuple[Member, ...]
+    span: tuple[Array, ...]
+
+    def only(self, kept: frozenset[int]) -> Conditions:
+        """Those of some members."""
+        rounds = tuple(r for r in self.rounds if r.member in kept)
+        return replace(self._of(np.isin(self.member, list(kept))), rounds=rounds)
+
+    def thinned(self, carries: Array) -> Conditions:
+        """Of each circular cone with rays that carry, those alone; `carries` has shape (k,)."""
+        busy = [c.member for c in self.rounds if carries[self.member == c.member].any()]
+        return self._of(carries | ~np.isin(self.member, busy))
+
+    def _of(self, at: Array) -> Conditions:
+        return replace(
+            self, force=self.force[:, at], A=self.A[at], b=self.b[at], holds=self.holds[at], push=self.push[at],
+            member=self.member[at],
+        )  # fmt: skip
+
+    def with_rays(self, rays: list[tuple[Round, Array]]) -> Conditions:
+        """With one more condition r . y >= 0 for each ray r of a round's cone, a unit vector, shape (3,)."""
+        if not rays:
+            return self
+        return replace(
+            self,
+            force=np.column_stack([self.force, *[c.force @ r for c, r in rays]]),
+            A=np.vstack([self.A, *[r @ c.A for c, r in rays]]),
+            b=np.r_[self.b, [r @ c.b for c, r in rays]],
+            holds=np.r_[self.holds, [False] * len(rays)],
+            push=np.vstack([self.push, *[r for _, r in rays]]),
+            member=np.r_[self.member, [c.member for c, _ in rays]],
+        )
+
+    def fan(self) -> Conditions:
+        """With a first fan of nine rays for each circular cone."""
+        turn = np.arange(8) * (math.pi / 4.0)
+        rays = []
+        for c in self.rounds:
+            around = np.vstack([c.mu * np.cos(turn), c.mu * np.sin(turn), np.ones(8)]) / math.hypot(c.mu, 1.0)
+            rays += [(c, r) for r in around.T] + [(c, np.array([0.0, 0.0, 1.0]))]
+        return self.with_rays(rays)
+
+
+def conditions(problem: GaussProblem, law: str) -> Conditions:
+    """What a law asks of the rows of a problem.
+
+    Args:
+        problem: The rows, with their velocities.
+        law: "bilateral", "convex", "convex, n facets" or "coulomb", as `Solution.law`.
+    """
+    builder = _Builder(problem)
+    if "facets" in law:
+        _of_rays(problem, builder)
+    else:
+        _of_parts(problem, builder, coulomb=law == "coulomb")
+    return builder.conditions()
+
+
+class _Builder:
+    """Conditions collected one member at a time."""
+
+    def __init__(self, problem: GaussProblem) -> None:
+        self.P = problem
+        self.columns: list[Array] = []
+        self.b: list[float] = []
+        self.holds: list[bool] = []
+        self.push: list[Array] = []
+        self.member: list[int] = []
+        self.rounds: list[Round] = []
+        self.members: list[Member] = []
+        self.span: list[Array] = []
+
+    def member_of(self, rows: Rows, part: str) -> None:
+        """What follows belongs to this part of these rows."""
+        self.members.append(Member(rows.name, part))
+        self.span.append(np.zeros((0, self.P.nv)))
+
+    def put(self, column: Array, lower: float, upper: float, more: float = 0.0, push: Array = np.zeros(3)) -> None:  # noqa: B008
+        """The condition of a weight between two bounds on a column of forces; `more` is added to its acceleration."""
+        bounded_below, bounded_above = math.isfinite(lower), math.isfinite(upper)
+        if bounded_below and bounded_above:
+            return  # any acceleration is allowed
+        sign = -1.0 if bounded_above else 1.0
+        self.columns.append(sign * column)
+        self.b.append(sign * (float(column @ self.P.offset) + more))
+        self.holds.append(not (bounded_below or bounded_above))
+        self.push.append(push)
+        self.member.append(len(self.members) - 1)
+        if not len(self.span[-1]):
+            self.span[-1] = (column @ self.P.J)[None]
+
+    def put_round(self, block: Array, mu: float, more: Array) -> None:
+        """The condition of a point under a circular cone."""
+        A = block.T @ self.P.J
+        self.rounds.append(Round(len(self.members) - 1, block, A, block.T @ self.P.offset + more, mu))
+        self.span[-1] = A
+
+    def conditions(self) -> Conditions:
+        """All of them."""
+        force = np.array(self.columns).reshape(len(self.b), self.P.m).T
+        push = np.array(self.push).reshape(len(self.b), 3)
+        return Conditions(
+            force, force.T @ self.P.J, np.array(self.b), np.array(self.holds, bool), push, np.array(self.member, int),
+            tuple(self.rounds), tuple(self.members), tuple(self.span),
+        )  # fmt: skip
+
+
+def _of_rays(P: GaussProblem, out: _Builder) -> None:
+    at = 0
+    for r in P.rows:
+        for i, block, part in _parts(r, P):
+            out.member_of(r, _words(r, i, part, block[P.slices[r.name]]))
+            if not isinstance(part, SecondOrderCone):
+                out.put(block[:, 0], float(P.rays.lower[at]), float(P.rays.upper[at]))
+                at += 1
+                continue
+            corners = pyramid(part.mu, part.facets)
+            for push in (corners / np.linalg.norm(corners, axis=0)).T:
+                out.put(block @ push, float(P.rays.lower[at]), float(P.rays.upper[at]), push=push)
+                at += 1
+            if len(out.span[-1]):
+                out.span[-1] = block.T @ P.J
+
+
+def _of_parts(P: GaussProblem, out: _Builder, *, coulomb: bool) -> None:
+    T = P.parts
+    cones = dict(zip(T.cone_at.tolist(), T.mu.tolist(), strict=True))
+    for r, span in zip(P.rows, T.slices, strict=True):
+        kinds = list(_parts(r, P))
+        at = span.start
+        while at < span.stop:
+            i, block, part = kinds[T.point[at]]
+            out.member_of(r, _words(r, i, part, block[P.slices[r.name]]))
+            if at in cones and not coulomb:
+                out.put_round(T.H[:, at : at + 3], cones[at], T.offset[at : at + 3])
+            elif at in cones:
+                out.put(T.H[:, at + 2], 0.0, math.inf, float(T.offset[at + 2]), _ALONG_NORMAL)
+            else:
+                push = _ALONG_NORMAL if isinstance(part, SecondOrderCone) else np.zeros(3)
+                out.put(T.H[:, at], float(T.lower[at]), float(T.upper[at]), float(T.offset[at]), push)
+            at += 3 if at in cones else 1
+
+
+def _parts(r: Rows, P: GaussProblem) -> Iterator[tuple[int, Array, Part]]:
+    """(number, columns among all rows (m, 1 or 3), part) of each part of a constraint's set."""
+    local, parts = r.cone.generators()
+    at = 0
+    for i, part in enumerate(parts):
+        block = np.zeros((P.m, part.dim))
+        block[P.slices[r.name]] = local[:, at : at + part.dim]
+        at += part.dim
+        yield i, block, part
+
+
+_ALONG_NORMAL = np.array([0.0, 0.0, 1.0])
+_AXES = ("tangent x", "tangent y", "normal", "turn about x", "turn about y", "turn about the normal")
+
+
+def _words(r: Rows, i: int, part: Part, local: Array) -> str:
+    """Which of a constraint's rows or points a part is."""
+    if isinstance(r.cone, WrenchCone | LineCone):
+        return f"corner {i + 1}" if len(r.cone.corners) > 1 else "the corner"
+    touched = np.flatnonzero(np.abs(local).max(axis=1))
+    first = int(touched[0]) if len(touched) else 0
+    if r.patch is not None and isinstance(r.cone, Free | NonNegative):
+        axes = {1: _AXES[2:3], 3: _AXES[:3], 5: (*_AXES[:3], *_AXES[4:]), 6: _AXES}.get(len(r))
+        if axes is not None:
+            return axes[first]
+    if len(r) <= part.dim:
+        return ""
+    return f"row {first + 1}" if len(touched) == 1 else f"rows {first + 1} to {int(touched[-1]) + 1}"

@@ -1,0 +1,332 @@
+"""Why there is no answer: a smallest set of rows that contradict each other, with the forces that prove it.
+
+The rows ask that c = J a + offset lie in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
+rows that hold, only if) there are forces f in K with
+
+    J^T f = 0     and     f . offset = -1 :
+
+forces that balance on every body, and yet would do work on the required motion. Then f . c = -1 for every a, while f . c >= 0
+for all c in K*: whatever the motion, some row is missed by at least 1 / sum |f_i|. The least such forces are the vertices of a
+polyhedron, and their supports are the irreducible contradictions [GleesonRyan1990]; linear programs (HiGHS) find them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import linprog
+
+from rbd.analysis.conditions import Conditions, conditions
+from rbd.arrays import Array, largest
+from rbd.errors import InputError
+from rbd.problem import GaussProblem, checked
+from rbd.rays import rays
+
+CONTRADICTS = 1e-8
+"""Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
+BALANCED = 1e-12
+"""Largest |J^T f| of a certificate, over sum |f_i| times the longest row of J."""
+TRIES = 1000
+"""Sets of constraints, or of rows, that are tried in the search for one smaller than what was found."""
+PROGRAMS = 100
+"""Linear programs that are solved in that search."""
+CUTS = 30
+"""Rounds of refinement of circular cones."""
+_NAMED = 8  # constraints named in a message
+_DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
+
+
+@dataclass(frozen=True, eq=False)
+class Contradiction:
+    """Rows that no acceleration satisfies together, though one could if any one of them were left out.
+
+    Other rows of the problem may contradict each other, too: with one of these left out, ask again.
+
+    Attributes:
+        rows: {constraint: its rows or points that take part, in words}; empty words for a constraint that has but one.
+        certificate: {constraint: row forces f, shape (m,)}: in K, J^T f = 0, and work -1 on the required motion. Zero for
+            constraints that take no part. [1 / (m/s2)], as work is scaled to one.
+        violation: Every motion misses some of these rows by at least this [m/s2, rad/s2]; of a point that rubs, its
+            distance to the dual cone.
+        smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: none
+            can be left out, but another set might be smaller.
+        unbalanced: Largest entry of |J^T f|. The proof holds for motions with sum |a_i| < 1 / unbalanced.
+        law: The law whose rows they are.
+        met: {constraint that holds: the part of its required -offset that some acceleration gives, shape (m,)}, by least
+            squares over all rows that hold, in their units [m/s2, rad/s2].
+        unmet: What is left, likewise; zero where the held rows agree. met + unmet = -offset.
+    """
+
+    rows: Mapping[str, tuple[str, ...]]
+    certificate: Mapping[str, Array]
+    violation: float
+    smallest: bool
+    unbalanced: float
+    law: str
+    met: Mapping[str, Array]
+    unmet: Mapping[str, Array]
+
+    def __repr__(self) -> str:
+        return f"Contradiction({', '.join(self.rows)}; by {self.violation:.3g} m/s2)"
+
+    @property
+    def who(self) -> str:
+        """The rows in words, e.g. "'left_sole' (normal) and 'right_sole' (tangent x, normal)"."""
+        named = [f"{name!r:.60}" + (f" ({', '.join(words)})" if any(words) else "") for name, words in self.rows.items()]
+        if len(named) > _NAMED:
+            named = [*named[: _NAMED - 1], f"{len(named) - _NAMED + 1} others"]
+        return named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+
+    @property
+    def claim(self) -> str:
+        """Who contradicts whom, and by how much, in words."""
+        each = "contradicts itself" if len(self.rows) == 1 else "contradict each other"
+        return f"{self.who} {each}; every motion misses some of these rows by {self.violation:.3g} m/s2 (rad/s2) or more"
+
+    @property
+    def unmet_most(self) -> str:
+        """What of the rows that hold cannot be met, in words; empty where they agree."""
+        sizes = {name: largest(s) for name, s in self.unmet.items()}
+        rounding = CONTRADICTS * max([1.0, *(largest(x) for x in self.met.values())])
+        worst = sorted((name for name in sizes if sizes[name] > rounding), key=lambda name: -round(sizes[name], 9))
+        if not worst:
+            return ""
+        said = ", ".join(f"{name!r:.60} {sizes[name]:.3g}" for name in worst[:4])
+        return f"Of what held rows require no motion gives, up to [m/s2, rad/s2]: {said}{', ...' if len(worst) > 4 else ''}."
+
+    def __str__(self) -> str:
+        size = "No smaller set does." if self.smallest else "None of them can be left out; a smaller set was not excluded."
+        lines = [
+            f"{self.claim} (law {self.law}). {size}",
+            "Proof: these row forces balance on every body, and do work -1 on whatever motion is required of them:",
+        ]
+        lines += [f"  {name:<16} {_numbers(self.certificate[name])}" for name in self.rows]
+        if self.unmet_most:
+            lines.append("Of what the rows that hold require, this part cannot be met (least squares) [m/s2, rad/s2]:")
+            lines += [f"  {name:<16} {_numbers(s)}" for name, s in self.unmet.items() if largest(s) > CONTRADICTS]
+        return "\n".join(lines)
+
+
+def contradiction(problem: GaussProblem, law: str = "convex") -> Contradiction | None:
+    """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
+
+    What contradicts by no more than rounding (`CONTRADICTS`) does not. Every certificate is verified before it is given. None
+    is a statement only about c in K*: a point that already slides can have no answer for another reason (Painleve), which
+    `Solution.reason` tells; and circular cones that miss each other only at infinity have no certificate.
+
+    Args:
+        problem: The rows, with their velocities.
+        law: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". Coulomb's law asks of a point at rest
+            only that it does not sink, so that certificates push along normals there.
+
+    Raises:
+        InputError: on a problem or a law that is none.
+    """
+    if not isinstance(law, str) or not (law in ("bilateral", "convex", "coulomb") or _says_facets(law)):
+        raise InputError(f"law is {law!r:.80}; expected 'bilateral', 'convex', 'convex, 4 facets' or 'coulomb'.")
+    search = _Search(conditions(checked(problem), law))
+    found = search.farkas(frozenset(range(len(search.asked.members))))
+    if found is None:
+        return None
+    of_rows = {
+        r.name: frozenset(i for i, m in enumerate(search.asked.members) if m.rows == r.name and len(search.asked.span[i]))
+        for r in problem.rows
+    }
+    found, few_constraints = search.smallest([g for g in of_rows.values() if g], found)
+    singles = [frozenset([i]) for g in of_rows.values() if g & found.members for i in sorted(g)]
+    found, few_rows = search.smallest(singles, found)
+    words: dict[str, tuple[str, ...]] = {}
+    for r in problem.rows:
+        taking_part = sorted(of_rows[r.name] & found.members)
+        if taking_part:
+            words[r.name] = tuple(search.words(i, found) for i in taking_part)
+    certificate = {name: found.force[part].copy() for name, part in problem.slices.items()}
+    met, unmet = split(problem)
+    return Contradiction(
+        words, certificate, found.violation, few_constraints and few_rows, found.unbalanced, law, met, unmet
+    )  # fmt: skip
+
+
+def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
+    """(met, unmet): what the constraints that hold require, -offset, into what some acceleration gives and what none does.
+
+    By least squares over all rows that hold, in their own units. Shapes (m,) each; met + unmet = -offset.
+    """
+    held = [r for r in problem.rows if rays(r.cone).all_lines and len(r)]
+    if not held:
+        return {}, {}
+    at = np.concatenate([np.arange(problem.m)[problem.slices[r.name]] for r in held])
+    U, s, _ = np.linalg.svd(problem.J[at], full_matrices=False)
+    U = U[:, s > _DEPENDENT * max(s[0], 1e-300)]
+    required = -problem.offset[at]
+    met = U @ (U.T @ required)
+    ends = np.cumsum([len(r) for r in held])[:-1]
+    names = [r.name for r in held]
+    return (
+        dict(zip(names, np.split(met, ends), strict=True)),
+        dict(zip(names, np.split(required - met, ends), strict=True)),
+    )
+
+
+def _numbers(x: Array) -> str:
+    # Rounding before adding zero turns -0.0000 into 0.
+    return np.array2string(np.round(x, 4) + 0.0, precision=4)
+
+
+def _says_facets(law: str) -> bool:
+    return law.startswith("convex") and "facets" in law
+
+
+@dataclass(frozen=True, eq=False)
+class _Farkas:
+    """A verified certificate: row forces (m,) that do work -1, and {member that takes part: force of a point that rubs}."""
+
+    force: Array
+    push: Mapping[int, Array]
+    violation: float
+    unbalanced: float
+
+    @property
+    def members(self) -> frozenset[int]:
+        """Numbers of the members that take part."""
+        return frozenset(self.push)
+
+
+class _Search:
+    """Certificates of subsets of the members; rays of circular cones are added as they are needed, for all subsets."""
+
+    def __init__(self, asked: Conditions) -> None:
+        self.asked = asked.fan()
+        self.longest = float(np.linalg.norm(self.asked.A, axis=1).max(initial=0.0))
+        self.tried: dict[frozenset[int], _Farkas | None] = {}
+        self.programs = 0
+
+    def farkas(self, members: frozenset[int]) -> _Farkas | None:
+        """A certificate with forces on these members only, or None."""
+        if members not in self.tried:
+            self.tried[members] = None if self._independent(members) else self._solved(members)
+        return self.tried[members]
+
+    def smallest(self, groups: Sequence[frozenset[int]], found: _Farkas) -> tuple[_Farkas, bool]:
+        """(certificate, proven) on as few groups of members as could be found; none of them can be left out."""
+        kept = [g for g in groups if g & found.members]
+        for g in list(kept):
+            without = [h for h in kept if h is not g]
+            fewer = self.farkas(frozenset().union(*without)) if g in kept else None
+            if fewer is not None:
+                found, kept = fewer, [h for h in without if h & fewer.members]
+        sets, last = TRIES, self.programs + PROGRAMS
+        for size in range(1, len(kept)):
+            sets -= math.comb(len(groups), size)
+            for some in combinations(groups, size) if sets >= 0 else ():
+                if self.programs >= last:
+                    return found, False
+                fewer = self.farkas(frozenset().union(*some))
+                if fewer is not None:
+                    return fewer, True
+        return found, sets >= 0
+
+    def words(self, member: int, found: _Farkas) -> str:
+        """What of a constraint takes part, in words."""
+        said, push = self.asked.members[member].part, found.push[member]
+        if not push.any():
+            return said
+        along = "normal" if math.hypot(push[0], push[1]) <= 1e-9 * push[2] else "friction cone"
+        return f"{said}, {along}" if said else along
+
+    def _independent(self, members: frozenset[int]) -> bool:
+        """Whether any accelerations of these members are possible, as their rows are independent: no need to look further."""
+        rows = [self.asked.span[i] for i in members]
+        stacked = np.concatenate(rows) if rows else np.zeros((0, 1))
+        if not len(stacked):
+            return True
+        length = np.linalg.norm(stacked, axis=1)
+        if len(stacked) > stacked.shape[1] or length.min() <= _DEPENDENT * self.longest:
+            return False
+        return float(np.linalg.svd(stacked / length[:, None], compute_uv=False)[-1]) > 1e-6
+
+    def _solved(self, members: frozenset[int]) -> _Farkas | None:
+        C, found = self.asked.only(members), None
+        for _ in range(CUTS):
+            z, a = _least(C, self.longest)
+            self.programs += 1
+            found = self._verified(C, z)
+            # Rays of circular cones that this motion works against most; what carries nothing is left out again.
+            sunk = [(c, c.sunk(a)) for c in C.rounds]
+            lengths = [float(np.linalg.norm(r)) for _, r in sunk]
+            enough = 1.001 * found.violation if found else CONTRADICTS * max(1.0, largest(C.b))
+            if max(lengths, default=0.0) <= enough:
+                break
+            C = C.with_rays([(c, r / n) for (c, r), n in zip(sunk, lengths, strict=True) if n > enough])
+        return found
+
+    def _verified(self, C: Conditions, z: Array) -> _Farkas | None:
+        """The certificate near z, exact to rounding and checked in every part; None if there is none."""
+        z = _polished(C, z, self.longest)
+        work = float(C.b @ z)
+        if not work < 0.0:
+            return None
+        some = z != 0.0
+        push = {int(i): z[C.member == i] @ C.push[C.member == i] for i in np.unique(C.member[some])}
+        rubs = C.push.any(axis=1)
+        total = float(np.abs(z[~rubs]).sum()) + sum(float(np.linalg.norm(f)) for f in push.values())
+        violation = -work / total
+        if violation <= CONTRADICTS * max(1.0, largest(C.b[some])):
+            return None
+        z = z / -work
+        unbalanced = largest(C.A.T @ z)
+        if unbalanced > BALANCED * float(np.abs(z).sum()) * self.longest:
+            return None
+        return _Farkas(C.force @ z, {i: f / -work for i, f in push.items()}, violation, unbalanced)
+
+
+def _least(C: Conditions, longest: float) -> tuple[Array, Array]:
+    """(z, a) of: minimise b . z over A^T z = 0, sum |z| <= 1, z >= 0 where a condition does not hold with equality.
+
+    -b . z is then the least violation t of y >= -t, and a, its multipliers, a motion that comes as near; zeros if HiGHS fails.
+    """
+    k, nv = C.A.shape
+    rate = largest(C.b)
+    if not k or rate == 0.0:
+        return np.zeros(k), np.zeros(nv)
+    # Rows of unit length, so that HiGHS's tolerances mean the same to all; lines as the difference of two.
+    length = np.linalg.norm(C.A, axis=1)
+    length[length <= _DEPENDENT * longest] = longest or 1.0
+    A, b, size = C.A / length[:, None], C.b / (rate * length), length.min() / length
+    A, b, size = np.vstack([A, -A[C.holds]]), np.r_[b, -b[C.holds]], np.r_[size, size[C.holds]]
+    answer = linprog(
+        b, size[None], np.ones(1), A.T, np.zeros(nv), bounds=(0.0, None), method="highs-ds",
+        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "maxiter": 10_000},
+    )  # fmt: skip
+    if answer.status != 0:
+        return np.zeros(k), np.zeros(nv)
+    z = answer.x[:k].copy()
+    z[C.holds] -= answer.x[k:]
+    return z / length, -rate * np.asarray(answer.eqlin.marginals)
+
+
+def _polished(C: Conditions, z: Array, longest: float) -> Array:
+    """The nearest z with A^T z = 0 on the same support; what changes sign on the way is left out."""
+    length = np.linalg.norm(C.A, axis=1)
+    length[length <= _DEPENDENT * longest] = longest or 1.0
+    x = z * length
+    some = np.abs(x) > 1e-7 * largest(x)
+    for _ in range(len(z)):
+        out = np.zeros(len(z))
+        if not some.any():
+            break
+        U = (C.A[some] / length[some, None]).T
+        _, s, Vt = np.linalg.svd(U, full_matrices=True)
+        N = Vt[int((s > _DEPENDENT).sum()) :].T
+        for _ in range(2):  # twice is exact to rounding
+            out[some] = N @ (N.T @ x[some])
+        out[np.abs(out) <= 1e-12 * largest(out)] = 0.0
+        wrong = ~C.holds & (out < 0.0)
+        if not wrong.any():
+            return out / length
+        some &= ~wrong
+    return np.zeros(len(z))

@@ -1,0 +1,78 @@
+"""What stabilisation does to a motion: the part of the acceleration that comes from the rows' feedback."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import blas
+
+from rbd.arrays import Array
+from rbd.parts import Parts
+from rbd.problem import GaussProblem
+
+CARRIES = 1e-9
+"""A weight is active above this, times the largest weight (at least 1 N)."""
+
+
+def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: str) -> Array:
+    """The change of a that the feedback makes through the active rows, shape (nv,) [m/s2, rad/s2].
+
+        da = M^-1 J^T G dw      with      H^T (J da + feedback) = 0
+
+    over the columns of the sets whose weights can change: all where rows hold, rays and half-lines that carry something,
+    weights between their bounds, second-order cones that stick; of a contact that slips, one column along its force, its
+    direction held still. Where the active rows stay the same without the feedback, a - da is exactly the acceleration
+    without it, but for slipping circular cones, whose direction turns.
+
+    Args:
+        problem: What was solved.
+        weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; None where all rows hold.
+        law: The law of the answer.
+    """
+    P = problem
+    if not any(r.stabilised for r in P.rows):
+        return np.zeros(P.nv)
+    fed = P.offset - P.bias
+    if not fed.any():
+        return np.zeros(P.nv)
+    G, H = _active(P, weights, law)
+    B = P.whitened @ G
+    if H is G:  # least squares in the inertia metric, where feedback contradicts itself
+        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=1e-9)[0]
+    else:
+        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=1e-9)[0]
+    return np.asarray(blas.dtrsv(P.factor, moved, lower=1, trans=1))
+
+
+def _active(P: GaussProblem, weights: Array | None, law: str) -> tuple[Array, Array]:
+    """(G, H) of the columns whose weights can change."""
+    if weights is None:
+        one = np.eye(P.m)
+        return one, one
+    small = CARRIES * max(1.0, float(np.abs(weights).max(initial=0.0)))
+    if "facets" in law:
+        R = P.rays
+        G = R.G[:, (weights > R.lower + small) & (weights < R.upper - small)]
+        return G, G
+    T = P.parts
+    alone = (weights > T.lower + small) & (weights < T.upper - small)
+    alone[T.cone_columns.ravel()] = False
+    found = [(T.G[:, alone], T.H[:, alone])]
+    for i in range(len(T.mu)):
+        found += _cone_columns(T, i, weights, small, coulomb=law == "coulomb")
+    G = np.hstack([g for g, _ in found])
+    return G, G if T.H is T.G and law != "coulomb" else np.hstack([h for _, h in found])
+
+
+def _cone_columns(T: Parts, i: int, weights: Array, small: float, *, coulomb: bool) -> list[tuple[Array, Array]]:
+    """Of one second-order cone: all three columns where it sticks, one along its force where it slips, else none."""
+    columns, mu = T.cone_columns[i], float(T.mu[i])
+    w = weights[columns]
+    if w[2] <= small:
+        return []
+    used = float(np.hypot(w[0], w[1]))
+    if used < mu * w[2] - small:
+        return [(T.G[:, columns], T.H[:, columns])]
+    push = np.array([mu * w[0] / used, mu * w[1] / used, 1.0])
+    along = T.G[:, columns] @ push[:, None]
+    # Under Coulomb's law a point that slips keeps its normal still; under the convex one, its force's own direction.
+    return [(along, T.H[:, columns[2:]] if coulomb else along)]

@@ -1,0 +1,316 @@
+"""What is unique of the forces of one motion, and how far the rest could go.
+
+The same acceleration under the same law leaves the forces a convex set (`rbd.analysis.admissible`). Over it each normal force
+has a smallest and a largest value, both attained: by linear programs where all is flat, along a barrier's path where cones are
+circular (`rbd.analysis.extent`). A resultant is unique where no direction of the set changes it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.analysis.admissible import Admissible
+from rbd.analysis.extent import Reach
+from rbd.arrays import Array
+from rbd.contact_force import CARRIES_NOTHING_N
+from rbd.residuals import SOLVED, residuals
+from rbd.rows import Patch
+
+
+@dataclass(frozen=True, eq=False)
+class Attained:
+    """Forces that give the same motion under the same law, certified by its residuals.
+
+    Attributes:
+        multipliers: Row forces, as `Solution.multipliers`.
+        weights: As `Solution.weights`.
+        corner_forces: As `Solution.corner_forces`.
+    """
+
+    multipliers: Array
+    weights: Array | None
+    corner_forces: dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Range:
+    """How far one number can go while the motion and the law stay the same.
+
+    Attributes:
+        lowest: Smallest value; -inf where there is none.
+        highest: Largest value; inf where there is none.
+        value: Of the forces that were returned.
+        at_lowest: Forces with the smallest value; None where that is infinite, or not attained within the certificate.
+        at_highest: Forces with the largest value, likewise.
+        unique: Whether all forces give one value.
+    """
+
+    lowest: float
+    highest: float
+    value: float
+    at_lowest: Attained | None
+    at_highest: Attained | None
+    unique: bool
+
+    def __str__(self) -> str:
+        if self.unique:
+            return _short(self.value)
+        return f"{_short(self.lowest)} .. {_short(self.highest)}"
+
+
+@dataclass(frozen=True, eq=False)
+class ContactUniqueness:
+    """What is unique about one contact, and the ranges of the rest.
+
+    Attributes:
+        name: The contact's.
+        normal: Its normal force [N].
+        corners: The normal force of each of its corners [N]. A contact that holds has no corner law: its corners may pull.
+        share: Its vertical force (world z) over that of all contacts with the ground together; of a robot at rest that nothing
+            else pushes, its share of the weight. None of a contact between two bodies, or where that sum is not unique or
+            nothing.
+        unique_wrench: Whether its net force (of a point) or wrench is unique.
+        unique_centre_of_pressure: Whether the point where it carries is unique; None where it carries nothing.
+    """
+
+    name: str
+    normal: Range
+    corners: tuple[Range, ...]
+    share: Range | None
+    unique_wrench: bool
+    unique_centre_of_pressure: bool | None
+
+    @property
+    def unique_normal(self) -> bool:
+        """Whether its normal force is unique."""
+        return self.normal.unique
+
+    def __str__(self) -> str:
+        point = len(self.corners) == 1
+        pressure = self.unique_centre_of_pressure and not point
+        what = [("force" if point else "wrench", self.unique_wrench), ("normal", self.unique_normal)]
+        unique = ", ".join(word for word, holds in [*what, ("centre of pressure", pressure)] if holds) or "nothing"
+        lowest, highest = min(r.lowest for r in self.corners), max(r.highest for r in self.corners)
+        corners = "-" if point else f"{_short(lowest)} .. {_short(highest)}"
+        share = "-" if self.share is None else _percent(self.share)
+        return f"{self.name:<16} {str(self.normal):>21}{share:>20}{corners:>22}  {unique}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Uniqueness:
+    """What is unique of the forces of one motion.
+
+    Attributes:
+        law: The law that the forces obey.
+        rows: Number of constraint rows m.
+        rank: Of J.
+        active_rank: Of J^T over what the law leaves to the forces: points that open or slip leave little or nothing.
+        row_freedom: Dimension of the row forces that give the same motion; zero where they are unique.
+        corner_freedom: Dimension of the corner forces (with row forces of what is no contact) that do.
+        force_choice: Which of them were returned.
+        contacts: Contact by contact.
+        others: {constraint that is no contact: ranges of its row forces, in its units}.
+        motion_freedom: Dimension of the family of motions, with the same contact modes, that satisfy Coulomb's law; zero under
+            the other laws, whose motion is unique, and where it stands alone. The ranges are of the motion returned.
+        exact: Whether the ends are exact, to 1e-9 of the forces; False where circular cones have no room left inside and were
+            widened by 1e-10.
+    """
+
+    law: str
+    rows: int
+    rank: int
+    active_rank: int
+    row_freedom: int
+    corner_freedom: int
+    force_choice: str
+    contacts: dict[str, ContactUniqueness]
+    others: dict[str, tuple[Range, ...]]
+    motion_freedom: int
+    exact: bool
+
+    def __repr__(self) -> str:
+        return f"Uniqueness({self.row_freedom} internal forces of the rows, {self.corner_freedom} of the corners)"
+
+    def __str__(self) -> str:
+        lines = [
+            f"law: {self.law}; {self.rows} rows of rank {self.rank}, {self.active_rank} of what acts",
+            f"internal forces: {self.row_freedom} of the rows, {self.corner_freedom} of the corners; "
+            f"returned: {self.force_choice}",
+        ]
+        if self.motion_freedom:
+            lines.append(
+                f"the motion is one of a family of dimension {self.motion_freedom}: what slips shares its load in a way that "
+                "statics leaves open, and its friction follows the load"
+            )
+        if self.contacts:
+            lines.append(f"  {'contact':<16}{'normal force [N]':>22}{'share of the weight':>20}{'one corner [N]':>22}  unique")
+        lines += [f"  {contact}" for contact in self.contacts.values()]
+        lines += [f"  {name:<16} force {', '.join(map(str, ranges))}" for name, ranges in self.others.items()]
+        if not self.exact:
+            lines.append("  Cones leave the forces no room: ends are those of cones wider by 1e-10.")
+        if any(not math.isfinite(r.highest - r.lowest) for r in self._ranges()):
+            lines.append("  inf: no end; contacts may press, or held ones pull, against each other as hard as they like.")
+        return "\n".join(lines)
+
+    def _ranges(self) -> list[Range]:
+        own = [r for c in self.contacts.values() for r in (c.normal, *c.corners)]
+        return own + [r for ranges in self.others.values() for r in ranges]
+
+
+def uniqueness(
+    adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
+) -> Uniqueness:
+    """See `rbd.Solution.uniqueness`.
+
+    Args:
+        adm: The forces that give the same motion under the same law.
+        a: The motion, shape (nv,).
+        law: The law.
+        corner_forces: What was returned, {contact: (k, 3)}.
+        choice: What they are.
+        f: Row forces that were returned, shape (m,).
+        motion_freedom: See `Uniqueness`.
+    """
+    return _Asker(adm, a, law, corner_forces, f).answer(choice, motion_freedom)
+
+
+class _Asker:
+    def __init__(self, adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], f: Array) -> None:
+        self.adm, self.a, self.law = adm, a, law
+        self.reach = Reach(adm)
+        stacked = adm.corners @ adm.start + adm.corners_at
+        for name, span in adm.spans.items():
+            stacked[span] = corner_forces[name].ravel() if name in adm.has_corners else f[adm.problem.slices[name]]
+        self.returned = stacked
+        self.ends: dict[bytes, tuple[float, Array | None]] = {}
+
+    def answer(self, choice: str, motion_freedom: int) -> Uniqueness:
+        adm, P = self.adm, self.adm.problem
+        total, vertical = self._vertical()
+        contacts = {}
+        for rows in P.rows:
+            if rows.name in adm.has_corners:
+                assert rows.patch is not None
+                contacts[rows.name] = self._contact(rows.name, rows.patch, None if total is None else vertical / total)
+        others = {
+            name: tuple(self._range(self._stacked({i: 1.0})) for i in range(span.start, span.stop))
+            for name, span in adm.spans.items()
+            if name not in adm.has_corners and span.stop > span.start
+        }
+        changes = adm.rows @ self.reach.directions
+        row_freedom = int(np.linalg.matrix_rank(changes, tol=1e-9)) if changes.size else 0
+        return Uniqueness(
+            self.law, P.m, adm.rank, adm.active_rank, row_freedom, self.reach.dimension, choice, contacts, others,
+            motion_freedom, not self.reach.thin,
+        )  # fmt: skip
+
+    def _stacked(self, entries: Mapping[int, float]) -> Array:
+        """A linear function of the stacked corner forces."""
+        out = np.zeros(len(self.returned))
+        for i, value in entries.items():
+            out[i] = value
+        return out
+
+    def _along(self, name: str, direction: Array) -> Array:
+        """The function that takes the stacked corner forces to a contact's net force along a world direction."""
+        out, span = np.zeros(len(self.returned)), self.adm.spans[name]
+        out[span] = np.tile(direction, (span.stop - span.start) // 3)
+        return out
+
+    def _vertical(self) -> tuple[float | None, Array]:
+        """(vertical force of all contacts with the ground, None where it is not unique or nothing; the function)."""
+        up, on_ground = np.array([0.0, 0.0, 1.0]), np.zeros(len(self.returned))
+        for rows in self.adm.problem.rows:
+            if rows.name in self.adm.has_corners and rows.patch is not None and rows.patch.against is None:
+                on_ground += self._along(rows.name, up)
+        total = float(on_ground @ self.returned)
+        if abs(total) < CARRIES_NOTHING_N or not self.reach.is_unique((on_ground @ self.adm.corners)[None]):
+            return None, on_ground
+        return total, on_ground
+
+    def _contact(self, name: str, patch: Patch, vertical: Array | None) -> ContactUniqueness:
+        n, span = patch.axes[:, 2], self.adm.spans[name]
+        normal = self._range(self._along(name, n))
+        corners = []
+        for at in range(span.start, span.stop, 3):
+            one = np.zeros(len(self.returned))
+            one[at : at + 3] = n
+            corners.append(self._range(one))
+        share = None
+        if vertical is not None and patch.against is None:
+            own = np.zeros(len(self.returned))
+            own[span] = vertical[span]
+            share = self._range(own)
+        wrench = self.reach.is_unique(self.adm.rows[self.adm.problem.slices[name]])
+        return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(patch, span, normal))
+
+    def _pressure(self, patch: Patch, span: slice, normal: Range) -> bool | None:
+        """Whether moments about the point where it carries vanish for all forces of the set."""
+        if not normal.highest > CARRIES_NOTHING_N:
+            return None
+        if len(patch.corners) == 1:
+            return True
+        stacked = self.returned
+        if normal.value <= CARRIES_NOTHING_N:  # look where it carries something
+            if normal.at_highest is None:
+                return False
+            x = self._largest(self._along_span(span, patch.axes[:, 2]))[1]
+            assert x is not None
+            stacked = self.adm.corners @ x + self.adm.corners_at
+        axes, k = patch.axes, len(patch.corners)
+        local = stacked[span].reshape(k, 3) @ axes
+        at = (patch.corners[:, :2] * local[:, 2:]).sum(axis=0) - (patch.corners[:, 2:] * local[:, :2]).sum(axis=0)
+        at = at / local[:, 2].sum()
+        moments = np.zeros((2, len(stacked)))
+        for j in range(2):
+            arms = np.outer(patch.corners[:, j] - at[j], axes[:, 2]) - np.outer(patch.corners[:, 2], axes[:, j])
+            moments[j, span] = arms.ravel()
+        return self.reach.is_unique(moments @ self.adm.corners)
+
+    def _along_span(self, span: slice, direction: Array) -> Array:
+        out = np.zeros(len(self.returned))
+        out[span] = np.tile(direction, (span.stop - span.start) // 3)
+        return out
+
+    def _range(self, function: Array) -> Range:
+        """Over the set, of a linear function of the stacked corner forces."""
+        value = float(function @ self.returned)
+        if self.reach.is_unique((function @ self.adm.corners)[None]):
+            own = self._attained(self.adm.start)
+            return Range(value, value, value, own, own, True)
+        high, at_high = self._largest(function)
+        low, at_low = self._largest(-function)
+        low = -low
+        return Range(min(low, value), max(high, value), value, self._attained(at_low), self._attained(at_high), False)
+
+    def _largest(self, function: Array) -> tuple[float, Array | None]:
+        """As `Reach.largest`, of the stacked corner forces; kept, as sums over one corner come twice."""
+        key = function.tobytes()
+        if key not in self.ends:
+            found, x = self.reach.largest(function @ self.adm.corners)
+            self.ends[key] = found + float(function @ self.adm.corners_at), x
+        return self.ends[key]
+
+    def _attained(self, x: Array | None) -> Attained | None:
+        if x is None:
+            return None
+        f, w = self.adm.forces(x), self.adm.law_weights(x)
+        given = residuals(self.adm.problem, self.a, f, w, self.law)
+        return Attained(f, w, self.adm.corner_forces(x)) if given.within(SOLVED) else None
+
+
+def _short(value: float, digits: int = 2) -> str:
+    if not math.isfinite(value):
+        return "inf" if value > 0.0 else "-inf"
+    return f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0 turns the -0.00 of rounding into 0.00
+
+
+def _percent(share: Range) -> str:
+    if share.unique:
+        return f"{100.0 * share.value:.1f} %"
+    ends = [_short(100.0 * x, 1) for x in (share.lowest, share.highest)]
+    return " .. ".join(ends) + (" %" if math.isfinite(share.highest - share.lowest) else "")

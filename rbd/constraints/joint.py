@@ -1,0 +1,336 @@
+"""Constraints on joints: limits, locks, couplings, dry friction.
+
+A joint's coordinate is its angle [rad] or its displacement [m]; its row force is a torque [N m] or a force [N] along that
+coordinate, as a motor's would be. Damping is no constraint and is in none of them: give it as an external force -d v.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rbd.arrays import Array, a_number, check_finite, numbers
+from rbd.cones import Box, Free, NonNegative
+from rbd.constraints.joint_motion import JointPlace, PerRobot, joint_motion, with_one_freedom
+from rbd.errors import InputError
+from rbd.model import CheckedModel
+from rbd.rows import Rows
+from rbd.state import State
+
+_SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", (False, False): ""}
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimit:
+    """A joint's stop: it pushes the joint back from a bound, and never pulls.
+
+    One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`):
+
+        lower bound   c = +q'',  error = q - lower      the stop's torque on the joint is +f
+        upper bound   c = -q'',  error = upper - q      the stop's torque on the joint is -f
+
+    with f >= 0 in both: `solution.forces[name]` is how hard the stop pushes, `J^T f` the generalised force, which at an upper
+    bound is negative. J_dot v is zero. The stop is hard: a joint that runs into it needs an impact, and is refused.
+
+    Attributes:
+        name: The constraint's role, e.g. "left_knee_stop".
+        joint: A joint with one freedom that does not turn for ever.
+        lower: Lower bound [rad] or [m]; by default that of the robot's file, -inf for none.
+        upper: Upper bound, likewise; inf for none.
+        margin: How near to the bound the joint is at it [rad] or [m].
+
+    Raises:
+        InputError: bounds that are no numbers or swapped, a negative margin.
+    """
+
+    name: str
+    joint: str
+    lower: float | None = field(default=None, kw_only=True)
+    upper: float | None = field(default=None, kw_only=True)
+    margin: float = field(default=1e-6, kw_only=True)
+    _stop: PerRobot[_Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_names(self.name, joint=self.joint)
+        for side in ("lower", "upper"):
+            value = getattr(self, side)
+            if value is not None and math.isnan(a_number(value)):
+                raise InputError(f"{side} of {self.name!r:.80} is {value!r:.80}; expected a number, or None for the file's.")
+        _check_finite(self.name, "margin", self.margin, least=0.0)
+        if self.lower is not None and self.upper is not None and self.lower > self.upper:
+            raise InputError(f"{self.name!r:.80} has its bounds swapped: lower is {self.lower:g}, upper is {self.upper:g}.")
+
+    def bounds(self, robot: CheckedModel) -> tuple[float, float]:
+        """(lower, upper) on this robot [rad] or [m]; infinite where there is none.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: the joint has several freedoms, turns for ever, or has no bound at all.
+        """
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"bounds of {self.name!r:.80} want a robot, got {type(robot).__name__}.")
+        stop = self._stop.of(self, robot)
+        return stop.lower, stop.upper
+
+    def side(self, state: State) -> str:
+        """At which bound the joint is: "lower", "upper", "both", or "" for none."""
+        _check_state(state, self.name)
+        stop = self._stop.of(self, state.robot)
+        q = state.q[stop.q]
+        return _SIDES[bool(q - stop.lower <= self.margin), bool(stop.upper - q <= self.margin)]
+
+    def rows(self, state: State) -> Rows:
+        """One row at a bound, else none; see the class.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: as `bounds`.
+        """
+        _check_state(state, self.name)
+        stop = self._stop.of(self, state.robot)
+        q = float(state.q[stop.q])
+        distances = q - stop.lower, stop.upper - q
+        if min(distances) > self.margin:
+            return stop.nothing
+        signs = [s for s, distance in zip((1.0, -1.0), distances, strict=True) if distance <= self.margin]
+        m, at = len(signs), stop.v
+        J = np.zeros((m, state.robot.nv))
+        J[:, at] = signs
+        error = np.array([d for d in distances if d <= self.margin])
+        return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stop:
+    """A limit on a robot: the joint's place in q and v, its bounds, and the rows that it has away from them."""
+
+    q: int
+    v: int
+    lower: float
+    upper: float
+    nothing: Rows
+
+
+def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
+    name, joint = limit.name, limit.joint
+    motion = with_one_freedom(robot, name, joint)
+    if motion.turns:
+        raise InputError(
+            f"{name!r:.80}: joint {joint!r:.80} turns for ever (it is continuous), so it has no bound. "
+            "Hold it with rbd.JointLock, or state its limits in the robot's file."
+        )
+    low, high = (float(x[motion.q]) for x in (robot.model.lowerPositionLimit, robot.model.upperPositionLimit))
+    low = low if limit.lower is None else float(limit.lower)
+    high = high if limit.upper is None else float(limit.upper)
+    # Files without limits read as +-DBL_MAX.
+    low, high = (-math.inf if low < -1e100 else low), (math.inf if high > 1e100 else high)
+    if low == -math.inf and high == math.inf:
+        raise InputError(
+            f"{name!r:.80}: joint {joint!r:.80} of {robot.name} has no bound, neither in its file nor given. "
+            "Give lower= or upper=."
+        )
+    if low > high:
+        raise InputError(f"{name!r:.80}: joint {joint!r:.80} has lower bound {low:g} above its upper one, {high:g}.")
+    nothing = Rows(name, np.zeros((0, robot.nv)), np.zeros(0), NonNegative(0))
+    nothing.J.flags.writeable = False
+    return _Stop(motion.q, motion.v, low, high, nothing)
+
+
+@dataclass(frozen=True, eq=False)
+class JointLock:
+    """A joint that is held: a brake, a pin, a joint taken out of the motion.
+
+    Rows hold, one a freedom of the joint (a floating base has six). Without `position` the joint is held where it is:
+    c is its acceleration, and there is no error. With it the rows measure where the joint is from there, and c = error'':
+
+        one freedom         error = q - position                                   (an angle of a continuous joint: wrapped)
+        position in space   error = R_l^T (p - p_l),        J = R_l^T R            (l: the lock's)
+        orientation         error = 2 x of R_l^T R,         J = s 1 + [x]          bias = -|w|^2 / 4 error
+
+    (x, s) the quaternion of R_l^T R with s >= 0: the error's length is 2 sin(angle / 2), the rotation's angle to third
+    order, and J is singular at 180 deg. Row forces are in the lock's axes. At the lock's position J is the identity.
+
+    Attributes:
+        name: The constraint's role, e.g. "elbow_brake".
+        joint: Any joint.
+        position: Where it is locked: an angle [rad] or displacement [m]; for joints with several freedoms their part of q,
+            shape (nq of the joint,), quaternions x, y, z, w. It changes no position: `Baumgarte` pulls towards it.
+
+    Raises:
+        InputError: a position that is not made of finite numbers.
+    """
+
+    name: str
+    joint: str
+    position: float | Sequence[float] | Array | None = field(default=None, kw_only=True)
+    _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_any_motion), init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_names(self.name, joint=self.joint)
+        if self.position is not None:
+            object.__setattr__(self, "position", _vector(self.name, "position", self.position))
+
+    def rows(self, state: State) -> Rows:
+        """One row a freedom of the joint.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: a position of the wrong size, or off the unit sphere.
+        """
+        _check_state(state, self.name)
+        motion = self._motion.of(self, state.robot)
+        span = slice(motion.v, motion.v + motion.nv)
+        J, bias, error = np.zeros((motion.nv, state.robot.nv)), np.zeros(motion.nv), None
+        if self.position is None:
+            J[:, span] = np.eye(motion.nv)
+        else:
+            target = motion.target(self.name, np.asarray(self.position))
+            error, J[:, span], bias = motion.difference(target, state.q, state.v)
+        return Rows(self.name, J, bias, Free(motion.nv), J[:, span] @ state.v[span], error)
+
+
+@dataclass(frozen=True, eq=False)
+class JointCoupling:
+    """Two joints that a gear couples: q_joint = ratio q_to + offset.
+
+    One row that holds: c = q_joint'' - ratio q_to'', J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is the
+    torque on `joint`; the gear puts -ratio f on `to`. Of a continuous joint the angle is known up to turns, and so is the
+    error: the nearest is taken; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
+
+    Attributes:
+        name: The constraint's role, e.g. "finger_gear".
+        joint: The joint that follows; one freedom.
+        to: The joint that it follows; one freedom.
+        ratio: Turns of `joint` for one of `to`; -1 for two equal wheels that mesh.
+        offset: q_joint where q_to is zero [rad] or [m].
+
+    Raises:
+        InputError: a ratio or offset that is not finite; a joint coupled to itself.
+    """
+
+    name: str
+    joint: str
+    to: str
+    ratio: float = field(kw_only=True)
+    offset: float = field(default=0.0, kw_only=True)
+    _motions: PerRobot[tuple[JointPlace, JointPlace]] = field(
+        default_factory=lambda: PerRobot(_both_motions), init=False, repr=False
+    )
+
+    def __post_init__(self) -> None:
+        _check_names(self.name, joint=self.joint, to=self.to)
+        if self.joint == self.to:
+            raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Hold it with rbd.JointLock.")
+        _check_finite(self.name, "ratio", self.ratio)
+        _check_finite(self.name, "offset", self.offset)
+
+    def rows(self, state: State) -> Rows:
+        """One row that holds; see the class.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: a joint with several freedoms.
+        """
+        _check_state(state, self.name)
+        one, other = self._motions.of(self, state.robot)
+        J = np.zeros((1, state.robot.nv))
+        J[0, one.v], J[0, other.v] = 1.0, -self.ratio
+        missed = one.coordinate(state.q) - self.ratio * other.coordinate(state.q) - self.offset
+        period = self._period(turns=one.turns, to_turns=other.turns)
+        if period > 0.0:
+            missed = math.remainder(missed, period)
+        error = None if math.isnan(period) else np.array([missed])
+        return Rows(self.name, J, np.zeros(1), Free(1), J @ state.v, error)
+
+    def _period(self, *, turns: bool, to_turns: bool) -> float:
+        """Up to what the error is known: 0 for exactly, NaN for not at all."""
+        one, other = 2.0 * math.pi * turns, 2.0 * math.pi * abs(self.ratio) * to_turns
+        if not one or not other:
+            return one + other
+        small, large = sorted((one, other))
+        return small if abs(math.remainder(large, small)) < 1e-9 * small else math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class JointFriction:
+    """Dry friction in a joint: it holds with up to `torque`, and rubs with `torque` against the motion.
+
+        at rest (|v| <= 1e-6)   |f| <= torque; f = -torque where the joint starts in the positive direction, and so on
+        moving                  f = -torque sign(v)
+
+    One row c = q''; its force f lives in the box [-torque, torque]. Viscous damping is no part of it. Load does not change it.
+
+    Attributes:
+        name: The constraint's role, e.g. "knee_friction".
+        joint: A joint with one freedom.
+        torque: The largest that it resists with, at the joint [N m], of a sliding joint [N]; zero or more.
+
+    Raises:
+        InputError: a torque that is negative or not finite.
+    """
+
+    name: str
+    joint: str
+    torque: float
+    _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_one_motion), init=False, repr=False)
+    _cone: Box = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_names(self.name, joint=self.joint)
+        _check_finite(self.name, "torque", self.torque, least=0.0)
+        bound = np.array([float(self.torque)])
+        object.__setattr__(self, "_cone", Box(-bound, bound))
+
+    def rows(self, state: State) -> Rows:
+        """One row along the joint's coordinate.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: a joint with several freedoms.
+        """
+        _check_state(state, self.name)
+        at = self._motion.of(self, state.robot).v
+        J = np.zeros((1, state.robot.nv))
+        J[0, at] = 1.0
+        return Rows(self.name, J, np.zeros(1), self._cone, state.v[at : at + 1].copy())
+
+
+def _any_motion(lock: JointLock, robot: CheckedModel) -> JointPlace:
+    return joint_motion(robot, lock.joint)
+
+
+def _one_motion(friction: JointFriction, robot: CheckedModel) -> JointPlace:
+    return with_one_freedom(robot, friction.name, friction.joint)
+
+
+def _both_motions(gear: JointCoupling, robot: CheckedModel) -> tuple[JointPlace, JointPlace]:
+    return with_one_freedom(robot, gear.name, gear.joint), with_one_freedom(robot, gear.name, gear.to)
+
+
+def _check_names(name: str, **joints: str) -> None:
+    for what, value in {"name": name, **joints}.items():
+        if not isinstance(value, str) or not value:
+            raise InputError(f"the {what} of a constraint on a joint is {value!r:.80}; expected a word, e.g. 'left_knee'.")
+
+
+def _check_state(state: State, name: str) -> None:
+    if not isinstance(state, State):
+        raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
+
+
+def _check_finite(name: str, what: str, value: float, *, least: float = -math.inf) -> None:
+    if not (least <= a_number(value) and abs(a_number(value)) < 1e100):
+        expected = "a finite number" + (f" >= {least:g}" if least == 0.0 else "")
+        raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected {expected}.")
+
+
+def _vector(name: str, what: str, value: float | Sequence[float] | Array) -> Array:
+    out = np.atleast_1d(numbers(f"{what} of {name!r:.80}", value))
+    if out.ndim != 1:
+        raise InputError(f"{what} of {name!r:.80} has shape {out.shape}; expected a number, or the joint's part of q.")
+    check_finite(f"{what} of {name!r:.80}", out)
+    out.flags.writeable = False
+    return out

@@ -1,0 +1,94 @@
+"""All limits, gears and dry friction that a robot's file states, as lists of constraints."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
+from rbd.constraints.joint_motion import joint_motion
+from rbd.errors import InputError
+from rbd.model import CheckedModel
+from rbd.xml_file import read_xml
+
+
+def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimit]:
+    """The stops of every joint with one freedom and a bound, named "<joint>_limit"; most have no rows at a time.
+
+    One constraint a joint, both of its sides. Joints that turn for ever, and those with several freedoms (a floating base),
+    have none.
+
+    Args:
+        robot: The robot.
+        margin: How near to its bound a joint is at it [rad] or [m].
+
+    Raises:
+        InputError: something other than a robot, a negative margin.
+    """
+    model, out = _checked(robot).model, []
+    for name in robot.joints():
+        motion = joint_motion(robot, name)
+        if motion.nv == 1 and not motion.turns:
+            bounds = model.lowerPositionLimit[motion.q], model.upperPositionLimit[motion.q]
+            if min(-bounds[0], bounds[1]) < 1e100:  # files without limits read as +-DBL_MAX
+                out.append(JointLimit(f"{name}_limit", name, margin=margin))
+    return out
+
+
+def joint_frictions(robot: CheckedModel) -> list[JointFriction]:
+    """Dry friction of every joint with one freedom for which the file states some, named "<joint>_friction".
+
+    `friction` of a URDF's <dynamics>, `frictionloss` of an MJCF's joint. Their damping is in none of them.
+
+    Raises:
+        InputError: something other than a robot.
+    """
+    friction, out = _checked(robot).model.upperDryFrictionLimit, []
+    for name in robot.joints():
+        motion = joint_motion(robot, name)
+        if motion.nv == 1 and friction[motion.v] > 0.0:
+            out.append(JointFriction(f"{name}_friction", name, float(friction[motion.v])))
+    return out
+
+
+def mimics(robot: Any) -> list[JointCoupling]:
+    """The gears of a URDF's <mimic> tags, named "<joint>_mimic": q_joint = multiplier q_other + offset.
+
+    The loader leaves every joint free, with a motor of its own; these rows couple them. Joints that do not move, or that
+    mimic one that does not, are left out.
+
+    Args:
+        robot: Of `rbd.load_robot`: its file is read once more.
+
+    Raises:
+        InputError: a robot without a URDF file.
+        ModelError: a file that has become another since.
+    """
+    path = getattr(_checked(robot), "urdf", None)
+    if not isinstance(path, Path):
+        raise InputError(f"{robot.name} has no file to read mimics from; use rbd.load_robot, or give rbd.JointCoupling.")
+    root = read_xml(path, robot.limits)
+    if root.tag != "robot":
+        raise InputError(
+            f"{path.name} is an MJCF file, and mimics are read from a URDF's <mimic> tags. "
+            "Give rbd.JointCoupling(name, joint, to, ratio=...)."
+        )
+    return [coupling for joint in root.findall("joint") for coupling in _coupling(robot, joint)]
+
+
+def _coupling(robot: CheckedModel, joint: ElementTree.Element) -> list[JointCoupling]:
+    mimic, name = joint.find("mimic"), joint.get("name", "")
+    if mimic is None:
+        return []
+    to, known = mimic.get("joint", ""), robot.joints()
+    if not all(n in known and joint_motion(robot, n).nv == 1 for n in (name, to)):
+        return []
+    ratio, offset = (float(mimic.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0")))
+    return [JointCoupling(f"{name}_mimic", name, to, ratio=ratio, offset=offset)]
+
+
+def _checked(robot: CheckedModel) -> CheckedModel:
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    return robot

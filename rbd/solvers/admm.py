@@ -1,0 +1,283 @@
+"""Coulomb's law, or its convex relaxation, with true cones: Pinocchio's ADMM, and Newton's steps to make it exact."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import lapack
+
+from rbd.arrays import Array, largest
+from rbd.cones import pyramid
+from rbd.errors import InputError
+from rbd.parts import Parts
+from rbd.problem import GaussProblem, checked
+from rbd.residuals import SOLVED
+from rbd.solution import Solution
+from rbd.solvers import qp
+from rbd.solvers.interior_point import interior_point
+from rbd.solvers.kkt import KKT, constrained, independent_factor
+from rbd.solvers.newton import Scaled, leaves_motion_open, scaled, steps_from
+from rbd.solvers.pinocchio_admm import admm
+
+_FACETS = 16
+"""Of the inscribed pyramids that the linear program of infeasibility puts in place of cones."""
+YIELDING = (1e-2, 1e-4)
+"""Compliances, over the points' own mobility, that settle how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
+OPEN = (
+    "rigid bodies leave open how the points that slip share their load, and friction depends on it: of the motions that "
+    "satisfy the law, this is the one to which points lead that yield ever so little, all alike"
+)
+"""The reason of an answer that is one of a family."""
+_FOUND = 1e-10
+"""Scaled merit of what is an answer."""
+_RANDOM_STARTS = 4
+_FIXED_POINT_STEPS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class ADMM:
+    """Contact forces in true cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
+
+    Weights w in the product of the parts (`problem.parts`) with
+
+        y = D w + H^T (J a_free + offset) + centripetal part,    D = H^T J M^-1 J^T G
+        convex:   y in K*, w . y = 0                             coulomb:   y + mu |y_t| n in K*, complementary to w
+
+    and f = G w, a = a_free + M^-1 J^T f. Rows of any kind: lines, half-lines, intervals, second-order cones. D may be
+    singular (four corners of a sole): then w is one of many.
+
+    What is tried, in order, until an answer's own residuals are `solved`:
+
+        1  the forces that hold every row still, if they lie in their sets: one linear solve
+        2  Pinocchio's ADMM from there, to 1e-6, and semismooth Newton steps (`rbd.solvers.newton`), two as a rule
+        3  Newton from 1 alone; under Coulomb's law from all contacts open, and from the convex law's ADMM
+        4  a linear program: if no acceleration satisfies the rows, the answer is `infeasible`
+        5  an interior-point method for the convex law, then Newton; for Coulomb's law as a fixed point on De Saxce's term
+        6  Coulomb's law only: Newton from random weights
+
+    The order is by cost; figures in `docs/design/admm.md`. Under the convex law the motion is unique. Under Coulomb's it
+    need not be, nor need there be one where the convex law has none [Acary2011]. Where a sole slides on four corners, how
+    they share its load, and so the friction and the motion, is left open by rigid bodies: of that family the answer is the
+    limit of points that yield ever so little, all alike, and `Solution.reason` says so. Else it is the first that is found.
+
+    Attributes:
+        law: "coulomb" (maximal dissipation, not a minimum) or "convex" (Gauss's principle).
+        starts: Of Coulomb's law: from how many starts to look, 1 to 20. Above 1, the solver goes on after its first answer,
+            and different motions stand in `Solution.others`; that none is found proves nothing.
+
+    Raises:
+        InputError: if `law` is another word, or `starts` no whole number from 1 to 20.
+    """
+
+    law: str = "coulomb"
+    starts: int = 1
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.law, str) or self.law not in ("coulomb", "convex"):
+            raise InputError(f"law is {self.law!r:.80}; expected 'coulomb' or 'convex'.")
+        if isinstance(self.starts, bool) or not isinstance(self.starts, int | np.integer) or not 1 <= self.starts <= 20:
+            raise InputError(f"starts is {self.starts!r:.80}; expected a whole number from 1 to 20.")
+
+    def reason_unsupported(self, problem: GaussProblem) -> str | None:
+        """Names a contact that approaches; under the convex law, one that slides."""
+        T = checked(problem).parts
+        if T.impact:
+            return f"{T.impact}."
+        if self.law == "convex" and T.sliding:
+            point = T.sliding[0]
+            return (
+                f"{point.rows!r} slides at {point.speed:.3g} m/s: its friction follows its motion, which the convex law does "
+                "not know. Use rbd.ADMM(law='coulomb')."
+            )
+        return None
+
+    def solve(self, problem: GaussProblem) -> Solution:
+        """The first answer that is `solved`, else the best that was found, with words in `reason`.
+
+        Points that already slide have no cone left: `rbd.solvers.sliding` searches their modes.
+        """
+        start = time.perf_counter()
+        P = checked(problem)
+        if P.bilateral:
+            return replace(KKT().solve(P), solver="ADMM")
+        if P.parts.sliding:
+            return _of_sliding(P, start)
+        found = _Search(P, self.law, start).run(self.starts if self.law == "coulomb" else 1)
+        return found.settled() if independent_factor(P.delassus) is None else found
+
+
+def _of_sliding(P: GaussProblem, start: float) -> Solution:
+    """The first motion of a problem with sliding points, the rest in `others`; no force where there is none."""
+    from rbd.solvers.sliding import sliding_answers  # read only where something slides
+
+    answers = sliding_answers(P)
+    found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.parts.size)),)
+    solutions = [
+        Solution(P, a, f, w, "coulomb", "ADMM", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
+    ]
+    return replace(solutions[0], others=tuple(solutions[1:]))
+
+
+class _Search:
+    """One problem at rest: starts, what came of them, and the best of it."""
+
+    def __init__(self, P: GaussProblem, law: str, start: float) -> None:
+        self.P, self.law, self.start = P, law, start
+        self.coulomb = law == "coulomb"
+        self.iterations = 0
+        self.infeasible = False
+        self.best: Solution | None = None
+        self.answers: list[Solution] = []
+
+    def run(self, wanted: int) -> Solution:
+        """The answer, after `wanted` starts or the first answer, whichever comes later."""
+        T = self.P.parts
+        w = holding(self.P)
+        first = T.project(w)
+        if wanted == 1 and largest(first - w) <= 1e-13 * largest(w) and self._judge(first):
+            return self.answers[0]
+        W = self.P.whitened @ T.G
+        S = scaled(W.T @ W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
+        for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W)):
+            if self.answers and i >= wanted:
+                break
+            w, merit, steps = steps_from(S, guess, coulomb=self.coulomb, iterations=25 if i < 3 else 40, proximal=proximal)
+            self.iterations += steps
+            if self.coulomb and merit < _FOUND and leaves_motion_open(S, w):
+                w, reason = self._alike(S, w), OPEN
+            else:
+                reason = ""
+            if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
+                break
+        return self._result()
+
+    def _starts(self, S: Scaled, first: Array, W: Array) -> Iterator[tuple[Array, float]]:
+        """(scaled weights, proximal term) to start Newton from, cheapest first."""
+        yield self._by_admm(S, first, self.coulomb, 200), 1e-7
+        yield first, 1e-7
+        if self.coulomb:
+            yield np.zeros(len(first)), 1e-7
+        yield self._by_admm(S, first, False, 1000), 1e-7
+        if not self.answers and self._cannot(S, W):
+            self.infeasible = True
+            return
+        extra = np.zeros(len(first))
+        for _ in range(_FIXED_POINT_STEPS if self.coulomb else 1):
+            w, n = interior_point(S, extra=extra)
+            self.iterations += n
+            yield w, 1e-6
+            extra = de_saxce(S, S.D @ w + S.q)
+        if not self.coulomb:
+            yield w, 1e-4
+            return
+        rng = np.random.default_rng(0)
+        for _ in range(_RANDOM_STARTS):
+            yield rng.normal(size=len(first)), 1e-6
+
+    def _by_admm(self, S: Scaled, guess: Array, coulomb: bool, iterations: int) -> Array:
+        w, steps = admm(S, guess, coulomb=coulomb, iterations=iterations, tolerance=1e-6)
+        self.iterations += steps
+        return w
+
+    def _alike(self, S: Scaled, w: Array) -> Array:
+        """The answer near w to which points that yield ever so little, all alike, lead; w itself where Newton loses it."""
+        yielding, soft = w, np.ones(len(w))
+        cones = soft[S.order.singles :]
+        unit = S.unit[S.order.singles :] ** 2
+        cones[:] = np.maximum(unit / unit.max(), 1e-3)  # alike in newtons
+        for compliance in YIELDING:
+            softened = replace(S, D=S.D + np.diag(compliance * soft))
+            # A merit m leaves the shares uncertain by m / compliance.
+            found, merit, steps = steps_from(
+                softened, yielding, coulomb=True, iterations=40, proximal=0.0, exact=1e-8 * compliance
+            )
+            self.iterations += steps
+            if merit > 1e-5 * compliance:
+                break
+            yielding = found
+        if yielding is w:
+            return w
+        settled, merit, steps = steps_from(S, yielding, coulomb=True)
+        self.iterations += steps
+        return settled if merit < _FOUND else w
+
+    def _judge(self, w: Array, reason: str = "") -> bool:
+        """Keep what weights give; whether it is an answer."""
+        f = self.P.parts.G @ w
+        a = constrained(self.P, f)
+        found = Solution(self.P, a, f, w, self.law, "ADMM", self.iterations, time.perf_counter() - self.start, reason=reason)
+        if not found.residuals.within(SOLVED):
+            if self.best is None or not self.best.residuals.worst <= found.residuals.worst:
+                self.best = found
+            return False
+        if all(largest(a - other.a) > 1e-6 * max(1.0, largest(a)) for other in self.answers):
+            self.answers.append(found)
+        return True
+
+    def _cannot(self, S: Scaled, W: Array) -> bool:
+        """Whether a linear program finds that no acceleration satisfies the rows, whatever the forces."""
+        A, b, C, l = _conditions(S, W, coulomb=self.coulomb)
+        return bool(len(b) + len(l)) and qp.least_violation(A, b, C, l) > 1e-6
+
+    def _result(self) -> Solution:
+        if len(self.answers) == 1:
+            return self.answers[0]  # it carries its certificate
+        seconds = time.perf_counter() - self.start
+        if self.answers:
+            return replace(self.answers[0], seconds=seconds, others=tuple(self.answers[1:]))
+        assert self.best is not None
+        if self.infeasible:
+            reason = "no acceleration satisfies the rows together, whatever the forces"
+        elif self.coulomb:
+            reason = (
+                "no motion that satisfies Coulomb's law was found, from any start; where the convex law has no answer, "
+                "Coulomb's may have none"
+            )
+        else:
+            reason = "the rows can barely be satisfied, or not at all: no method found weights within tolerance"
+        return replace(self.best, seconds=seconds, iterations=self.iterations, infeasible=self.infeasible, reason=reason)
+
+
+def holding(P: GaussProblem) -> Array:
+    """Weights whose forces hold every row still, of minimum norm where they are not unique, shape (p,)."""
+    R = independent_factor(P.delassus)
+    c = P.free_row_acceleration
+    f = np.linalg.lstsq(P.delassus, -c, rcond=1e-12)[0] if R is None else -lapack.dpotrs(R, c)[0]
+    return _split(P.parts) @ f
+
+
+@lru_cache(maxsize=256)
+def _split(parts: Parts) -> Array:
+    """Minimum-norm weights of row forces, shape (p, m)."""
+    return np.asarray(np.linalg.pinv(parts.G))
+
+
+def de_saxce(S: Scaled, y: Array) -> Array:
+    """De Saxce's term, mu |y_t| at the normal of each cone and zero elsewhere, shape (p,); scaled."""
+    out, n = np.zeros(len(y)), S.order.singles
+    out[n + 2 :: 3] = S.order.mu * np.hypot(y[n::3], y[n + 1 :: 3])
+    return out
+
+
+def _conditions(S: Scaled, W: Array, *, coulomb: bool) -> tuple[Array, Array, Array, Array]:
+    """A z = b, C z >= l: what accelerations must satisfy under either sort of forces, in whitened coordinates z.
+
+    Of a cone, under Coulomb's law that it does not sink in; under the convex law that it stays in the dual of the inscribed
+    pyramid, which holds the dual of the cone.
+    """
+    n, order = S.order.singles, S.order
+    columns = W if order.columns is None else W[:, order.columns]
+    Y, y = (columns * (S.unit / S.rate)).T, S.q  # the scaled accelerations are Y z + y
+    low, high = np.isfinite(S.lower), np.isfinite(S.upper)
+    line, up, down = ~low & ~high, low & ~high, high & ~low
+    C, l = [Y[:n][up], -Y[:n][down]], [-y[:n][up], y[:n][down]]
+    for i, mu in enumerate(order.mu):
+        rays = np.array([[0.0, 0.0, 1.0]]) if coulomb else pyramid(mu, _FACETS, inscribed=True).T
+        at = slice(n + 3 * i, n + 3 * i + 3)
+        C.append(rays @ Y[at])
+        l.append(-rays @ y[at])
+    return Y[:n][line], -y[:n][line], np.vstack(C), np.concatenate(l)

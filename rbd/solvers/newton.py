@@ -1,0 +1,268 @@
+"""Semismooth Newton on the complementarity problem of weights and accelerations, for both contact laws.
+
+    find w in the product of the parts, y = D w + y_free answering to it:  w = P(w - y)
+
+P is the projection on the parts for the convex law. For Coulomb's it is Alart and Curnier's: a normal weight N = max(p_n, 0),
+and the tangential one cut to the disc of radius mu N, so that De Saxce's term need not be written. D may be
+nonsymmetric (points that slide) and singular (corners of a sole); nothing here knows robots.
+
+Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on maps that have kinks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from scipy.linalg import lapack
+
+from rbd.arrays import Array, identity, largest
+from rbd.parts import Parts
+
+PROXIMAL = 1e-7
+"""Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
+EXACT = 1e-14
+"""Newton stops at this scaled merit; about a hundred roundings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """How the columns of `Parts` stand for Newton: lines and intervals first, then the cones, three columns each.
+
+    Attributes:
+        columns: Number in `Parts` of each column, shape (p,); None where nothing moves.
+        singles: Number of lines, half-lines and intervals.
+        lower: Their bounds, shape (singles,).
+        upper: Likewise.
+        mu: Friction of the cones, shape (k,).
+        share: 1 / (1 + mu^2).
+        starts: First columns of what is scaled together, in the new order, shape (singles + k,).
+        widths: Their numbers of columns, 1 or 3.
+    """
+
+    columns: Array | None
+    singles: int
+    lower: Array
+    upper: Array
+    mu: Array
+    share: Array
+    starts: Array
+    widths: Array
+
+
+@lru_cache(maxsize=256)  # parts at rest are kept by their rows' sets; those of moving rows come and go
+def order_of(parts: Parts) -> Order:
+    """The order of a problem's columns."""
+    in_cones = parts.cone_columns.ravel()
+    alone = np.setdiff1d(np.arange(parts.size), in_cones)
+    mu = parts.mu
+    columns = np.concatenate([alone, in_cones]).astype(int)
+    widths = np.r_[np.ones(len(alone), int), np.full(len(parts.mu), 3)]
+    starts = np.cumsum(widths) - widths
+    moved = None if np.array_equal(columns, np.arange(parts.size)) else columns
+    return Order(moved, len(alone), parts.lower[alone], parts.upper[alone], mu, 1.0 / (1.0 + mu * mu), starts, widths)
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """The problem in units of its own: each part's diagonal of D is one, accelerations and bounds are of order one.
+
+    Attributes:
+        D: Shape (p, p), in the order of `order`.
+        q: Free accelerations, shape (p,).
+        order: How the columns stand.
+        lower: Scaled bounds of the singles.
+        upper: Likewise.
+        unit: Weights are `unit` times scaled weights, in the order of `order`, shape (p,).
+        rate: Largest free acceleration of a scaled row: scaled accelerations are y unit / rate^2.
+    """
+
+    D: Array
+    q: Array
+    order: Order
+    lower: Array
+    upper: Array
+    unit: Array
+    rate: float
+
+    def weights(self, w: Array) -> Array:
+        """Weights as `Parts` has them, of scaled ones."""
+        out = self.unit * w
+        if self.order.columns is None:
+            return out
+        back = np.empty_like(out)
+        back[self.order.columns] = out
+        return back
+
+    def guess(self, weights: Array) -> Array:
+        """Scaled weights, of those of `Parts`."""
+        return (weights if self.order.columns is None else weights[self.order.columns]) / self.unit
+
+
+def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
+    """The problem D, y_free in units of its own."""
+    order = order_of(parts)
+    if order.columns is not None:
+        D, y_free = D[np.ix_(order.columns, order.columns)], y_free[order.columns]
+    size = np.abs(D.diagonal())
+    if len(order.mu):
+        size = np.repeat(np.maximum.reduceat(size, order.starts), order.widths)
+    # A row that moves nothing has a zero diagonal, a jammed one (Painleve) may be near it: neither is blown up.
+    floor = 1e-12 * size.max(initial=0.0)
+    s = 1.0 / np.sqrt(np.maximum(size, floor if floor > 0.0 else 1.0))
+    q = s * y_free
+    rate = largest(q)
+    lower, upper = order.lower, order.upper
+    if order.singles:
+        lower, upper = lower / s[: order.singles], upper / s[: order.singles]
+        rate = max(rate, float(np.maximum(lower, -upper).max()))  # forces that are nowhere near zero
+    rate = rate if rate > 0.0 else 1.0
+    return Scaled(D * s * s[:, None], q / rate, order, lower / rate, upper / rate, s * rate, rate)
+
+
+def newton(
+    D: Array, y_free: Array, parts: Parts, w0: Array, *, coulomb: bool, iterations: int = 50
+) -> tuple[Array, float, int]:
+    """Weights that answer y = D w + y_free, by damped semismooth Newton steps from a guess.
+
+    Args:
+        D: Accelerations of unit weights, shape (p, p); nonsymmetric where points slide.
+        y_free: Accelerations without weights, shape (p,).
+        parts: The sets of the weights.
+        w0: Where to start, shape (p,).
+        coulomb: Coulomb's law; else the convex one.
+        iterations: At most.
+
+    Returns:
+        (w, merit, iterations): the best weights found, in their sets to rounding; the largest entry of |w - P(w - y)| in
+        the problem's own units, where 1e-12 is exact for all purposes; steps taken.
+    """
+    problem = scaled(D, y_free, parts)
+    w, merit, steps = steps_from(problem, problem.guess(w0), coulomb=coulomb, iterations=iterations)
+    return parts.project(problem.weights(w)), merit, steps
+
+
+def steps_from(
+    problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
+) -> tuple[Array, float, int]:
+    """`newton` in the problem's own units and order."""
+    D, q = problem.D, problem.q
+    shifted = D + (proximal - 1.0) * identity(len(w))  # Newton's matrix I - V + V D is I + V (D - I)
+    gap, edges = _gap(problem, w, D @ w + q, coulomb)
+    merit, square = largest(gap), float(gap @ gap)
+    best, least = w, merit
+    step = 0
+    while step < iterations and least > exact and square < math.inf:
+        move = _move(problem, shifted, gap, edges, coulomb)
+        if move is None:
+            break
+        before, t = square, 1.0
+        for _ in range(7):
+            new = w + move if t == 1.0 else w + t * move
+            gap, edges = _gap(problem, new, D @ new + q, coulomb)
+            square = float(gap @ gap)
+            if square <= before * (1.0 - 1e-4 * t):
+                break
+            t *= 0.5
+        w, merit, step = new, largest(gap), step + 1
+        if merit < least:
+            best, least = w, merit
+        if before < 1e-22 and square > 0.1 * before:  # rounding
+            break
+    return best, least, step
+
+
+def leaves_motion_open(problem: Scaled, w: Array) -> bool:
+    """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not of weights alone.
+
+    They do where more points slip together than rigid bodies need to carry the load: shares change the friction.
+    """
+    n, y = problem.order.singles, problem.D @ w + problem.q
+    touches = y[n + 2 :: 3] < _TOUCHES
+    if not (touches & (np.hypot(y[n::3], y[n + 1 :: 3]) > _TOUCHES)).any():
+        return False
+    at = n + 2 + 3 * np.flatnonzero(touches)
+    R, info = lapack.dpotrf(problem.D[at[:, None], at])
+    pivots = R.diagonal()
+    if info == 0 and pivots.min() > 1e-5 * pivots.max():
+        return False  # normals that do not depend on each other decide their shares
+    pressed = w.copy()
+    pressed[at] = np.maximum(pressed[at], _TOUCHES)  # one that touches and carries nothing may carry something
+    _, edges = _gap(problem, pressed, y, coulomb=True)
+    _, sizes, directions = np.linalg.svd(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True))
+    null = directions[sizes <= 1e-8 * sizes[0]]
+    return bool(np.abs(null @ problem.D).max(initial=0.0) > 1e-8)
+
+
+_TOUCHES = 1e-9
+"""Scaled accelerations and weights below this are zero in an answer."""
+
+_Edges: TypeAlias = tuple[Array, ...]
+"""Of each cone: p_t over |p_t| (x, y), whether something pushes, the factor of p_t, whether it slips; before them, p."""
+_SMALL = 1e-200
+
+
+def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, _Edges]:
+    """(P(p) - w, where p stands against the edges of the sets) at p = w - y."""
+    p = w - y
+    n, mu = problem.order.singles, problem.order.mu
+    out = np.empty(len(p))
+    if n:
+        out[:n] = np.minimum(np.maximum(p[:n], problem.lower), problem.upper)
+    if not len(mu):
+        return out - w, (p,)
+    x, y, pushed = p[n:].reshape(-1, 3).T
+    t = np.maximum(np.hypot(x, y), _SMALL)
+    if coulomb:
+        normal = np.maximum(pushed, 0.0)
+    else:
+        edge = np.maximum((mu * t + pushed) * problem.order.share, 0.0)
+        normal = np.where(t <= mu * pushed, pushed, edge)
+    factor = np.minimum(mu * normal / t, 1.0)
+    pushes = normal > 0.0
+    O = out[n:].reshape(-1, 3).T
+    O[0], O[1], O[2] = factor * x, factor * y, normal
+    return out - w, (p, x / t, y / t, pushes, factor, (factor < 1.0) & pushes)
+
+
+def _move(problem: Scaled, shifted: Array, gap: Array, edges: _Edges, coulomb: bool) -> Array | None:
+    """Newton's step (I - V + V D) dw = gap; None where the matrix is singular."""
+    _, _, move, info = lapack.dgesv(_matrix(problem, shifted, edges, coulomb), gap)
+    return move if info == 0 and math.isfinite(move @ move) else None
+
+
+def _matrix(problem: Scaled, shifted: Array, edges: _Edges, coulomb: bool) -> Array:
+    """I + V (D - I), with V an element of P's generalised Jacobian."""
+    n, mu, p = problem.order.singles, problem.order.mu, edges[0]
+    size = len(p)
+    A = np.empty((size, size))
+    if n:
+        inside = (p[:n] > problem.lower) & (p[:n] < problem.upper)
+        A[:n] = inside[:, None] * shifted[:n]
+    if len(mu):
+        V = _slopes(problem.order, edges, coulomb)
+        np.matmul(V, shifted[n:].reshape(-1, 3, size), out=A[n:].reshape(-1, 3, size))
+    A.flat[:: size + 1] += 1.0
+    return A
+
+
+def _slopes(order: Order, edges: _Edges, coulomb: bool) -> Array:
+    """Derivatives of the projected cones, shape (k, 3, 3)."""
+    _, x, y, pushes, factor, slips = edges
+    V = np.zeros((len(x), 3, 3))
+    if coulomb:
+        along, spread = order.mu * slips, -(factor * slips)
+        V[:, 2, 2] = pushes
+    else:
+        along, spread = order.mu * order.share * slips, (1.0 - order.share - factor) * slips
+        V[:, 2, 2] = factor + (order.share - factor) * slips
+        V[:, 2, 0], V[:, 2, 1] = along * x, along * y
+    turned = spread * x
+    V[:, 0, 0] = factor + turned * x
+    V[:, 1, 1] = factor + spread * y * y
+    V[:, 0, 1] = V[:, 1, 0] = turned * y
+    V[:, 0, 2], V[:, 1, 2] = along * x, along * y
+    return V

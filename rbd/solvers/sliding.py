@@ -1,0 +1,231 @@
+"""Motions of points that already slide: one, none or several (Painleve's paradox).
+
+A point that slides feels N (-mu t, 1), N >= 0, and its normal acceleration is y = D N + y_0, with
+D = n^T J M^-1 J^T (n - mu t). Friction couples tangent and normal, so D is not symmetric: pressing may pull the point down
+faster than it pushes it up. Where D < 0 a point that would leave anyway (y_0 > 0) may also stay, and one that would sink has
+no answer among accelerations. Source: [Painleve1895]; [GenotBrogliato1999] for the regions of the rod.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations, islice, product
+
+import numpy as np
+
+from rbd.arrays import Array, largest
+from rbd.parts import Sliding
+from rbd.problem import GaussProblem, checked
+from rbd.residuals import SOLVED, residuals
+from rbd.solvers.complementarity import SAME, Mixed, all_solutions
+from rbd.solvers.kkt import constrained
+from rbd.solvers.newton import newton
+
+STARTS = 64
+"""Combinations of pressing and leaving to start Newton from, at most, where contacts at rest rub too."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingAnswers:
+    """The motions that satisfy Coulomb's law.
+
+    Attributes:
+        found: (a, f, w) with different motions, of shapes (nv,), (m,), (p,): acceleration, row forces, weights of
+            `problem.parts`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions of one point that
+            puts leaving before pressing, as does ground that yields ever so little: where pressing lets a point sink, a
+            pressed ground has no stable equilibrium. Where the friction depends on how a patch shares its load, and
+            nothing decides that, a whole family of motions is met by the one of least norm of the weights; the ends of
+            the family come last.
+        complete: Whether there are no others.
+        reason: Why there is none, or what the several are, in words; empty where there is one.
+    """
+
+    found: tuple[tuple[Array, Array, Array], ...]
+    complete: bool
+    reason: str
+
+
+def sliding_answers(problem: GaussProblem) -> SlidingAnswers:
+    """All motions, under Coulomb's law, of a problem whose contacts may already slide.
+
+    Where no contact at rest rubs this is exact: all solutions of the complementarity problem of the weights, by
+    `rbd.solvers.complementarity`. Where some do: what Newton's method finds from every combination of pressing and leaving
+    of the sliding contacts; then `complete` is False.
+
+    Every answer is within 1e-9, scaled, by `rbd.residuals`.
+
+    Raises:
+        InputError: if it is no GaussProblem.
+    """
+    P = checked(problem)
+    if P.parts.impact:
+        return SlidingAnswers((), True, P.parts.impact)
+    return _Search(P).answers()
+
+
+class _Search:
+    """One problem y = A w + b, and how far its weights move it: |V dw| is the change of a in the metric of inertia."""
+
+    def __init__(self, P: GaussProblem) -> None:
+        T = P.parts
+        self.P, self.T = P, T
+        A, b = T.H.T @ P.delassus @ T.G, T.H.T @ P.free_row_acceleration + T.offset
+        # Columns of cones at rest have no bounds: to begin with they are lines, contacts that stick.
+        self.mixed = Mixed(A, b, P.whitened @ T.G, T.lower, T.upper, [s.column for s in T.sliding])
+
+    def answers(self) -> SlidingAnswers:
+        """All that are found, in order."""
+        found = all_solutions(self.mixed)
+        good = [i for i, w in enumerate(found.weights) if self._holds(w)]
+        family = any(found.family[i] for i in good)
+        good.sort(key=lambda i: (found.member[i], self._gauss(found.weights[i])))
+        weights = [self.T.project(found.weights[i]) for i in good]
+        complete, even = found.complete and not family and len(good) == len(found.weights), family
+        if len(self.T.mu):
+            weights, complete = self._by_newton(found.weights, weights, family), False
+        undecided = [name for w in weights for name in self._undecided(w)]
+        answers = tuple((constrained(self.P, f), f, w) for w in weights for f in (self.T.G @ w,))
+        if not answers:
+            return SlidingAnswers((), complete, self._why_none(complete))
+        if family or (undecided and len(self.T.mu)):
+            return SlidingAnswers(answers, False, self._family_words(undecided, even))
+        return SlidingAnswers(answers, complete, self._several_words(weights) if len(answers) > 1 else "")
+
+    def _holds(self, w: Array) -> bool:
+        w = self.T.project(w)
+        f = self.T.G @ w
+        return residuals(self.P, constrained(self.P, f), f, w, "coulomb").within(SOLVED)
+
+    def _gauss(self, w: Array) -> float:
+        moved = self.mixed.V @ w
+        return 0.5 * float(moved @ moved)
+
+    def _by_newton(self, stuck: tuple[Array, ...], known: list[Array], family: bool) -> list[Array]:
+        """What Newton's method adds to the known weights, of other motions; from starts with patches pressing or not."""
+        new: list[Array] = []
+        V = self.mixed.V
+        for w0 in self._starts(stuck):
+            w = newton(self.mixed.A, self.mixed.b, self.T, w0, coulomb=True)[0]
+            size = max(1.0, float(np.linalg.norm(V @ w)))
+            if all(np.linalg.norm(V @ (u - w)) > SAME * size for u in known + new) and self._holds(w):
+                new.append(self.T.project(w))
+        if not family:
+            return sorted(known + new, key=self._gauss)
+        return known + sorted(new, key=self._gauss)  # the member of least norm is known; these are others
+
+    def _undecided(self, w: Array) -> list[str]:
+        """The contacts whose loads can change together with the motion, each contact point kept in its mode."""
+        M, T = self.mixed, self.T
+        scale, y, small = float(np.abs(M.A.diagonal()).max()), M.A @ w + M.b, 1e-9 * largest(w)
+        free = (w > M.lower + small) & (w < M.upper - small)
+        K = np.where(free[:, None], M.A, scale * np.eye(len(w)))  # K dw = 0 keeps the modes: y = 0, or w where it is
+        for i, mu in zip(T.cone_at.tolist(), T.mu.tolist(), strict=True):
+            at, t, n, rate = slice(i, i + 2), float(np.hypot(w[i], w[i + 1])), float(w[i + 2]), float(np.hypot(y[i], y[i + 1]))
+            if n <= small:
+                K[i : i + 3] = scale * np.eye(len(w))[i : i + 3]
+            elif t > (1.0 - 1e-6) * mu * n and rate > 1e-9 * largest(M.b):  # slips: w_t = -mu w_n d, d along y_t
+                d = y[at] / rate
+                turns = scale * mu * n / rate * (np.eye(2) - np.outer(d, d)) @ M.A[at]
+                K[at] = turns
+                K[at, at] += scale * np.eye(2)
+                K[at, i + 2] += scale * mu * d
+                K[at] /= 1.0 + scale * mu * n / rate
+        _, s, Vt = np.linalg.svd(K)
+        N = Vt[s <= 1e-11 * s[0]].T
+        _, moved, turned = np.linalg.svd(M.V @ N, full_matrices=False)
+        changes = N @ turned[moved > 1e-5 * np.sqrt(scale)].T
+        return [r.name for r, c in zip(self.P.rows, T.slices, strict=True) if largest(changes[c].ravel()) > 1e-6]
+
+    def _starts(self, stuck: tuple[Array, ...]) -> Iterator[Array]:
+        """Weights with the contacts at rest stuck, and every combination of sliding patches pressing or not."""
+        M = self.mixed
+        yield from (self.T.project(w) for w in stuck)
+        groups = list(_groups(self.T.sliding).values())
+        for presses in islice(product((True, False), repeat=len(groups)), STARTS):
+            free = np.isinf(M.lower) & np.isinf(M.upper)
+            free[[s.column for group, on in zip(groups, presses, strict=True) if on for s in group]] = True
+            w = np.where(free, 0.0, np.where(np.isfinite(M.lower), M.lower, M.upper))
+            w[free] = np.linalg.lstsq(M.A[np.ix_(free, free)], -(M.A @ w + M.b)[free], rcond=1e-10)[0]
+            yield self.T.project(w)
+        yield self.T.project(np.zeros(len(M.b)))
+
+    def _why_none(self, complete: bool) -> str:
+        """Names what contradicts itself: rows that hold, points that sink the harder they are pressed, or all that slide."""
+        M, sliding = self.mixed, self.T.sliding
+        what = "no motion" if complete else "no motion found, though not all were searched"
+        own = np.array([s.column for s in sliding], int)
+        D = M.A[np.ix_(own, own)]
+        holds = np.isinf(M.lower) & np.isinf(M.upper)
+        holds[self.T.cone_columns.ravel()] = False
+        if holds.any():
+            inner, free = M.A[np.ix_(holds, holds)], M.b[holds]
+            inverse = np.linalg.pinv(inner, rcond=1e-10)
+            if largest(inner @ (inverse @ free) - free) > 1e-6 * max(1.0, largest(free)):
+                names = [r.name for r, c in zip(self.P.rows, self.T.slices, strict=True) if holds[c].any()]
+                return f"{what}: rows that hold contradict each other, among {_listed(map(repr, names))}"
+            D = D - M.A[np.ix_(own, holds)] @ inverse @ M.A[np.ix_(holds, own)]
+        at, value = _sinking(D)
+        if not at:
+            names_of = _listed(_name(s, sliding) for s in sliding)
+            return f"{what}: of {names_of} (sliding) neither pressing nor leaving meets the law"
+        one, names_of = len(at) == 1, _listed(_name(sliding[i], sliding) for i in at)
+        return (
+            f"{what}: {names_of} {'slides' if one else 'slide'} at {sliding[at[0]].speed:.3g} m/s, and pressing "
+            f"{'it' if one else 'them'} harder lets {'it' if one else 'them'} sink faster (Painleve's paradox: "
+            f"n . J M^-1 J^T (n - mu t) = {value:.3g} < 0 at mu = {sliding[at[0]].mu:g}); only an impact without collision, "
+            "which no acceleration is, or less friction would end it"
+        )
+
+    def _several_words(self, weights: list[Array]) -> str:
+        """What the sliding contacts do in each motion."""
+        tells, groups = [], _groups(self.T.sliding)
+        for w in weights[:4]:
+            load = {name: sum(float(w[s.column]) for s in group) for name, group in groups.items()}
+            leaves = {name: N <= 1e-9 * largest(w) for name, N in load.items()}
+            tells.append(", ".join(f"{n!r} leaves" if leaves[n] else f"{n!r} presses with {load[n]:.4g} N" for n in load))
+        listed = "; ".join(f"({i}) {tell}" for i, tell in enumerate(tells, 1))
+        more = f"; and {len(weights) - 4} more" if len(weights) > 4 else ""
+        return f"{len(weights)} motions satisfy Coulomb's law: {listed}{more}"
+
+    def _family_words(self, undecided: list[str], even: bool) -> str:
+        names = _listed(repr(name) for name in dict.fromkeys(undecided or _groups(self.T.sliding)))
+        which = (
+            "the first shares it most evenly (least norm), the last are ends of the family"
+            if even
+            else "the first is one of them"
+        )
+        return (
+            f"a family of motions satisfies Coulomb's law: nothing decides how the points of {names} share the load, and the "
+            f"friction depends on it; {which}"
+        )
+
+
+def _sinking(D: Array) -> tuple[tuple[int, ...], float]:
+    """The fewest points that accelerate downwards when a newton is shared among them, and how fast; () where none do."""
+    for size in range(1, min(len(D), 4) + 1):
+        means = {at: float(D[np.ix_(at, at)].mean()) for at in islice(combinations(range(len(D)), size), 2000)}
+        worst = min(means, key=lambda at: means[at])
+        if means[worst] < 0.0:
+            return worst, means[worst]
+    return (), 0.0
+
+
+def _groups(sliding: tuple[Sliding, ...]) -> dict[str, list[Sliding]]:
+    """{rows: their points that slide}."""
+    out: dict[str, list[Sliding]] = {}
+    for s in sliding:
+        out.setdefault(s.rows, []).append(s)
+    return out
+
+
+def _name(point: Sliding, sliding: tuple[Sliding, ...]) -> str:
+    alone = sum(s.rows == point.rows for s in sliding) == 1
+    return repr(point.rows) if alone else f"corner {point.corner} of {point.rows!r}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    if len(every) > 4:
+        return ", ".join(every[:4]) + f" and {len(every) - 4} more"
+    return " and ".join(filter(None, (", ".join(every[:-1]), every[-1])))

@@ -1,0 +1,68 @@
+"""Plots on axes that are given: axes first, artists out, no window, no global state. Only Matplotlib's own objects are used."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rbd.analysis.uniqueness import Range, Uniqueness
+from rbd.errors import InputError
+from rbd.visual.colors import contact_colors
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+_NET, _CORNER = 9.0, 4.0
+"""Line widths of a contact's range and of its corners' [points]."""
+
+
+def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
+    """How far each normal force could go with the same motion: a bar a contact, a thin one a corner, the answer marked.
+
+    Ranges without an end run to the edge of the axes and end in an arrow. Colours are those of the scene.
+
+    Args:
+        ax: Matplotlib axes to draw on; they should be empty, as their limits are set.
+        uniqueness: `solution.uniqueness()`.
+
+    Returns:
+        What was drawn: for every range its bar (a line) and its mark, then arrows.
+
+    Raises:
+        InputError: if `ax` are no axes, or `uniqueness` is something else.
+    """
+    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
+        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
+    if not isinstance(uniqueness, Uniqueness):
+        raise InputError(f"uniqueness is {uniqueness!r:.80}; expected what solution.uniqueness() returns.")
+    lines: list[tuple[str, Range, str, float]] = []
+    colors = contact_colors(uniqueness.contacts)
+    for name, contact in uniqueness.contacts.items():
+        lines.append((name, contact.normal, colors[name], _NET))
+        if len(contact.corners) > 1:
+            lines += [(f"corner {i + 1}", corner, colors[name], _CORNER) for i, corner in enumerate(contact.corners)]
+    low, high = _limits([r for _, r, _, _ in lines])
+    drawn: list[Artist] = []
+    arrows: list[Artist] = []
+    for y, (_, r, color, width) in enumerate(lines):
+        ends = (max(r.lowest, low), min(r.highest, high))
+        drawn += ax.plot(ends, (y, y), "-", color=color, lw=width, alpha=0.45, solid_capstyle="butt")
+        drawn += ax.plot([r.value], [y], "o", color=color, ms=6.0, mec="white", mew=0.8)
+        for end, edge, marker in ((r.lowest, low, "<"), (r.highest, high, ">")):
+            if math.isinf(end):
+                arrows += ax.plot([edge], [y], marker, color=color, ms=8.0, clip_on=False)
+    ax.set_yticks(range(len(lines)), [label for label, _, _, _ in lines])
+    ax.set_ylim(len(lines) - 0.4, -0.6)
+    ax.set_xlim(low, high)
+    ax.axvline(0.0, color="0.6", lw=0.8, zorder=0)
+    ax.set_xlabel("normal force [N]; bar: possible with the same motion, dot: returned")
+    return drawn + arrows
+
+
+def _limits(ranges: list[Range]) -> tuple[float, float]:
+    """Limits of the axis, with room beyond the last finite end."""
+    ends = [x for r in ranges for x in (r.lowest, r.value, r.highest) if math.isfinite(x)] + [0.0]
+    room = 0.06 * max(max(ends) - min(ends), 1.0)
+    endless = (any(r.lowest == -math.inf for r in ranges), any(r.highest == math.inf for r in ranges))
+    return min(ends) - room * (1.0 + 3.0 * endless[0]), max(ends) + room * (1.0 + 3.0 * endless[1])

@@ -1,0 +1,331 @@
+"""Which forces are returned: those of least norm inside the cones, held against closed forms, duality and linear programs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog, minimize
+
+import rbd
+from rbd.analysis.admissible import ray_weights
+from rbd.analysis.force_choice import minimum_norm
+from rbd.cones import pyramid
+from rbd.errors import InputError, NoSolution, UnknownName
+from rbd.parts import project_cones
+from rbd.rows import Patch, Rows
+from rbd.testing import box
+
+pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
+
+G = 9.81
+LEGS = ("++", "+-", "-+", "--")
+CHOSEN = "minimum norm of the corner forces [N]"
+
+
+def table(com, friction, solver=None) -> rbd.Solution:
+    """Legs at (+-0.6, +-0.4) m, weight 400 N, at rest."""
+    feet = [(0.6, 0.4), (0.6, -0.4), (-0.6, 0.4), (-0.6, -0.4)]
+    legs = [
+        rbd.PointContact(name, "box", offset=(x - com[0], y - com[1], -0.7), friction=friction)
+        for name, (x, y) in zip(LEGS, feet, strict=True)
+    ]
+    robot = box(400.0 / G, (1.2, 0.8, 0.1))
+    q = np.array([0.0, 0.0, 0.7, 0.0, 0.0, 0.0, 1.0])
+    return rbd.solve(rbd.State(robot, q), np.zeros(0), legs, solver=solver or rbd.ProxQP())
+
+
+def normals(solution: rbd.Solution) -> np.ndarray:
+    """Vertical forces of the four legs."""
+    return np.array([solution.forces[name][2] for name in LEGS])
+
+
+@pytest.fixture(scope="module")
+def noisy(talos) -> list[rbd.Solution]:
+    """Talos with noise on its torques: corners that stick, slip and open, by pyramids and by Coulomb's law."""
+    rng, state = np.random.default_rng(5), talos.standing()
+    tau = rbd.hold(state, talos.soles(0.5)).tau
+    found = []
+    for size in (0.0, 6.0, 12.0, 20.0):
+        noise = size * rng.normal(size=talos.nu)
+        for solver in (rbd.ProxQP(), rbd.ADMM(law="coulomb"), rbd.ADMM(law="convex")):
+            found.append(rbd.solve(state, tau + noise, talos.soles(0.5), solver=solver))
+    assert {s.law for s in found} == {"convex, 4 facets", "coulomb", "convex"}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("com", "friction", "expected"),
+    [
+        ((0.15, -0.1), None, (100.0, 150.0, 50.0, 100.0)),
+        ((0.15, -0.1), 0.0, (100.0, 150.0, 50.0, 100.0)),
+        ((0.15, -0.1), 0.5, (100.0, 150.0, 50.0, 100.0)),
+        ((0.45, 0.2), None, (225.0, 125.0, 75.0, -25.0)),  # held: a leg pulls
+        ((0.45, 0.2), 0.0, (250.0, 100.0, 50.0, 0.0)),
+        ((0.45, 0.2), 0.5, (250.0, 100.0, 50.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ADMM(law="coulomb")], ids=lambda s: type(s).__name__)
+def test_the_table_stands_on_its_shortest_forces(com, friction, expected, solver):
+    """Closed form: f = f0 + t (1, -1, -1, 1); least at t = 0, or where the leg that would pull carries nothing."""
+    if friction is not None and solver == rbd.KKT():
+        solver = rbd.ADMM(law="convex")
+    s = table(com, friction, solver)
+    chosen = s.with_forces()
+    assert chosen.force_choice == CHOSEN and chosen.status == "solved"
+    assert normals(chosen) == pytest.approx(expected, abs=400e-10)
+    assert np.abs([chosen.forces[name][:2] for name in LEGS]).max() < 400e-10
+    assert np.array_equal(chosen.a, s.a)
+    settled = s.settled()
+    assert normals(settled) == pytest.approx(normals(chosen), abs=1e-12) and settled.force_choice == CHOSEN
+
+
+def test_kkt_returns_the_shortest_forces(talos):
+    """12 held points in place of a wrench: KKT's own answer is the chosen one, its parts belong together."""
+    s = table((0.45, 0.2), None, rbd.KKT())
+    assert s.force_choice == CHOSEN and normals(s) == pytest.approx([225, 125, 75, -25], abs=400e-10)
+    for rows in s.problem.rows:
+        f = s.multipliers[s.problem.slices[rows.name]]
+        assert s.forces[rows.name] == pytest.approx(rows.resultant @ f, abs=1e-12)
+        assert s.corner_forces[rows.name][0] == pytest.approx(s.forces[rows.name], abs=1e-12)
+
+
+def test_two_held_feet_share_a_load_with_the_least_corner_forces():
+    """Row forces and corner forces are chosen together: no change within the null space shortens the corner forces."""
+    feet = [
+        rbd.SurfaceContact(name, "box", half_lengths=half, placement=_below(x), friction=None)
+        for name, x, half in (("left", -0.15, (0.05, 0.2)), ("right", 0.15, (0.02, 0.1)))
+    ]
+    robot = box()
+    q = np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+    push = rbd.ExternalForce("box", (70.0, 20.0, -30.0))
+    s = rbd.solve(rbd.State(robot, q), np.zeros(0), feet, external=push, solver=rbd.KKT())
+    assert s.force_choice == CHOSEN
+    corners = np.concatenate([s.corner_forces[name].ravel() for name in ("left", "right")])
+    C = np.zeros((12, 24))
+    for i, rows in enumerate(s.problem.rows):
+        C[6 * i : 6 * i + 6, 12 * i : 12 * i + 12] = rbd.WrenchCone(rows.patch.corners, 0.0).corner_map
+    assert C @ corners == pytest.approx(s.multipliers, abs=1e-10)
+    shortest = np.linalg.pinv(s.problem.J.T @ C) @ (s.problem.J.T @ s.multipliers)  # all corners at once, no rows
+    assert corners == pytest.approx(shortest, abs=1e-9)
+
+
+def _below(x: float) -> np.ndarray:
+    X = np.eye(4)
+    X[:3, 3] = x, 0.0, -0.1
+    return X
+
+
+def test_no_force_of_the_pyramids_is_shorter(noisy):
+    """Optimality by a linear program over the rays themselves: gradient . (other - chosen) >= 0 for all that are admissible."""
+    tried = 0
+    for s in noisy:
+        if "facets" not in s.law:
+            continue
+        P, R = s.problem, s.problem.rays
+        still = R.G.T @ (P.J @ s.a + P.offset) < 1e-9
+        A = P.J.T @ R.G[:, still]
+        rays = [pyramid(0.5, 4)] * 8  # corner forces of the rays, contact axes
+        E = np.zeros((24, 32))
+        for i, ray in enumerate(rays):
+            E[3 * i : 3 * i + 3, 4 * i : 4 * i + 4] = ray
+        x = np.concatenate([(s.corner_forces[r.name] @ r.patch.axes).ravel() for r in P.rows])
+        gradient = E[:, still].T @ x
+        b = P.J.T @ s.multipliers
+        U, sv, _ = np.linalg.svd(A)
+        basis = U[:, : int((sv > 1e-9 * sv[0]).sum())]
+        best = linprog(gradient, A_eq=basis.T @ A, b_eq=basis.T @ b, bounds=(0.0, None), method="highs")
+        assert best.status == 0 and best.fun >= x @ x - 1e-8 * (x @ x)
+        assert s.force_choice == CHOSEN
+        tried += 1
+    assert tried == 4
+
+
+def test_the_circular_choice_has_no_duality_gap(noisy):
+    """D(l) = b . l - 1/2 |proj_K(A^T l)|^2 bounds 1/2 |corner forces|^2 from below, and reaches it."""
+    tried = 0
+    for s in noisy:
+        if "facets" in s.law:
+            continue
+        P, T = s.problem, s.problem.parts
+        y = T.accelerations(P.J @ s.a + P.offset, coulomb=s.law == "coulomb").reshape(-1, 3)
+        slip = np.hypot(y[:, 0], y[:, 1])
+        mode = np.where(np.linalg.norm(y, axis=1) < 1e-8, 0, np.where(y[:, 2] - 0.5 * slip < 1e-8, 1, 2))
+        edge = np.column_stack([-0.5 * y[:, :2] / np.maximum(slip, 1e-12)[:, None], np.ones(len(y))])
+
+        def allowed(v, mode=mode, edge=edge):
+            v = v.reshape(-1, 3)
+            along = np.maximum((v * edge).sum(axis=1) / (edge * edge).sum(axis=1), 0.0)[:, None] * edge
+            whole = project_cones(v, np.full(len(v), 0.5))
+            return np.where((mode == 0)[:, None], whole, np.where((mode == 1)[:, None], along, 0.0)).ravel()
+
+        x = np.concatenate([(s.corner_forces[r.name] @ r.patch.axes).ravel() for r in P.rows])
+        b, size = s.multipliers, float(x @ x)
+        start = np.linalg.lstsq(T.G.T, x, rcond=None)[0]
+        scale = np.sqrt(size)
+
+        def dual(lam, T=T, b=b, allowed=allowed, scale=scale):
+            p = allowed(T.G.T @ lam)
+            return 0.5 * p @ p / scale**2 - b @ lam / scale**2, (T.G @ p - b) / scale**2
+
+        lam = start
+        for _ in range(6):
+            lam = minimize(dual, lam, jac=True, method="BFGS", options={"gtol": 1e-13, "maxiter": 3000}).x
+        assert -dual(lam)[0] == pytest.approx(0.5, abs=1e-7)  # in units of |x|^2
+        assert -dual(lam)[0] <= 0.5 + 1e-12
+        assert T.G @ x == pytest.approx(b, abs=1e-9 * scale) and np.abs(allowed(x) - x).max() < 1e-9 * scale
+        tried += 1
+    assert tried == 8
+
+
+def test_where_rows_are_independent_the_row_forces_stay_as_they_are(noisy):
+    """J of full rank: only the split among corners is chosen, and it belongs to the wrench to the last digit."""
+    for s in noisy:
+        assert s.rank == s.problem.m
+        chosen = s.with_forces()
+        assert chosen.multipliers is s.multipliers
+        for rows in s.problem.rows:
+            corners, wrench = chosen.corner_forces[rows.name], s.forces[rows.name]
+            assert corners == pytest.approx(s.corner_forces[rows.name], abs=1e-9)
+            arms = rows.patch.corners @ rows.patch.axes.T
+            assert corners.sum(axis=0) == pytest.approx(wrench[:3], abs=1e-9)
+            assert np.cross(arms, corners).sum(axis=0) == pytest.approx(wrench[3:], abs=1e-9)
+
+
+def test_what_is_unique_is_said_to_be():
+    """One foot on a point: nothing to choose."""
+    s = rbd.ProxQP().solve(
+        rbd.GaussProblem(np.eye(3), np.array([1.0, 0.0, -9.0]), [Rows("toe", np.eye(3), np.zeros(3), rbd.FrictionCone(0.5))])
+    )
+    assert s.force_choice == "unique" and s.with_forces().force_choice == "unique"
+
+
+@pytest.mark.parametrize(
+    ("weight", "t"),
+    [({"+-": 2.0}, 30.0), ({"+-": 10.0}, 50.0), ({"--": 4.0}, -(400.0 - 200.0 + 100.0) / 7.0), (dict.fromkeys(LEGS, 7.0), 0.0)],
+)
+def test_weights_move_the_load_to_where_it_costs_less(weight, t):
+    """Minimise sum w f^2 along f0 + t (1, -1, -1, 1): t = -sum(w n f0) / sum(w), up to where a leg carries nothing."""
+    for s in (table((0.15, -0.1), 0.0), table((0.15, -0.1), 0.5), table((0.15, -0.1), 0.5, rbd.ADMM())):
+        chosen = s.with_forces(weight)
+        assert chosen.force_choice == "minimum of the given weight" and chosen.status == "solved"
+        expected = np.array([100, 150, 50, 100]) + t * np.array([1, -1, -1, 1])
+        assert normals(chosen) == pytest.approx(expected, abs=4e-7)
+
+
+def test_a_number_a_list_and_a_matrix_say_the_same(noisy):
+    """Weights of corners as numbers, one each, and as a matrix in world axes; unlike weights give other forces."""
+    for s in noisy[:3]:
+        number = s.with_forces({"left_sole": 3.0})
+        each = s.with_forces({"left_sole": [3.0] * 4})
+        matrix = s.with_forces({"left_sole": 3.0 * np.eye(12)})
+        uneven = s.with_forces({"left_sole": [1.0, 1.0, 1.0, 100.0]})
+        for other in (each, matrix):
+            assert other.corner_forces["left_sole"] == pytest.approx(number.corner_forces["left_sole"], abs=1e-8)
+        assert uneven.corner_forces["left_sole"][3, 2] < number.corner_forces["left_sole"][3, 2] - 1.0
+
+
+def test_a_matrix_may_weigh_directions(noisy):
+    """Tangential forces made dear: each corner then rubs as it presses, as the closed form of a held patch has it, or less."""
+    s = noisy[0]
+    dear = np.kron(np.eye(4), np.diag([1e4, 1e4, 1.0]))
+    plain, smooth = s.with_forces(), s.with_forces({"left_sole": dear})
+
+    def rubbing(solution):
+        return (solution.corner_forces["left_sole"][:, :2] ** 2).sum()
+
+    assert rubbing(smooth) < rubbing(plain) * (1 + 1e-9) and smooth.status == "solved"
+    values = [(x.corner_forces["left_sole"].ravel() @ dear @ x.corner_forces["left_sole"].ravel()) for x in (smooth, plain)]
+    assert values[0] <= values[1] * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    "weight",
+    [
+        {"++": -1.0},
+        {"++": 0.0},
+        {"++": np.nan},
+        {"++": [1.0, 2.0]},
+        {"++": np.diag([1.0, 1.0, -1.0])},
+        {"++": np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
+        {"++": 1e-30},
+        {"++": 1e40},
+        {"++": "heavy"},
+        3.0,
+        [("++", 1.0)],
+    ],
+)
+def test_weights_that_mean_nothing_are_refused(weight):
+    """The message says what came and what was expected."""
+    with pytest.raises(InputError, match="expected"):
+        table((0.15, -0.1), 0.5).with_forces(weight)
+
+
+def test_a_weight_names_its_contact():
+    """A name that is none brings the nearest."""
+    with pytest.raises(UnknownName, match="'legs'.*nearest|'legs'.*there are"):
+        table((0.15, -0.1), 0.5).with_forces({"legs": 1.0})
+
+
+def test_what_is_no_answer_has_no_other_forces(talos):
+    """Rows that contradict each other: with_forces refuses, settled returns the same, and the choice is the solver's."""
+    e = np.eye(3)
+    rows = [Rows("one", e[:1], np.zeros(1), rbd.Free(1)), Rows("two", e[:1], np.ones(1), rbd.Free(1))]
+    s = rbd.KKT().solve(rbd.GaussProblem(np.eye(3), np.ones(3), rows))
+    with pytest.raises(NoSolution):
+        s.with_forces()
+    assert s.settled() is s and s.force_choice == "as KKT left it"
+
+
+def test_rows_without_corners_count_with_their_own_forces():
+    """Two parallel rows in other units share a load of 6: least f1^2 + f2^2 with f1 + 2 f2 = 6."""
+    patch = Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), None)
+    rows = [
+        Rows("plain", np.array([[1.0]]), np.zeros(1), rbd.NonNegative(1)),
+        Rows("toe", np.array([[2.0]]), np.zeros(1), rbd.NonNegative(1), resultant=np.array([[0.0], [0.0], [1.0]]), patch=patch),
+    ]
+    s = rbd.ProxQP().solve(rbd.GaussProblem(np.eye(1), np.array([-6.0]), rows)).with_forces()
+    assert s.multipliers == pytest.approx([1.2, 2.4], abs=1e-12) and s.corner_forces.keys() == {"toe"}
+    dear = s.with_forces({"plain": 4.0})  # least 4 f1^2 + f2^2: f1 = 6/17
+    assert dear.multipliers == pytest.approx([6 / 17, 48 / 17], abs=1e-12)
+
+
+def test_minimum_norm_gives_arrays(noisy):
+    """The plain function: row forces and the law's weights, which add up to them."""
+    for s in noisy[:3]:
+        f, w = minimum_norm(s.problem, s.a, s.multipliers, s.weights, s.law)
+        G = s.problem.rays.G if "facets" in s.law else s.problem.parts.G
+        assert f == pytest.approx(s.multipliers, abs=1e-9) and G @ w == pytest.approx(f, abs=1e-9)
+
+
+@pytest.mark.parametrize("facets", [3, 4, 5, 8, 16])
+def test_ray_weights_add_up_and_are_not_negative_inside(facets, rng):
+    """Of forces made of random rays: the weights found make the same force and are not negative."""
+    rays = pyramid(0.7, facets)
+    for _ in range(200):
+        w = rng.exponential(size=facets) * (rng.random(facets) < 0.5)
+        found = ray_weights(rays @ w, 0.7, facets)
+        assert rays @ found == pytest.approx(rays @ w, abs=1e-12) and found.min() > -1e-12
+    outside = np.array([5.0, 0.0, 1.0])
+    assert ray_weights(outside, 0.7, facets).min() < 0.0
+
+
+def test_solvers_agree_on_forces_that_are_not_unique(talos):
+    """24 held rows of rank 12, and legs that push: KKT and ProxQP return the same forces without being asked."""
+    corners = [
+        rbd.PointContact(f"{sole.name} {i}", sole.frame, offset=sole.placement.act(c))
+        for sole in talos.soles()
+        for i, c in enumerate(sole.corners)
+    ]
+    state, tau = talos.standing(), np.random.default_rng(8).normal(size=talos.nu)
+    one, other = (rbd.solve(state, tau, corners, solver=solver) for solver in (rbd.KKT(), rbd.ProxQP()))
+    assert one.rank == 12 and one.force_choice == other.force_choice == CHOSEN
+    assert other.multipliers == pytest.approx(one.multipliers, abs=1e-9 * np.abs(one.multipliers).max())
+    s = table((0.45, 0.2), 0.5)
+    assert s.force_choice == CHOSEN and normals(s) == pytest.approx([250, 100, 50, 0], abs=400e-10)
+
+
+def test_nothing_is_chosen_before_it_is_asked_for(talos):
+    """Independent rows: the answer carries no set of forces until corner forces are wanted."""
+    s = rbd.solve(talos.standing(), np.zeros(talos.nu), talos.soles(0.7))
+    assert "_admissible" not in vars(s) and s.forces and "_admissible" not in vars(s)
+    assert s.corner_forces and "_admissible" in vars(s)

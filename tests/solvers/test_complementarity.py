@@ -1,0 +1,155 @@
+"""All solutions of mixed complementarity problems, against brute force over every mode."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from rbd.solvers.complementarity import Mixed, all_solutions, least_distance
+
+
+def brute_force(A, b, lower, upper) -> list[np.ndarray]:
+    """Every mode of every entry tried, by plain inversion: for regular blocks only."""
+    found: list[np.ndarray] = []
+    fixed = lower == upper
+    for modes in itertools.product("flh", repeat=len(b)):
+        m = np.array(modes)
+        if (np.isinf(lower) & (m == "l")).any() or (np.isinf(upper) & (m == "h")).any() or (fixed & (m != "l")).any():
+            continue
+        w, free = np.where(m == "l", lower, np.where(m == "h", upper, 0.0)), m == "f"
+        w[free] = np.linalg.solve(A[np.ix_(free, free)], -(A @ w + b)[free])
+        y = A @ w + b
+        inside = (w >= lower - 1e-9).all() and (w <= upper + 1e-9).all()
+        if inside and (y[(m == "l") & ~fixed] >= -1e-9).all() and (y[m == "h"] <= 1e-9).all():
+            if all(np.abs(w - u).max() > 1e-6 for u in found):
+                found.append(w)
+    return found
+
+
+def random_bounds(rng, p) -> tuple[np.ndarray, np.ndarray]:
+    """Lines, half-lines, intervals and fixed entries, mixed."""
+    lower, upper = np.zeros(p), np.full(p, np.inf)
+    for i, kind in enumerate(rng.choice(["half", "line", "interval", "fixed"], size=p, p=[0.6, 0.15, 0.2, 0.05])):
+        if kind == "line":
+            lower[i] = -np.inf
+        elif kind == "interval":
+            lower[i], upper[i] = -rng.random(), rng.random()
+        elif kind == "fixed":
+            lower[i] = upper[i] = rng.random()
+    return lower, upper
+
+
+@pytest.mark.parametrize("near_symmetric", [False, True])
+def test_all_solutions_are_those_of_brute_force(near_symmetric):
+    """300 random problems of up to 6 entries: none, one and several solutions, the same ones, and completeness claimed."""
+    rng = np.random.default_rng(3)
+    counts = set()
+    for _ in range(300):
+        p = int(rng.integers(1, 7))
+        A, b = rng.normal(size=(p, p)), rng.normal(size=p)
+        if near_symmetric:
+            A = A @ A.T + 0.3 * rng.normal(size=(p, p))
+        lower, upper = random_bounds(rng, p)
+        expected = brute_force(A, b, lower, upper)
+        found = all_solutions(Mixed(A, b, np.eye(p), lower, upper))
+        assert found.complete and len(found.weights) == len(expected) and not any(found.family)
+        for w in expected:
+            assert min(np.abs(w - u).max() for u in found.weights) < 1e-7 * max(1.0, np.abs(w).max())
+        counts.add(min(len(expected), 3))
+    assert counts == {0, 1, 2, 3} if not near_symmetric else counts >= {0, 1, 2}
+
+
+def test_a_positive_definite_problem_takes_one_node():
+    """A symmetric part that is positive definite proves one solution: no branch is visited, 20 half-lines or not."""
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        p = 20
+        B = rng.normal(size=(p, p))
+        S = rng.normal(size=(p, p))
+        A, b = B @ B.T + 0.1 * np.eye(p) + (S - S.T), rng.normal(size=p)
+        found = all_solutions(Mixed(A, b, np.eye(p), np.zeros(p), np.full(p, np.inf), budget=1))
+        assert found.complete and len(found.weights) == 1
+        w = found.weights[0]
+        y = A @ w + b
+        assert w.min() >= -1e-9 and y.min() >= -1e-9 and np.abs(w * y).max() < 1e-8
+
+
+def test_redundant_columns_of_one_motion_are_one_solution_of_least_norm():
+    """Four legs at the corners of a square under a centred load W: W/4 each, though many splits carry it."""
+    legs = np.array([[1.0, 1, 1], [1, -1, 1], [-1, -1, 1], [-1, 1, 1]])  # (tilt, tilt, lift) of each
+    A, b = legs @ legs.T, np.full(4, -3.0)
+    found = all_solutions(Mixed(A, b, legs.T, np.zeros(4), np.full(4, np.inf)))
+    assert found.complete and len(found.weights) == 1 and not found.family[0]
+    assert found.weights[0] == pytest.approx(np.full(4, 0.75), abs=1e-12)  # sum w = 3, shared by symmetry
+
+
+def test_redundant_columns_keep_their_signs_where_least_norm_would_pull():
+    """The load near one leg: the plain least-norm split pulls at the far one; the one returned is least within the signs."""
+    legs = np.array([[1.0, 1, 1], [1, -1, 1], [-1, -1, 1], [-1, 1, 1]])
+    load = np.array([0.7, 0.7, 1.0])  # tilts and lift that the legs must answer
+    A, b = legs @ legs.T, -legs @ load
+    assert (np.linalg.pinv(legs.T) @ load).min() < -0.05
+    found = all_solutions(Mixed(A, b, legs.T, np.zeros(4), np.full(4, np.inf)))
+    w = found.weights[0]
+    assert found.complete and len(found.weights) == 1 and w.min() >= -1e-12
+    assert legs.T @ w == pytest.approx(load, abs=1e-9)
+    assert w[2] == pytest.approx(0.0, abs=1e-12)  # the far leg: it would pull in the plain one
+
+
+def test_a_family_of_motions_is_met_by_its_least_member_and_its_ends():
+    """With y = w1 + w2 - 1 for both entries, and the motion is w itself: all of w1 + w2 = 1, w >= 0 solves it."""
+    A, b = np.ones((2, 2)), -np.ones(2)
+    found = all_solutions(Mixed(A, b, np.eye(2), np.zeros(2), np.full(2, np.inf)))
+    assert [w.tolist() for w in found.weights] == [
+        pytest.approx([0.5, 0.5]), pytest.approx([1.0, 0.0]), pytest.approx([0.0, 1.0])
+    ]  # fmt: skip
+    assert found.family == (True, False, False) and found.member == (False, True, True)
+
+
+def test_entries_that_are_free_may_contradict_each_other():
+    """With y = (w - 1, w - 2) of one line twice: no solution, and that is known."""
+    found = all_solutions(
+        Mixed(np.ones((2, 2)), np.array([-1.0, -2.0]), np.ones((1, 2)), np.full(2, -np.inf), np.full(2, np.inf))
+    )
+    assert found.weights == () and found.complete
+
+
+def test_a_spent_budget_is_said():
+    """Ten entries that each have two solutions make 1024; a tree of 100 nodes is not complete."""
+    A, b = -np.eye(10), np.ones(10)
+    found = all_solutions(Mixed(A, b, np.eye(10), np.zeros(10), np.full(10, np.inf), budget=100))
+    assert not found.complete and len(found.weights) > 0
+    small = all_solutions(Mixed(A[:4, :4], b[:4], np.eye(4), np.zeros(4), np.full(4, np.inf)))
+    assert small.complete and len(small.weights) == 16
+
+
+def test_a_linear_program_prunes_what_cannot_be():
+    """Twelve entries like those above and a pair that no weights satisfy: none, in far fewer nodes than 4096."""
+    n = 12
+    A, b = -np.eye(n + 1), np.ones(n + 1)
+    b[n] = -1.0  # y = -w - 1 < 0 for all w >= 0
+    found = all_solutions(Mixed(A, b, np.eye(n + 1), np.zeros(n + 1), np.full(n + 1, np.inf), budget=50))
+    assert found.weights == () and found.complete
+
+
+def test_the_least_distance_is_that_to_the_corner():
+    """|z| least with z1 >= 1 and z1 + z2 >= 3 is (1.5, 1.5); contradictory bounds have none; loose ones give zero."""
+    assert least_distance(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0])) == pytest.approx([1.5, 1.5])
+    assert least_distance(np.array([[1.0], [-1.0]]), np.array([1.0, 0.5])) is None
+    assert least_distance(np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5])) == pytest.approx([0.0])
+
+
+@pytest.mark.parametrize(("stiff", "load"), [(1e-6, 1e4), (1e6, 1e-3)])
+def test_units_do_not_matter(stiff, load):
+    """A and b in other units: the same solutions, in theirs."""
+    rng = np.random.default_rng(6)
+    for _ in range(60):
+        p = int(rng.integers(1, 6))
+        A, b = rng.normal(size=(p, p)), rng.normal(size=p)
+        lower, upper = random_bounds(rng, p)
+        expected = brute_force(A, b, lower, upper)
+        unit = load / stiff
+        found = all_solutions(Mixed(stiff * A, load * b, np.sqrt(stiff) * np.eye(p), lower * unit, upper * unit))
+        assert found.complete and len(found.weights) == len(expected)
+        for w in expected:
+            assert min(np.abs(w - u / unit).max() for u in found.weights) < 1e-7 * max(1.0, np.abs(w).max())
