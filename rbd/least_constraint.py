@@ -111,7 +111,7 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state.robot, np.asarray(tau, float))
     given = _listed(constraints)
-    rows = rows_of(state, given)
+    rows = _rows_of(state, given)
     loose = any([r.resultant is None or r.patch is None for r in rows])
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
     return GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), origin, from_state=state.robot.sound)
@@ -135,8 +135,12 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     Raises:
         InputError: if something in the list is no constraint.
     """
+    return _rows_of(state, _listed(constraints))
+
+
+def _rows_of(state: State, constraints: tuple[Constraint, ...]) -> list[Rows]:
     out = []
-    for constraint in _listed(constraints):
+    for constraint in constraints:
         if isinstance(constraint, type) or not callable(getattr(constraint, "rows", None)):
             raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give contacts, e.g. robot.soles().")
         r = constraint.rows(state)

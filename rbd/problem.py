@@ -180,13 +180,19 @@ class GaussProblem:
         A weight that its rows' velocity has decided has equal bounds: an interval's that moves stands at the bound against
         the motion, and what opens carries nothing. (That friction follows the motion of what slides, rays cannot say.)
         """
-        at_rest = stacked_rays(tuple([r.cone for r in self.rows]))
-        return _decided(self.rows, at_rest) if self.moving else at_rest
+        return _decided(self.rows, self._rays_at_rest) if self.moving else self._rays_at_rest
+
+    @lazy
+    def _rays_at_rest(self) -> Rays:
+        return stacked_rays(tuple([r.cone for r in self.rows]))
 
     @lazy
     def moving(self) -> tuple[Rows, ...]:
         """The rows with bounded forces that have a velocity: their friction has no choice left (see `rbd.parts`)."""
-        return tuple([r for r in self.rows if not r.speed <= REST_SPEED and not rays(r.cone).all_lines])
+        if self._rays_at_rest.all_lines:
+            return ()
+        faster = [r for r in self.rows if not np.vdot(r.velocity, r.velocity) <= REST_SPEED**2]  # a norm: a tenth of `speed`
+        return tuple([r for r in faster if not r.speed <= REST_SPEED and not rays(r.cone).all_lines])
 
     @lazy
     def slipping(self) -> tuple[Rows, ...]:

@@ -52,6 +52,8 @@ class Rows:
         resultant: Takes row forces to the force (k = 3) or wrench (k = 6) on the robot in world axes, shape (k, m), or
             None where the rows have none.
         patch: Where the contact acts, or None.
+        holonomic: Which rows are the second derivative of their `error`, shape (m,), of truth values; None: all of them, where
+            there is an error. A ball that rolls has a height, and no position along the plane: its error is zero there.
 
     Raises:
         InputError: on sizes that do not fit.
@@ -66,6 +68,7 @@ class Rows:
     feedback: Array = field(default_factory=_not_given)
     resultant: Array | None = None
     patch: Patch | None = None
+    holonomic: Array | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -93,6 +96,8 @@ class Rows:
             raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
         if self.resultant is not None:
             self._check_resultant(m)
+        if self.holonomic is not None:
+            self._check_holonomic(m)
 
     def _check_resultant(self, m: int) -> None:
         resultant = self.resultant
@@ -101,6 +106,14 @@ class Rows:
             object.__setattr__(self, "resultant", resultant)
         if resultant.ndim != 2 or resultant.shape[1] != m or not is_finite(resultant):
             raise InputError(f"rows {self.name!r}: resultant has shape {resultant.shape}; expected (k, {m}) finite numbers.")
+
+    def _check_holonomic(self, m: int) -> None:
+        given = np.asarray(self.holonomic)
+        if given.dtype != bool or given.shape != (m,) or self.error is None:
+            raise InputError(
+                f"rows {self.name!r}: holonomic is {self.holonomic!r:.80}; expected {m} truth values, and an error with them."
+            )
+        object.__setattr__(self, "holonomic", given)
 
     def __repr__(self) -> str:
         return f"Rows({self.name!r}, m={len(self)}, nv={self.J.shape[1]}, cone={type(self.cone).__name__})"

@@ -56,3 +56,13 @@ def test_rows_are_frozen_and_compare_by_identity():
         rows.name = "other"
     assert rows == rows and rows != Rows("bar", np.eye(1), np.zeros(1), rbd.Free(1))
     assert "bar" in repr(rows) and "Free" in repr(rows)
+
+
+def test_holonomic_rows_are_truth_values_beside_an_error():
+    """Which rows have a position is said row by row, and only where there is an error."""
+    good = {"name": "ball", "J": np.eye(2), "bias": np.zeros(2), "cone": rbd.Free(2)}
+    rows = rbd.Rows(**good, error=[0.0, 0.1], holonomic=[False, True])
+    assert rows.holonomic.tolist() == [False, True]
+    for wrong in ({"holonomic": [False, True]}, {"error": np.zeros(2), "holonomic": [1.0, 0.0]}):
+        with pytest.raises(rbd.InputError, match="truth values"):
+            rbd.Rows(**good, **wrong)

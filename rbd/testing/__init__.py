@@ -1,0 +1,29 @@
+"""What a new constraint and a new solver must pass: `check_constraint`, `check_solver` and the reference problems.
+
+Nothing here trusts what it checks. A Jacobian is compared with the motion of the contact point itself, J_dot v with
+its second difference, a solver's answer with the equations of its law, written down here once more, and with closed
+forms.
+
+    ContractBroken (an RbdError)
+      ConstraintWrong     rows that do not describe the motion they claim
+      SolverWrong         an answer that misses its law or the closed form
+"""
+
+from rbd.reference_problems import ReferenceProblem, box, reference_problems
+from rbd.testing.constraint_check import ConstraintReport, check_constraint
+from rbd.testing.contracts import ConstraintWrong, ContractBroken, SolverWrong
+from rbd.testing.solver_check import SolverReport, check_solver, law_residuals
+
+__all__ = [
+    "ConstraintReport",
+    "ConstraintWrong",
+    "ContractBroken",
+    "ReferenceProblem",
+    "SolverReport",
+    "SolverWrong",
+    "box",
+    "check_constraint",
+    "check_solver",
+    "law_residuals",
+    "reference_problems",
+]

@@ -1,0 +1,170 @@
+"""A constraint against the motion that it claims to describe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.least_constraint import Constraint
+from rbd.rows import Patch, Rows
+from rbd.state import State
+from rbd.testing.contracts import ConstraintWrong
+from rbd.testing.solver_check import corner_rays
+
+STEP = 5e-3
+"""Time step of the differences [s]: with speeds of order one, rounding and truncation both stay below 1e-9."""
+
+_NODES = STEP * np.arange(-3, 4)
+_FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / (60.0 * STEP)  # sixth order
+_SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / (180.0 * STEP**2)  # sixth order
+
+
+@dataclass(frozen=True)
+class ConstraintReport:
+    """What `check_constraint` compared, and the largest deviations found, scaled as the tolerance is.
+
+    Attributes:
+        name: The constraint's name.
+        rows: Number of rows.
+        against: What J and J_dot v were compared with: "motion of the patch", "motion of the error", or "its own J",
+            where the rows give neither patch nor error: then only J_dot v was checked, and a wrong J passes.
+        jacobian: Deviation of J v from the motion; None where there was nothing to compare J with.
+        velocity: Deviation of the rows' `velocity` from J v.
+        jdot_v: Deviation of J a + J_dot v from the motion.
+    """
+
+    name: str
+    rows: int
+    against: str
+    jacobian: float | None
+    velocity: float
+    jdot_v: float
+
+
+def check_constraint(
+    constraint: Constraint, state: State, *, seed: int = 0, draws: int = 5, tolerance: float = 1e-7, moving: bool = True
+) -> ConstraintReport:
+    """How far a constraint's J, velocity and J_dot v are from motion along curves of the robot; raises if far.
+
+    Along q(t) = q (+) (v t + a t^2 / 2) the velocity is v + a t up to t^2, on a floating base too (there v and a are in
+    the base's axes). The contact's point and axes are differenced in t, to sixth order, without any Jacobian. Rows that
+    have `patch` and `resultant` must give
+
+        J v            = resultant^T (p', w)
+        J a + J_dot v  = resultant^T (p'', w')      with the patch's axes held still, as `bias` has it,
+
+    p the patch's point and w the angular velocity of its axes (which turn with the body where the resultant is a
+    wrench; where that has no moment about x, of the x axis alone); of a contact against another body, as seen from that
+    body's frame. Rays of the force cone must push along the patch's normal. Rows with an `error` and no patch must give
+    J v = error' and J a + J_dot v = error''. A patch with an error must give them too where its error is zero, the second
+    where J v = 0. Rows with neither have only their J_dot v checked, against the change of their own J; the report says so.
+
+    Of a contact with a surface whose motion is given, what its rows give at v = 0 is the surface's own, and is taken out of
+    them first, together with what changes its sign with v: the Coriolis term of a surface that turns, which is not checked.
+
+    Args:
+        constraint: What is checked.
+        state: Where; a generic posture sees more than a symmetric one.
+        seed: Of the drawn velocities and accelerations.
+        draws: How many.
+        tolerance: Largest deviation, over max(1, largest term).
+        moving: False draws velocities with J v = 0 only: for rows in axes that turn, whose J_dot v is right only
+            while the constraint is met.
+
+    Raises:
+        ConstraintWrong: with the row and the numbers.
+        InputError: if the constraint has no rows at this state: there is nothing to check.
+    """
+    rng, nv = np.random.default_rng(seed), state.robot.nv
+    rows = constraint.rows(state.with_velocity(np.zeros(nv)))
+    if rows.name != constraint.name:
+        raise ConstraintWrong(f"constraint {constraint.name!r} gave rows named {rows.name!r}; forces go by the rows' name.")
+    if not len(rows):
+        raise InputError(f"constraint {constraint.name!r} has no rows at this state; choose one where it acts.")
+    _check_normal(rows)
+    worst = {"J v": 0.0, "velocity": 0.0, "J a + J_dot v": 0.0}
+    for _ in range(draws):
+        v, a = rng.normal(size=nv), rng.normal(size=nv)
+        if not moving:
+            v -= np.linalg.pinv(rows.J) @ (rows.J @ v)
+        at, bias = constraint.rows(state.with_velocity(v)), np.zeros(len(rows))
+        if rows.velocity.any() or rows.bias.any():  # a surface moves by itself: J_dot v is what is quadratic in v
+            bias = 0.5 * (constraint.rows(state.with_velocity(-v)).bias - at.bias) - rows.bias
+        first, second, against, errors = _motion(constraint, state, rows, v, a)
+        deviations = {"J v": (rows.J @ v, first), "J a + J_dot v": (rows.J @ a + (at.bias + bias), second)}
+        if at.velocity.any() or rows.velocity.any():  # else the rows do not give it
+            deviations["velocity"] = (at.velocity - rows.velocity, rows.J @ v)
+        if errors is not None:
+            deviations["error' against J v:"] = (_FIRST @ errors, rows.J @ v)
+            if not moving:
+                deviations["error'' against J a + J_dot v:"] = (_SECOND @ errors, rows.J @ a + (at.bias + bias))
+        for what, (given, found) in deviations.items():
+            gap = np.abs(given - found) / max(1.0, float(np.abs(found).max()), float(np.abs(given).max()))
+            worst[what] = max(worst.get(what, 0.0), float(gap.max()))
+            if not gap.max() <= tolerance:
+                i = int(np.argmax(gap))
+                raise ConstraintWrong(
+                    f"{constraint.name!r}: {what} of row {i} is {given[i]:.9g}, and {against} says {found[i]:.9g} "
+                    f"(tolerance {tolerance:g}). Look for a wrong sign, frame or axis, or a term left out."
+                )
+    jacobian = None if against == "its own J" else worst["J v"]
+    return ConstraintReport(constraint.name, len(rows), against, jacobian, worst["velocity"], worst["J a + J_dot v"])
+
+
+def _motion(constraint: Constraint, state: State, rows: Rows, v: Array, a: Array) -> tuple[Array, Array, str, Array | None]:
+    """(J v, J a + J_dot v, whence, the errors of a patch that is at its anchor) as the motion along the curve has them."""
+    model, q = state.robot.model, state.q
+    states = [State(state.robot, pin.integrate(model, q, v * t + 0.5 * a * t * t)) for t in _NODES]
+    along = [constraint.rows(s) for s in states]
+    own = np.array([r.J @ (v + a * t) for r, t in zip(along, _NODES, strict=True)])
+    if rows.holonomic is not None and rows.error is not None:
+        held, errors = rows.holonomic, np.array([r.error for r in along])
+        first, second = np.where(held, _FIRST @ errors, rows.J @ v), np.where(held, _SECOND @ errors, _FIRST @ own)
+        return first, second, "motion of the error where there is one, its own J elsewhere,", None
+    if rows.patch is not None and rows.resultant is not None:
+        about = rows.resultant[3:]
+        of_line = len(about) == 3 and not np.abs(rows.patch.axes[:, 0] @ about).max(initial=0.0) > 1e-12  # no moment about x
+        y, anchored = _patch_motion(states, along, state, rows.patch, of_line), None
+        if rows.error is not None and np.abs(rows.error).max(initial=0.0) < 1e-9:
+            anchored = np.array([r.error for r in along])
+        y = y[:, : len(rows.resultant)]
+        return rows.resultant.T @ (_FIRST @ y), rows.resultant.T @ (_SECOND @ y), "motion of the patch", anchored
+    if rows.error is not None:
+        errors = np.array([r.error for r in along])
+        return _FIRST @ errors, _SECOND @ errors, "motion of the error", None
+    return rows.J @ v, _FIRST @ own, "its own J", None
+
+
+def _patch_motion(states: list[State], along: list[Rows], state: State, patch: Patch, of_line: bool) -> Array:
+    """Way and rotation vector of a patch from where it is at `state`, shape (nodes, 6), in world axes.
+
+    Against another body: as seen from its frame, whose axes stand as they do at `state`. Of a line, the turn of its
+    direction x alone, x at `state` cross x.
+    """
+    y = np.zeros((len(along), 6))
+    X_WB0 = _body(state, patch)
+    for i, (moved, r) in enumerate(zip(states, along, strict=True)):
+        assert r.patch is not None
+        back = X_WB0 * _body(moved, patch).inverse()  # moves the other body to where it was
+        y[i, :3] = back.act(r.patch.point) - patch.point
+        # The second derivative of the rotation vector at zero is the angular acceleration.
+        turned = back.rotation @ r.patch.axes
+        y[i, 3:] = np.cross(patch.axes[:, 0], turned[:, 0]) if of_line else pin.log3(turned @ patch.axes.T)
+    return y
+
+
+def _body(state: State, patch: Patch) -> pin.SE3:
+    return pin.SE3.Identity() if patch.against is None else state.frame(patch.against).X_WF
+
+
+def _check_normal(rows: Rows) -> None:
+    """Forces that only push must push along the patch's normal, out of the ground."""
+    if rows.patch is None or rows.resultant is None:
+        return
+    G = corner_rays(rows.cone)
+    if G is not None and (rows.patch.axes[:, 2] @ (rows.resultant @ G)[:3]).min() <= 0.0:
+        raise ConstraintWrong(f"{rows.name!r}: a force of its cone pulls along the patch's normal; one of them is upside down.")

@@ -1,0 +1,200 @@
+"""A solver against the equations of its law, written down once more, and against closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from rbd.arrays import Array
+from rbd.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.errors import InputError
+from rbd.parts import REST_SPEED
+from rbd.problem import GaussProblem
+from rbd.reference_problems import ReferenceProblem, reference_problems
+from rbd.solution import Solution, Status
+from rbd.solvers import Solver
+from rbd.testing.contracts import SolverWrong
+
+
+@dataclass(frozen=True)
+class SolverReport:
+    """What `check_solver` ran.
+
+    Attributes:
+        ran: {problem: largest residual, scaled as `Solution.residuals`}.
+        skipped: {problem: why the solver does not take it}.
+        failed: {problem: what is wrong}.
+    """
+
+    ran: dict[str, float]
+    skipped: dict[str, str]
+    failed: dict[str, str]
+
+
+def check_solver(
+    solver: Solver,
+    *,
+    problems: Sequence[ReferenceProblem] | None = None,
+    tolerance: float = 1e-9,
+    accuracy: float = 1e-7,
+) -> SolverReport:
+    """What ran and what was skipped, of all reference problems put to a solver; raises if an answer is wrong.
+
+    Each answer must satisfy the equations of motion, the constraints and the force sets of the law that it names,
+    recomputed here, must agree with the closed form, and must know that it is solved. A floor must push up with the
+    weight.
+
+    Args:
+        solver: What is checked.
+        problems: By default `reference_problems()`.
+        tolerance: Largest scaled residual.
+        accuracy: Largest deviation of a and of the forces from the closed form, over max(1, largest entry).
+
+    Raises:
+        SolverWrong: if any fails, or none ran; the message has a line for each, with numbers.
+    """
+    report = SolverReport({}, {}, {})
+    for reference in reference_problems() if problems is None else problems:
+        reason = solver.reason_unsupported(reference.problem)
+        if reason is not None:
+            report.skipped[reference.name] = reason
+            continue
+        solution = solver.solve(reference.problem)
+        found = law_residuals(reference.problem, solution, solver.law)
+        report.ran[reference.name] = max(found.values())
+        wrong = [f"{what} {value:.2e} > {tolerance:g}" for what, value in found.items() if not value <= tolerance]
+        wrong += _against_closed_form(reference, solution, solver.law, accuracy)
+        if not wrong and solution.status is not Status.SOLVED:
+            wrong = [f"its status is {solution.status}, though its residuals are small"]
+        if wrong:
+            report.failed[reference.name] = "; ".join(wrong)
+    if report.failed or not report.ran:
+        name = type(solver).__name__
+        lines = [f"  {what}: {why}" for what, why in report.failed.items()] or ["  it takes none of the problems"]
+        raise SolverWrong(f"{name} fails {len(report.failed)} of {len(report.ran)} problems:\n" + "\n".join(lines), report)
+    return report
+
+
+def _against_closed_form(reference: ReferenceProblem, solution: Solution, law: str, accuracy: float) -> list[str]:
+    pairs = []
+    a = reference.a.get(law, reference.a.get("any"))
+    if a is not None:
+        pairs.append(("a", solution.a, a))
+    pairs += [(f"force of {name!r}", solution.forces[name], f) for name, f in reference.forces.items()]
+    if reference.net_force is not None:
+        total = np.sum([f[:3] for f in solution.forces.values()], axis=0)
+        pairs.append(("sum of the forces", total, reference.net_force))
+    wrong = []
+    for what, given, expected in pairs:
+        gap = float(np.abs(given - expected).max(initial=0.0)) / max(1.0, float(np.abs(expected).max(initial=0.0)))
+        if not gap <= accuracy:
+            wrong.append(f"{what} is {np.round(given, 6).tolist()}, not {np.round(expected, 6).tolist()}")
+    return wrong
+
+
+def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[str, float]:
+    """Scaled residuals of an answer's law, computed without `rbd.residuals` and without the answer's weights.
+
+    Args:
+        problem: What is answered.
+        solution: The answer; "facets" in its law says that pyramids stand for the cones.
+        law: The solver's law.
+
+    Returns:
+        stationarity, feasibility, cone and complementarity, scaled as in `rbd.residuals.Residuals`; NaN becomes inf.
+    """
+    a, f, M = solution.a, solution.multipliers, problem.M
+    force_scale = max(1.0, (np.abs(M) @ np.abs(a)).max(), np.abs(problem.rhs).max(), np.abs(f).max(initial=0.0))
+    worst = {"stationarity": 0.0, "feasibility": 0.0, "cone": 0.0, "complementarity": 0.0}
+    row_scale, at, left = 1.0, 0, M @ a - problem.rhs
+    for rows in problem.rows:
+        part, offset = f[at : at + len(rows)], rows.bias + rows.feedback
+        at += len(rows)
+        left = left - rows.J.T @ part
+        if not len(rows):
+            continue
+        row_scale = max(row_scale, float((np.abs(rows.J) @ np.abs(a) + np.abs(offset)).max()))
+        corners = None
+        if "facets" not in solution.law and isinstance(rows.cone, WrenchCone | LineCone):
+            if rows.patch is None:
+                raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
+            corners = solution.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
+        cone = _against_motion(rows.cone, rows.velocity)
+        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in solution.law else law, corners)
+        for what, value in zip(("feasibility", "cone", "complementarity"), gaps, strict=True):
+            worst[what] = max(worst[what], value)
+    worst["stationarity"] = float(np.abs(left).max()) / force_scale
+    worst["feasibility"] /= row_scale
+    worst["cone"] /= force_scale
+    worst["complementarity"] /= force_scale * row_scale
+    return {what: value if np.isfinite(value) else np.inf for what, value in worst.items()}
+
+
+def _against_motion(cone: Cone, velocity: Array) -> Cone:
+    """The set with the moving components of its boxes at the bound against their motion."""
+    if isinstance(cone, Product):
+        ends = np.cumsum([part.dim for part in cone.cones])[:-1]
+        return Product([_against_motion(part, u) for part, u in zip(cone.cones, np.split(velocity, ends), strict=True)])
+    if not isinstance(cone, Box) or not (np.abs(velocity) > REST_SPEED).any():
+        return cone
+    lo = np.where((velocity < -REST_SPEED) & np.isfinite(cone.hi), cone.hi, cone.lo)
+    return Box(lo, np.where((velocity > REST_SPEED) & np.isfinite(cone.lo), cone.lo, cone.hi))
+
+
+def _gaps(cone: Cone, c: Array, f: Array, law: str, corners: Array | None) -> tuple[float, float, float]:
+    """How far c is from where it may be, f from the cone, and the two from being complementary."""
+    if isinstance(cone, Product):
+        ends = np.cumsum([part.dim for part in cone.cones])[:-1]
+        parts = zip(cone.cones, np.split(c, ends), np.split(f, ends), strict=True)
+        found = [_gaps(part, c_i, f_i, law, corners) for part, c_i, f_i in parts]
+        return max(x[0] for x in found), max(x[1] for x in found), max(x[2] for x in found)
+    if isinstance(cone, Free):
+        return float(np.abs(c).max()), 0.0, 0.0
+    if isinstance(cone, NonNegative):
+        return float(np.maximum(-c, 0.0).max()), float(np.maximum(-f, 0.0).max()), float(np.abs(f * c).max())
+    if isinstance(cone, Box):
+        opens, closes, low, high = np.maximum(c, 0.0), np.maximum(-c, 0.0), np.isfinite(cone.lo), np.isfinite(cone.hi)
+        gap = np.where(low, 0.0, opens) + np.where(high, 0.0, closes)  # where no bound ends the force, nothing may move
+        slack = opens * np.abs(f - np.where(low, cone.lo, f)) + closes * np.abs(np.where(high, cone.hi, f) - f)
+        beyond = np.maximum(np.maximum(cone.lo - f, f - cone.hi), 0.0)
+        return float(gap.max(initial=0.0)), float(beyond.max(initial=0.0)), float(slack.max(initial=0.0))
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
+        raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.cones.")
+    if law == "pyramids":
+        G = corner_rays(cone)
+        assert G is not None
+        return float(np.maximum(-(G.T @ c), 0.0).max()), float(nnls(G, f)[1]), abs(float(f @ c))
+    C, mu = (_corner_map(cone).T @ c).reshape(-1, 3), cone.mu
+    corners = f[None] if corners is None else corners
+    if law == "coulomb":
+        C = C + mu * np.linalg.norm(C[:, :2], axis=1)[:, None] * np.array([0.0, 0.0, 1.0])
+    opening = mu * np.linalg.norm(C[:, :2], axis=1) - C[:, 2]
+    beyond = np.linalg.norm(corners[:, :2], axis=1) - mu * corners[:, 2]
+    split = float(np.abs(_corner_map(cone) @ corners.ravel() - f).max())
+    slack = float(np.abs((C * corners).sum(axis=1)).max())
+    return float(np.maximum(opening, 0.0).max()), max(split, float(np.maximum(beyond, 0.0).max())), slack
+
+
+def _corner_map(cone: FrictionCone | WrenchCone | LineCone) -> Array:
+    """Row forces of stacked corner forces: identity for a point, p and c x p for a patch; of a line no moment about it."""
+    if isinstance(cone, FrictionCone):
+        return np.eye(3)
+    G = np.hstack([np.vstack([np.eye(3), np.cross(c, np.eye(3)).T]) for c in cone.corners])
+    return G[[0, 1, 2, 4, 5]] if isinstance(cone, LineCone) else G
+
+
+def corner_rays(cone: Cone) -> Array | None:
+    """Rays of the corner pyramids as columns, from their facets: a ray is where two neighbouring facets meet."""
+    if isinstance(cone, NonNegative):
+        return np.eye(cone.dim) if cone.dim == 1 else None
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
+        return None
+    angle = 2.0 * np.pi * np.arange(cone.facets) / cone.facets
+    inward = np.column_stack([-np.cos(angle), -np.sin(angle), np.full(cone.facets, cone.mu)])
+    rays = np.cross(inward, np.roll(inward, -1, axis=0))
+    rays = (rays / rays[:, 2:]).T
+    G = _corner_map(cone)
+    return np.hstack([G[:, i : i + 3] @ rays for i in range(0, G.shape[1], 3)])
