@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import webbrowser
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 # Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
 FRONT_LEFT = (1.0, 0.62, 0.34)
+BESIDE_OPACITY = 0.55
 
 
 class Scene:
@@ -94,6 +95,9 @@ class Scene:
         self._drawn: list[marks.Mark] = []
         self._contacts: list[ShownForce] = []
         self._server: LiveServer | None = None
+        self._pushed: list[tuple[str, Array, Array]] = []
+        self._others: dict[str, str] = {}
+        self._further = np.zeros((0, 3))
 
     @property
     def contacts(self) -> tuple[ShownForce, ...]:
@@ -158,7 +162,7 @@ class Scene:
             self._sizes = self._measure(self._extremes(self._data))
         self._contacts = [] if solution is None else shown_forces(solution)
         self._seen += [c.name for c in self._contacts if c.name not in self._seen]
-        pushed = pushes(state, external)
+        self._pushed = pushed = pushes(state, external)
         self._drawn = self._marks(np.asarray(state.com, float), pushed)
         self._viewer["marks"].delete()
         for mark in self._drawn:
@@ -167,6 +171,42 @@ class Scene:
             self._write_legend(pushed)
         if first:
             self._recorder.post("view", self._view(self._data))
+
+    def beside(self, states: Mapping[str, State]) -> None:
+        """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
+
+        They stay until the next call; `{}` takes them away. The legend names them.
+
+        Args:
+            states: {name: where the robot is}, of the scene's robot, in the order of the colours (`contact_colors`).
+
+        Raises:
+            InputError: if something else is given, or a state has another size.
+            PictureError: if nothing has been shown yet.
+        """
+        self._shown()
+        if not isinstance(states, Mapping) or not all(isinstance(name, str) for name in states):
+            raise InputError(f"states are {states!r:.80}; expected {{name: rbd.State}}.")
+        model = self._robot.model
+        for name, state in states.items():
+            if not isinstance(state, State) or len(state.q) != model.nq:
+                raise InputError(f"{name!r} is no state of {self._robot.name!r}; expected rbd.State(robot, q).")
+        self._viewer["beside"].delete()
+        self._others = contact_colors(states)
+        points = [np.zeros((0, 3))]
+        for i, (name, state) in enumerate(states.items()):
+            data = model.createData()
+            pin.forwardKinematics(model, data, np.asarray(state.q, float))
+            for j, part in enumerate(self._parts):
+                if part.joint:  # what is fixed to the world is in the picture already
+                    path = f"beside/{i}/{j}"
+                    tint = MeshPhongMaterial(color=rgb_number(self._others[name]), opacity=BESIDE_OPACITY)
+                    self._send_mesh(path, part.mesh, tint)
+                    self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
+            points.append(self._extremes(data))
+        self._further = np.vstack(points)
+        if self._legend:
+            self._write_legend(self._pushed)
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -272,7 +312,7 @@ class Scene:
         colors = contact_colors(self._seen)
         sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
         what = marks.legend(self._robot.name, self._contacts, colors, sizes)
-        rest = [("centre of mass, drop line", COM_COLOR)]
+        rest = [*self._others.items(), ("centre of mass, drop line", COM_COLOR)]
         if len(support_polygon(self._contacts)):
             rest.append(("support polygon", SUPPORT_COLOR))
         entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]
@@ -287,7 +327,7 @@ class Scene:
 
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, as the page takes them."""
-        fit = _outermost(np.vstack([self._extremes(data), *[mark.mesh.vertices for mark in self._drawn]]))
+        fit = _outermost(np.vstack([self._extremes(data), self._further, *[mark.mesh.vertices for mark in self._drawn]]))
         low, high = fit.min(axis=0), fit.max(axis=0)
         view = {
             "direction": self._direction(),

@@ -317,3 +317,30 @@ def test_the_arrows_of_two_soles_are_seen_side_by_side(picture, held):
         middle[name] = np.argwhere(seen).mean(axis=0)
     assert min(row for row, _ in middle.values()) > 360
     assert middle["left_sole"][1] > middle["right_sole"][1]
+
+
+class TestBeside:
+    """Further poses at the same place."""
+
+    def test_every_pose_is_drawn_and_named(self, g1):
+        """A part for each moving piece of each pose, in the legend by name; the next call replaces them."""
+        state = g1.standing()
+        with Scene(g1) as scene:
+            scene.show(state)
+            scene.beside({"one": state, "two": g1.at()})
+            messages = "".join(str(m) for m in scene._recorder.messages()[0])
+            assert "beside/0/" in messages and "beside/1/" in messages and "two" in messages
+            scene.beside({})
+            messages = "".join(str(m) for m in scene._recorder.messages()[0])
+            assert "beside/0/" not in messages
+
+    def test_what_is_no_pose_is_refused(self, g1):
+        """By name; and nothing before a first picture."""
+        with Scene(g1) as scene:
+            with pytest.raises(rbd.errors.PictureError, match="empty"):
+                scene.beside({})
+            scene.show(g1.standing())
+            with pytest.raises(rbd.InputError, match="'odd' is no state"):
+                scene.beside({"odd": np.zeros(3)})
+            with pytest.raises(rbd.InputError, match="expected"):
+                scene.beside([g1.standing()])
