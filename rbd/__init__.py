@@ -3,7 +3,7 @@
 from rbd import engine as _engine  # noqa: F401  first: another Pinocchio than ours is named before anything breaks
 
 # isort: split
-from rbd import dynamics, errors
+from rbd import dynamics, errors, mechanism
 from rbd.agreement import Agreement, agree
 from rbd.analysis.contradiction import Contradiction, contradiction
 from rbd.analysis.uniqueness import Uniqueness
@@ -11,13 +11,20 @@ from rbd.combined import Pair, combine
 from rbd.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.constraints import (
     Baumgarte,
+    FunctionConstraint,
     JointCoupling,
     JointFriction,
     JointLimit,
     JointLock,
+    KnifeEdge,
     LineContact,
+    LoopClosure,
     PointContact,
+    RollingBall,
+    RollingDisk,
+    RollingWheel,
     SurfaceContact,
+    VelocityConstraint,
     joint_frictions,
     joint_limits,
     mimics,
@@ -25,6 +32,7 @@ from rbd.constraints import (
 from rbd.doctor import Finding, Report, doctor
 from rbd.equilibrium import Hold, hold
 from rbd.errors import (
+    CannotAssemble,
     CannotHold,
     ContactMoves,
     DuplicateName,
@@ -38,10 +46,12 @@ from rbd.errors import (
     NoSolution,
     NotAtRest,
     NotDifferentiable,
+    OpenLoop,
     RbdError,
     RbdWarning,
     SeveralMotions,
     SingularInertia,
+    SingularPose,
     UnknownName,
     UnknownRobot,
     Unsupported,
@@ -70,6 +80,7 @@ __all__ = [
     "Agreement",
     "Baumgarte",
     "Box",
+    "CannotAssemble",
     "CannotHold",
     "ContactMoves",
     "Derivatives",
@@ -81,6 +92,7 @@ __all__ = [
     "FrameNotFound",
     "Free",
     "FrictionCone",
+    "FunctionConstraint",
     "GaussProblem",
     "Hold",
     "InaccurateWarning",
@@ -90,14 +102,17 @@ __all__ = [
     "JointLimit",
     "JointLock",
     "JointNotFound",
+    "KnifeEdge",
     "LawComparison",
     "LineCone",
     "LineContact",
+    "LoopClosure",
     "ModelError",
     "ModelWarning",
     "NoSolution",
     "NonNegative",
     "NotAtRest",
+    "OpenLoop",
     "NotDifferentiable",
     "Pair",
     "PointContact",
@@ -107,9 +122,13 @@ __all__ = [
     "RbdWarning",
     "Report",
     "Robot",
+    "RollingBall",
+    "RollingDisk",
+    "RollingWheel",
     "Rows",
     "SeveralMotions",
     "SingularInertia",
+    "SingularPose",
     "Solution",
     "State",
     "Status",
@@ -118,6 +137,7 @@ __all__ = [
     "UnknownName",
     "UnknownRobot",
     "Unsupported",
+    "VelocityConstraint",
     "WrenchCone",
     "WrongPinocchio",
     "__version__",
@@ -132,6 +152,7 @@ __all__ = [
     "joint_frictions",
     "joint_limits",
     "load_robot",
+    "mechanism",
     "mimics",
     "solve",
     "Contradiction",

@@ -82,7 +82,7 @@ def a_number(value: object) -> float:
         return math.nan
     try:
         return float(value)
-    except OverflowError:
+    except (OverflowError, TypeError):  # a time difference counts as an integer of NumPy's
         return math.nan
 
 

@@ -122,6 +122,15 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
     raise UnknownRobot(f"no robot {name!r:.80}; {close}. rbd.catalogue.names() has them all.")
 
 
+def file_path(path: str | os.PathLike[str], what: str) -> Path:
+    """A path as given, `~` understood.
+
+    Raises:
+        InputError: if it is no path.
+    """
+    return _expanded(_text(path, what))
+
+
 def _text(value: object, what: str) -> str:
     """A name or path as text.
 

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, NoReturn, Protocol
 
 import typer
 from rich.console import Console
@@ -22,11 +22,19 @@ from rbd.equilibrium import hold
 from rbd.errors import InputError, ModelWarning, NoSolution, RbdError
 from rbd.external import ExternalForce
 from rbd.least_constraint import solve
+from rbd.loop_file import ROOTS, Root
 from rbd.report import StandReport
 from rbd.robot import load_robot
 
 NO_SOLUTION, BAD_INPUT = 1, 2
-ROOTS: tuple[Literal["free_flyer"], Literal["fixed"]] = ("free_flyer", "fixed")
+
+
+class Reported(Protocol):
+    """A report that can be written as JSON."""
+
+    def data(self) -> dict[str, object]:
+        """The numbers."""
+
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
@@ -105,7 +113,7 @@ def robots() -> None:
 @app.command()
 def info(
     robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
-    root: Annotated[str, typer.Option(help="free_flyer or fixed.")] = "free_flyer",
+    root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
     package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
 ) -> None:
     """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
@@ -119,11 +127,50 @@ def info(
         console.print(robot_info(loaded), soft_wrap=False)
 
 
-def _root(root: str) -> Literal["free_flyer", "fixed"]:
+@app.command()
+def mechanism(
+    file: Annotated[str, typer.Argument(help="Path of a URDF (its loops in FILE.loops.yaml) or MJCF, or name of a robot.")],
+    posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the random starts that look for branches.")] = 0,
+    tries: Annotated[int, typer.Option(help="How many random starts.")] = 200,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the picture with every branch: one page.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")] = False,
+) -> None:
+    """Tell what a mechanism can do: bodies, joints, loops, mobility three ways, branches, singular poses.
+
+    Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
+    """
+    from rbd.mechanism_report import mechanism_report
+
+    console = _console()
+    with _answering(console):
+        loaded = load_robot(file, package_dirs=package_dir or ())
+        name = posture if posture is not None else next(iter(loaded.postures), None)
+        q = loaded.at().q if name is None else loaded.at(name).q
+        report = mechanism_report(loaded, q, seed=seed, tries=tries)
+        _write_json(json_, report)
+        console.print(str(report), highlight=False, markup=False, soft_wrap=True)
+        if html is not None or show:
+            from rbd.visual import Scene
+
+            with Scene(loaded) as scene:
+                scene.show(report.state)
+                scene.beside(report.poses())
+                if html is not None:
+                    console.print(f"picture: {scene.export(html)}", soft_wrap=True)
+                if show:
+                    _serve(console, scene.open())
+
+
+def _root(root: str | None) -> Root | None:
     for known in ROOTS:
         if root == known:
             return known
-    raise InputError(f"--root is {root!r}; expected free_flyer or fixed.")
+    if root is not None:
+        raise InputError(f"--root is {root!r}; expected {', '.join(ROOTS)}.")
+    return None
 
 
 def _push(push: str | None, at: str | None) -> Array | None:
@@ -139,7 +186,7 @@ def _push(push: str | None, at: str | None) -> Array | None:
     return three("--push", numbers)
 
 
-def _write_json(path: Path | None, report: StandReport) -> None:
+def _write_json(path: Path | None, report: Reported) -> None:
     if path is None:
         return
     try:

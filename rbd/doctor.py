@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError
+from rbd.loop_file import ROOTS
 from rbd.model import CheckedModel
 from rbd.model_file import RobotFile, read
+from rbd.state import State
 
 if TYPE_CHECKING:
     from rbd.robot import Robot
@@ -25,6 +27,8 @@ NOTHING = 1e-14
 TRIES, TRIES_STRANGE = 3, 50
 """Random configurations at which M is tried, where bodies are as bodies can be and where some are not."""
 SHOWN = 3  # names in a line
+CLOSED = 1e-6
+"""A loop that is open by less is closed: files round."""
 
 _ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, yy, yz, zz)
 
@@ -41,6 +45,7 @@ SUMMARY = {
     "mimic": ("joint mimics another in the file, and is free here", "joints mimic others in the file, and are free here"),
     "planar": ("planar joint has an axis that is not its z", "planar joints have axes that are not their z"),
     "equality": ("equality constraint is left out", "equality constraints are left out"),
+    "loop": ("loop is open in every posture", "loops are open in every posture"),
 }
 """How many of a kind, in a sentence."""
 
@@ -68,11 +73,13 @@ class Report:
         robot: Its name.
         errors: What makes answers wrong; `load_robot` refuses such a robot.
         warnings: What a user should know.
+        notes: What closes the robot's tree and what it rolls on; nothing is wrong with that.
     """
 
     robot: str
     errors: tuple[Finding, ...]
     warnings: tuple[Finding, ...]
+    notes: tuple[Finding, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -83,8 +90,10 @@ class Report:
         """A table, one line a finding."""
         found = [("ERROR", f) for f in self.errors] + [("warning", f) for f in self.warnings]
         head = f"{self.robot}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        head += "" if found else ". Nothing is wrong with it."
+        found += [("note", f) for f in self.notes]
         if not found:
-            return f"{head}. Nothing is wrong with it."
+            return head
         kind, where = (max(len(getattr(f, key)) for _, f in found) for key in ("kind", "where"))
         where = min(where, 40)
         return "\n".join([head, *(f"  {mark:7}  {f.kind:{kind}}  {f.where:{where}}  {f.text}" for mark, f in found)])
@@ -104,7 +113,8 @@ def doctor(robot: Robot) -> Report:
 
     Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
     indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
-    limits, missing meshes, missing effort limits, damping and friction, mimicked joints. M is tried at neutral and at
+    limits, missing meshes, missing effort limits, damping and friction, mimicked joints, loops that no posture closes. Notes:
+    loops and wheels, and where the loops are closed. M is tried at neutral and at
     random configurations (the same ones each time); no mesh is opened.
 
     Raises:
@@ -114,7 +124,7 @@ def doctor(robot: Robot) -> Report:
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
     source = robot.source
-    file = read(source.urdf, robot.limits, floating=robot.root == "free_flyer")
+    file = read(source.urdf, robot.limits, base=ROOTS[robot.root])
     return examine(robot, file, robot.postures, source.package_dirs)
 
 
@@ -132,7 +142,9 @@ def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array],
         *_friction(robot.model),
         *(Finding(kind, where, text) for kind, where, text in file.remarks),
     ]
-    return Report(robot.name, tuple(errors), tuple(warnings))
+    notes = [] if errors else list(_loops(robot, postures))
+    warnings += [f for f, closed in notes if not closed]
+    return Report(robot.name, tuple(errors), tuple(warnings), tuple(f for f, closed in notes if closed))
 
 
 def refuse(report: Report, file: str) -> None:
@@ -293,6 +305,33 @@ def _friction(model: pin.Model) -> Iterator[Finding]:
         name = _joint_of(model, int(i), "idx_v", "nv")
         told = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
         yield Finding("friction", name, told)
+
+
+def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[Finding, bool]]:
+    """Each loop and wheel with where it is closed, and whether that is anywhere."""
+    given = {**{repr(name): q for name, q in postures.items()}, "the neutral posture": pin.neutral(robot.model)}
+    states = [(where, State(robot, q)) for where, q in given.items()] if getattr(robot, "loops", ()) else []
+    for loop in getattr(robot, "loops", ()):
+        found = [(where, gap) for where, state in states if (gap := _gap(loop, state)) is not None]
+        closed = [where for where, gap in found if gap <= CLOSED]
+        told = f"{type(loop).__name__}: "
+        if closed:
+            told += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
+        else:
+            where, gap = min(found, key=lambda each: each[1], default=("", np.inf))
+            told += f"open in every posture, by {gap:.3g} in {where} at least; rbd.mechanism.assemble closes it"
+        yield Finding("loop", loop.name, told), bool(closed)
+    for wheel in getattr(robot, "wheels", ()):
+        yield Finding("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
+
+
+def _gap(loop: Any, state: State) -> float | None:
+    """How far a loop is open [m, rad]; None where that has no answer, as for a hinge whose axes are opposite."""
+    try:
+        error = loop.rows(state).error
+    except InputError:
+        return None
+    return None if error is None else float(np.abs(error).max())
 
 
 def _some(names: Iterable[str]) -> str:

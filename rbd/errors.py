@@ -15,6 +15,8 @@
       SingularInertia                   M(q) is not positive definite
       NoSolution                        no answer within tolerance; carries problem and result
         CannotHold                      no motor torques hold this pose
+        CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
+        SingularPose                    here the known motions do not decide the others
       PictureError                      a page or a screenshot could not be made
       WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
       ContractBroken                    in rbd.testing: a constraint or a solver does not do what it says
@@ -23,6 +25,7 @@
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
+      OpenLoop                          a loop is not closed at this state, and is solved as it stands
       ModelWarning                      a robot file that loads, but is not what it seems
       SeveralMotions                    more than one motion satisfies the contact law; the answer is one of them
 """
@@ -136,6 +139,36 @@ class CannotHold(NoSolution):
     """No motor torques within the limits, with forces within the cones, keep this pose still."""
 
 
+class CannotAssemble(NoSolution):
+    """The constraints were not met: loops that cannot close, a start too far away, fixed values that contradict each other.
+
+    Attributes:
+        q: The configuration that came nearest, shape (nq,), or None.
+        distances: {constraint: length of its error there} [m, rad], of those that are not met.
+        minimum: Whether the distance is a true minimum there: no small motion makes it less.
+        elsewhere: A configuration that meets them, reached from another start, or None where none was found.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        q: Array | None = None,
+        distances: Mapping[str, float] | None = None,
+        minimum: bool = False,
+        elsewhere: Array | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.q = q
+        self.distances = {} if distances is None else dict(distances)
+        self.minimum = minimum
+        self.elsewhere = elsewhere
+
+
+class SingularPose(NoSolution):
+    """At this pose the motions that are known do not decide the others; the message says which, and why."""
+
+
 class PictureError(RbdError):
     """A page or a screenshot could not be made."""
 
@@ -158,6 +191,10 @@ class InaccurateWarning(RbdWarning):
 
 class SeveralMotions(RbdWarning):
     """More than one motion satisfies the contact law; the answer is one of them, `Solution.others` has others."""
+
+
+class OpenLoop(RbdWarning):
+    """A loop is not closed at the state that was solved; the answer is that of a mechanism put together as it stands."""
 
 
 class ModelWarning(RbdWarning):

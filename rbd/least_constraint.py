@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from rbd.arrays import Array, largest
+from rbd.constraints.loop import LoopClosure
 from rbd.dynamics import free_force
 from rbd.errors import (
     ContactMoves,
@@ -17,6 +18,7 @@ from rbd.errors import (
     InaccurateWarning,
     InputError,
     NoSolution,
+    OpenLoop,
     SeveralMotions,
     Unsupported,
 )
@@ -31,6 +33,9 @@ from rbd.solution import Solution, Status
 from rbd.solvers import Solver
 from rbd.solvers.proxqp import ProxQP
 from rbd.state import State
+
+OPEN = 1e-3
+"""A loop that is open by more than this [m, rad] at the state that is solved gets a warning."""
 
 
 class Constraint(Protocol):
@@ -112,9 +117,21 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
     _warn_of_effort(state.robot, np.asarray(tau, float))
     given = _listed(constraints)
     rows = _rows_of(state, given)
+    _warn_of_open(given, rows)
     loose = any([r.resultant is None or r.patch is None for r in rows])
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
     return GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), origin, from_state=state.robot.sound)
+
+
+def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
+    for constraint, r in zip(constraints, rows, strict=True):
+        if type(constraint) is LoopClosure and r.error is not None and largest(r.error) > OPEN:
+            warnings.warn(
+                f"loop {r.name!r} is open by {largest(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
+                "rbd.mechanism.assemble(robot, robot.loops, q) closes it; rbd.Baumgarte pulls it together.",
+                OpenLoop,
+                stacklevel=4,
+            )
 
 
 def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:

@@ -19,6 +19,7 @@ from rbd.equilibrium import hold
 from rbd.errors import ModelWarning, RbdError
 from rbd.robot import Robot, load_robot
 
+_BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
 UNLIMITED = 1e100
 """A bound beyond this is none: files say it with the largest number there is."""
 
@@ -91,7 +92,7 @@ def robot_info(robot: Robot) -> Group:
     """The tables of `rbd info`: joints with limits, frames, feet, postures, mass, and what the doctor found."""
     head = Text(
         f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}, {robot.nu} motors, "
-        f"{'floating' if robot.floating else 'fixed'} base, file {robot.urdf.name}"
+        f"{_BASES[robot.root]} base, file {robot.urdf.name}"
     )
     feet = ", ".join(f"{foot.name} ({foot.kind} on {foot.frame})" for foot in robot.source.feet) or "none known"
     postures = ", ".join(robot.postures) or "none known"

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, largest, numbers
-from rbd.errors import FrameNotFound, InputError, JointNotFound, nearest
+from rbd.errors import FrameNotFound, InputError, JointNotFound, ModelError, nearest
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""
@@ -54,6 +54,7 @@ class CheckedModel:
     def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
         self.model = model
         self.name = name or model.name
+        _check_order(model)
         self.nq: int = model.nq
         self.nv: int = model.nv
         self.mass = float(pin.computeTotalMass(model))
@@ -259,6 +260,17 @@ def _as_slice(indices: Array) -> slice | Array:
     if len(indices) and (np.diff(indices) == 1).all():
         return slice(int(indices[0]), int(indices[-1]) + 1)
     return indices
+
+
+def _check_order(model: pin.Model) -> None:
+    """Refuse joints that are not depth-first: Pinocchio's M and Jacobians take subtrees for blocks, and are silently wrong."""
+    for i in range(1, model.njoints):
+        below = sorted(model.subtrees[i])
+        if below != list(range(i, i + len(below))):
+            raise ModelError(
+                f"the joints of {model.name!r} are not numbered depth-first: below {model.names[i]!r} stand the numbers "
+                f"{str(below)[:80]}. Add each branch of the tree in one piece, then the next."
+            )
 
 
 def _frame_ids(model: pin.Model) -> dict[str, int]:

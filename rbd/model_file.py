@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from rbd.errors import ModelError
+from rbd.mjcf_equality import Equality, read_equalities
 from rbd.mjcf_file import check_mjcf
 from rbd.urdf_file import UrdfFile, check_urdf
 from rbd.xml_file import FileLimits, read_xml
@@ -30,6 +31,7 @@ class RobotFile:
         mass: That of the moving links [kg]; for an MJCF only what its <inertial> elements say.
         remarks: (kind, where, text) of what the file says and the model leaves out.
         meshes: (as named, where it may be relative to a folder) of each mesh, once.
+        equalities: Loops of an MJCF, between its bodies, sites and joints.
     """
 
     path: Path
@@ -39,6 +41,7 @@ class RobotFile:
     mass: float
     remarks: tuple[tuple[str, str, str], ...]
     meshes: tuple[tuple[str, str], ...]
+    equalities: tuple[Equality, ...] = ()
 
     def missing_meshes(self, package_dirs: Sequence[Path]) -> Iterator[str]:
         """Names of the meshes that are in none of the folders; none is opened."""
@@ -48,13 +51,14 @@ class RobotFile:
                 yield name
 
 
-def read(path: Path, limits: FileLimits | None = None, *, floating: bool = True, known: bool = False) -> RobotFile:
+def read(path: Path, limits: FileLimits | None = None, *, base: int = 6, known: bool = False) -> RobotFile:
     """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
 
     Args:
         path: A URDF or MJCF file.
         limits: How large it may be.
-        floating: A URDF is to get a floating base; else its root link is welded to the world.
+        base: Freedoms of the joint that a URDF's root link is to get: 6 for a floating base, 3 for one that slides and turns
+            on the ground, 0 where it is welded to the world.
         known: A file of the robot data: a mimic of nothing is passed over, as the dynamics mimic nothing anyway.
 
     Raises:
@@ -65,15 +69,15 @@ def read(path: Path, limits: FileLimits | None = None, *, floating: bool = True,
     if element.tag == "mujoco":
         mass = check_mjcf(path, element)
         bodies = tuple(body.get("name", "") for body in element.findall("worldbody//body"))
-        lost = [("equality", e.get("name") or e.tag, "is no part of the model") for e in element.findall("equality/*")]
-        return RobotFile(path, "mjcf", None, bodies, mass, tuple(lost), _mjcf_meshes(element))
+        equalities, lost = read_equalities(path.name, element)
+        return RobotFile(path, "mjcf", None, bodies, mass, lost, _mjcf_meshes(element), equalities)
     if element.tag != "robot":
         raise ModelError(
             f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>."
         )
-    urdf = check_urdf(path, element, floating=floating, known=known)
-    check_freedoms(path, urdf.freedoms + 6 * floating, limits)
-    mass = sum(link.mass for link in urdf.links.values() if floating or link.name not in urdf.base)
+    urdf = check_urdf(path, element, floating=base > 0, known=known)
+    check_freedoms(path, urdf.freedoms + base, limits)
+    mass = sum(link.mass for link in urdf.links.values() if base or link.name not in urdf.base)
     return RobotFile(path, "urdf", urdf, tuple(urdf.links), mass, tuple(_remarks(urdf)), _urdf_meshes(element))
 
 

@@ -1,4 +1,4 @@
-"""Least-constraint problems with their answers, for `rbd.testing.check_solver`: boxes, beads, stops, made-up ones."""
+"""Problems with their answers, for `rbd.testing.check_solver`: boxes, beads, stops, mechanisms, made-up ones."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.loop import LoopClosure
+from rbd.constraints.nonholonomic import KnifeEdge
+from rbd.constraints.rolling import RollingBall
 from rbd.external import ExternalForce
 from rbd.least_constraint import Constraint, gauss_problem
 from rbd.model import CheckedModel
@@ -58,11 +61,11 @@ def box(mass: float = 10.0, size: tuple[float, float, float] = (0.4, 0.4, 0.2)) 
 
 
 def reference_problems() -> list[ReferenceProblem]:
-    """Problems with known answers: at rest, held, redundant, sticking, slipping, lifting, with J_dot v, with feedback.
+    """Problems with known answers: at rest, held, redundant, sticking, slipping, lifting, closed in loops, rolling.
 
     A solver skips, by its `reason_unsupported`, what it does not take.
     """
-    return [*_boxes(), *_slipping(), *_by_hand(), *_made_up()]
+    return [*_boxes(), *_slipping(), *_mechanisms(), *_by_hand(), *_made_up()]
 
 
 _SIZE = np.array([0.4, 0.4, 0.2])
@@ -155,6 +158,94 @@ def _slipping() -> list[ReferenceProblem]:
         ReferenceProblem("box pushed with 80 N on a patch slips", _box_problem([_patch(mu)], (push, 0.0, 0.0)), a),
         ReferenceProblem("box pushed with 80 N on corners slips", _box_problem(_corners(mu), (push, 0.0, 0.0)), a),
     ]
+
+
+_HERE = pin.SE3.Identity()
+
+
+def _mechanisms() -> list[ReferenceProblem]:
+    """Loops that swing, a sleigh, balls that roll: all of them moving."""
+    swing, c, s, rate = 1.1, np.cos(1.1), np.sin(1.1), 0.6
+    # N bars of 1 m and 1 kg on one coupler of 2 m and 2 kg: N/3 + 2 turns, N/2 + 2 weighs.
+    turn = {n: -(n / 2 + 2) * GRAVITY * c / (n / 3 + 2) for n in (2, 3)}
+    up = 0.5 * 2.0 * (turn[2] * c - rate**2 * s + GRAVITY)
+    on_pin = np.array([(turn[2] / 3 + 0.5 * GRAVITY * c + c * up) / s, up, 0.0])
+    signs = np.array([1.0, -1.0, 1.0, 1.0])
+    loops = {n: _cranks(n, swing, rate) for n in (2, 3)}
+    m, I, a, v, w = 2.0, 0.4, 0.3, 1.1, -0.9
+    down = 5.0 / 7.0 * GRAVITY * np.sin(0.4)
+    # In the ball's own axes, which turn with 5 rad/s: the derivative of v's numbers has - w x v beside the acceleration.
+    rolls = np.array([down, 0.0, 5.0 * 1.0, 0.0, down / 0.2, 0.0])
+    carried = 2.0 * GRAVITY * np.array([5.0 / 7.0 * np.cos(0.4) * np.sin(0.4), 0.0, 1.0 - 5.0 / 7.0 * np.sin(0.4) ** 2])
+    return [
+        ReferenceProblem("four-bar swinging", loops[2], {"any": turn[2] * signs[:3]}, {"crank 1": on_pin}),
+        ReferenceProblem("three cranks on one coupler, 4 rows of rank 3", loops[3], {"any": turn[3] * signs}),
+        ReferenceProblem(
+            "Chaplygin's sleigh",
+            _sleigh(m, I, a, v, w),
+            {"any": np.array([a * w**2, 0.0, -m * a * v * w / (I + m * a**2)])},
+            source="closed form [Bloch2003]",
+        ),
+        *[
+            ReferenceProblem(
+                f"ball rolling down an incline, {how}",
+                _rolling(friction),
+                {"any": rolls},
+                net_force=carried,
+            )
+            for how, friction in (("held", None), ("by friction", 0.5))
+        ],
+    ]
+
+
+def _cranks(n: int, angle: float, rate: float) -> GaussProblem:
+    """N parallel cranks on one coupler, the first in the tree and the others by loops; gravity along -y."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, -GRAVITY, 0.0])
+
+    def bar(parent: int, name: str, length: float, x: float) -> int:
+        joint = model.addJoint(parent, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), name)
+        rod = np.diag([0.01, 1.0, 1.0]) * length**3 / 12.0
+        model.appendBodyToJoint(joint, pin.Inertia(length, np.array([0.5 * length, 0.0, 0.0]), rod), _HERE)
+        return joint
+
+    def mark(joint: int, name: str, x: float) -> None:
+        model.addFrame(pin.Frame(name, joint, 0, pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), pin.FrameType.OP_FRAME))
+
+    coupler = bar(bar(0, "crank", 1.0, 0.0), "coupler", 2.0, 1.0)
+    loops: list[Constraint] = []
+    for i in range(1, n):
+        at = 2.0 * i / (n - 1)
+        mark(coupler, f"on coupler {i}", at)
+        mark(bar(0, f"crank {i}", 1.0, at), f"tip {i}", 1.0)
+        loops.append(LoopClosure(f"crank {i}", f"tip {i}", f"on coupler {i}", kind="planar"))
+    signs = np.r_[1.0, -1.0, np.ones(n - 1)]
+    robot = CheckedModel(model, passive=list(model.names)[1:], name="cranks")
+    return gauss_problem(State(robot, angle * signs, rate * signs), np.zeros(0), loops)
+
+
+def _sleigh(m: float, I: float, a: float, v: float, w: float) -> GaussProblem:  # noqa: E741
+    """A body on a planar joint with a blade at its origin, its centre of mass a ahead."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPlanar(), _HERE, "plane")
+    model.appendBodyToJoint(joint, pin.Inertia(m, np.array([a, 0.0, 0.0]), np.diag([0.1, 0.1, I])), _HERE)
+    model.addFrame(pin.Frame("sleigh", joint, 0, _HERE, pin.FrameType.OP_FRAME))
+    q = np.array([0.4, -0.2, np.cos(0.8), np.sin(0.8)])
+    state = State(CheckedModel(model, passive=["plane"], name="sleigh"), q, np.array([v, 0.0, w]))
+    return gauss_problem(state, np.zeros(0), [KnifeEdge("blade", "sleigh")])
+
+
+def _rolling(friction: float | None) -> GaussProblem:
+    """A solid ball of 2 kg and 0.2 m, rolling at 1 m/s down a plane of 0.4 rad whose axes are its own."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), _HERE, "root_joint")
+    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(2.0, 0.2), _HERE)
+    model.addFrame(pin.Frame("ball", joint, 0, _HERE, pin.FrameType.OP_FRAME))
+    R = pin.exp3(np.array([0.0, 0.4, 0.0]))  # x downhill, z the normal
+    q = pin.SE3ToXYZQUAT(pin.SE3(R, 0.2 * R[:, 2]))
+    state = State(CheckedModel(model, name="ball"), q, np.array([1.0, 0.0, 0.0, 0.0, 5.0, 0.0]))
+    floor = RollingBall("floor", "ball", radius=0.2, normal=R[:, 2], friction=friction)
+    return gauss_problem(state, np.zeros(0), [floor])
 
 
 def _by_hand() -> list[ReferenceProblem]:

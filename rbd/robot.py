@@ -6,8 +6,8 @@ import os
 import warnings
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -18,14 +18,14 @@ from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.doctor import examine, refuse
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.geometry import Geometry, load_geometry, sole_of
+from rbd.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
+from rbd.loops import Loop, Mechanism, Rolling, mechanism
 from rbd.model import CheckedModel
 from rbd.model_file import RobotFile, check_freedoms, read
 from rbd.posture import configuration, semantic_postures, stand
 from rbd.state import State
 from rbd.urdf_file import BASE_JOINT
 from rbd.xml_file import FileLimits, read_xml
-
-Root = Literal["free_flyer", "fixed"]
 
 
 class Robot(CheckedModel):
@@ -35,8 +35,11 @@ class Robot(CheckedModel):
 
     Attributes:
         urdf: The model file.
-        root: "free_flyer" or "fixed".
-        postures: {name: q, shape (nq,)}, from the SRDF and the catalogue.
+        root: "free_flyer", "planar" or "fixed".
+        postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
+        loops: The constraints that close its tree, of the loop file beside the URDF or of an MJCF's <equality>; empty for a
+            tree. They are in force only where they are given: `rbd.solve(state, tau, robot.loops)`.
+        wheels: Wheels, balls and blades on the ground, likewise.
     """
 
     def __init__(
@@ -46,8 +49,11 @@ class Robot(CheckedModel):
         root: Root,
         passive: Iterable[str] = (),
         limits: FileLimits = FileLimits(),  # noqa: B008  frozen
+        mechanism: Mechanism = Mechanism(),  # noqa: B008  frozen
     ) -> None:
-        super().__init__(model, passive=passive, name=source.name)
+        # Nobody can put a force on a base that slides on the ground.
+        base = (BASE_JOINT,) if root == "planar" else ()
+        super().__init__(model, passive=_joined(passive, (*mechanism.file.passive, *base)), name=source.name)
         self.source = source
         self.urdf = source.urdf
         self.root: Root = root
@@ -57,9 +63,18 @@ class Robot(CheckedModel):
             found[keyframe.key()] = pin.normalize(model, keyframe.data())
         for name, angles in source.postures.items():
             found[name] = configuration(self, angles)
+        found |= mechanism.postures(self)
         for q in found.values():
             q.flags.writeable = False
         self.postures = MappingProxyType(found)
+        self.mechanism = mechanism
+        self.loops: tuple[Loop, ...] = mechanism.loops(self)
+        self.wheels: tuple[Rolling, ...] = mechanism.wheels(self)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
+        args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism
+        return Robot, args, {"sound": self.sound}
 
     def neutral(self) -> Array:
         """The configuration with every joint at zero, shape (nq,)."""
@@ -211,20 +226,24 @@ class Robot(CheckedModel):
 def load_robot(
     name_or_path: str | os.PathLike[str],
     *,
-    root: Root = "free_flyer",
+    root: Root | None = None,
     passive: Sequence[str] = (),
     package_dirs: Iterable[str | os.PathLike[str]] = (),
     limits: FileLimits | None = None,
+    loops: str | os.PathLike[str] | bool | None = True,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
     Args:
         name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...
-        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "fixed" welds its root link to the
-            world (and so drops that link's mass). An MJCF file says itself whether it floats.
-        passive: Joints that carry no motor.
+        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
+            and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
+            By default what the loop file says, else "free_flyer". An MJCF file says itself whether it floats.
+        passive: Joints that carry no motor, beside those of the loop file.
         package_dirs: Folders that hold the packages of `package://` meshes.
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
+        loops: The file that closes its tree, see `rbd.loop_file`; by default `<stem>.loops.yaml` beside the robot's file, if
+            there is one, and the <equality> of an MJCF. None leaves all loops open.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     tells it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -233,23 +252,26 @@ def load_robot(
     Raises:
         UnknownRobot: no such robot; the nearest names are in the message.
         JointNotFound: an unknown passive joint.
-        ModelError: a missing or broken file.
+        ModelError: a missing or broken file, of the robot or of its loops.
         InputError: arguments of the wrong kind.
     """
-    if not isinstance(root, str) or root not in ("free_flyer", "fixed"):
-        raise InputError(f"root is {root!r:.80}; expected 'free_flyer' or 'fixed'.")
+    if root is not None and (not isinstance(root, str) or root not in ROOTS):
+        raise InputError(f"root is {root!r:.80}; expected 'free_flyer', 'planar' or 'fixed'.")
     if limits is not None and not isinstance(limits, FileLimits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     source = catalogue.find(name_or_path, package_dirs)
-    file = read(source.urdf, limits, floating=root == "free_flyer", known=source.known)
+    closing = _loop_file(source.urdf, loops)
+    root = root or (closing.root if closing else None) or "free_flyer"
+    file = read(source.urdf, limits, base=ROOTS[root], known=source.known)
     model = _built(file, root)
     if file.kind == "mjcf":
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
     check_freedoms(source.urdf, model.nv, limits)
     if model.nv == 0:
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
-    robot = Robot(model, source, root, passive, limits)
+    closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
+    robot = Robot(model, source, root, passive, limits, closed)
     report = examine(robot, file, robot.postures, source.package_dirs)
     robot.sound = report.ok
     if not source.known:
@@ -259,16 +281,37 @@ def load_robot(
     return robot
 
 
+def _loop_file(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopFile | None:
+    if loops is None or isinstance(loops, bool):
+        found = beside(path) if loops else None
+    else:
+        found = catalogue.file_path(loops, "loops")
+    return None if found is None else read_loop_file(found)
+
+
+def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
+    given = (passive,) if isinstance(passive, str) else passive
+    try:
+        return (*given, *more)
+    except TypeError:
+        return passive  # what is no list of names is refused where names are looked up
+
+
 def _built(file: RobotFile, root: Root) -> pin.Model:
     """Pinocchio's model of a checked file."""
     path = file.path
+    if file.urdf is None and root == "planar":
+        raise InputError(
+            f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
+        )
     try:
         if file.urdf is None:
             model = pin.buildModelFromMJCF(str(path))
         elif root == "fixed":
             model = pin.buildModelFromXML(file.urdf.text)
         else:
-            model = pin.buildModelFromXML(file.urdf.text, pin.JointModelFreeFlyer(), BASE_JOINT)
+            base = pin.JointModelPlanar() if root == "planar" else pin.JointModelFreeFlyer()
+            model = pin.buildModelFromXML(file.urdf.text, base, BASE_JOINT)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")
         raise ModelError(

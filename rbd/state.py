@@ -103,9 +103,10 @@ class State:
         X_JP = X_JF * X_FP
         with self._pool.lock:
             data = self._data()
+            J = pin.getFrameJacobian(model, data, joint, X_JP, axes)
             return (
                 data.oMi[joint] * X_JP,
-                pin.getFrameJacobian(model, data, joint, X_JP, axes),
+                J if J.ndim == 2 else J.reshape(6, 1),  # of a robot with one degree of freedom it comes as (6,)
                 pin.getFrameVelocity(model, data, joint, X_JP, axes).vector,
                 pin.getFrameClassicalAcceleration(model, data, joint, X_JP, axes).vector,
             )

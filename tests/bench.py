@@ -14,6 +14,7 @@ import statistics
 import time
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -32,6 +33,12 @@ MARKS = {
     "frictional, ADMM convex, sticking": (25.0, 18.0),
     "frictional, ADMM convex, slipping": (60.0, 40.0),
 }
+
+
+ABSOLUTE = {"assemble four-bar": 1.0, "assemble six-bar": 2.0}
+"""Marks in milliseconds, of what has no constraintDynamics call to be measured by."""
+
+URDF = Path(__file__).parents[1] / "urdf"
 
 
 class Draws:
@@ -188,6 +195,25 @@ def stages(d: Draws, kind: str) -> dict[str, Callable[[int], object]]:
     }
 
 
+def assembling(robot: rbd.Robot) -> Callable[[int], object]:
+    """From 0.3 rad a joint off its posture (deviation of each), the crank fixed, onto the loops."""
+    rng, q = np.random.default_rng(11), robot.posture("assembled")
+    starts = [pin.integrate(robot.model, q, dq) for dq in 0.3 * rng.normal(size=(DRAWS, robot.nv))]
+    fixed = {"crank_joint": q[:2]}
+    return lambda i: rbd.mechanism.assemble(robot, None, starts[i], fixed=fixed)
+
+
+def mechanisms() -> Table:
+    """Assembly of mechanisms, in milliseconds beside their marks."""
+    robots = {"four-bar": rbd.load_robot(URDF / "four_bar.urdf"), "six-bar": rbd.load_robot(URDF / "six_bar.urdf")}
+    table = Table(title="mechanisms")
+    for heading in ("", "median", "mark"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    for label, seconds in interleaved({f"assemble {name}": assembling(robot) for name, robot in robots.items()}).items():
+        table.add_row(label, f"{1e3 * seconds:.2f} ms", f"{ABSOLUTE[label]:.0f} ms")
+    return table
+
+
 def main() -> None:
     """Print the table."""
     warnings.simplefilter("ignore", EffortLimitWarning)
@@ -219,6 +245,7 @@ def main() -> None:
             for label, seconds in interleaved(stages(d, kind), rounds=2).items():
                 table.add_row(f"  {kind}: {label}", f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", "")
         console.print(table)
+    console.print(mechanisms())
 
 
 if __name__ == "__main__":

@@ -113,7 +113,7 @@ FRICTION = {"None", "one", "half"}
 CALLS: dict[str, tuple[Call, set[str]]] = {
     # what is called with the nonsense, and which of it is good there
     "load_robot(x)": (lambda r, x: rbd.load_robot(x), set()),
-    "load_robot(root=)": (lambda r, x: rbd.load_robot("panda", root=x), set()),
+    "load_robot(root=)": (lambda r, x: rbd.load_robot("panda", root=x), {"None"}),
     "load_robot(passive=)": (lambda r, x: rbd.load_robot("panda", passive=x), {"[]", "()", "{}"}),
     "load_robot(passive=[])": (lambda r, x: rbd.load_robot("panda", passive=[x]), set()),
     "catalogue.find(x)": (lambda r, x: catalogue.find(x), set()),

@@ -38,6 +38,7 @@ SETTINGS = hypothesis.settings(
 LONGEST_MESSAGE = 1500
 
 URDF = Path(__file__).parents[1] / "urdf" / "box.urdf"
+LOOPED = URDF.with_name("four_bar.urdf")
 BOX = rbd.load_robot(URDF)
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", rbd.errors.ModelWarning)
@@ -57,6 +58,12 @@ PUSH = rbd.ExternalForce(FRAME, (0.0, 9.0, 0.0))
 ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(BOLT.nv)}
 
 
+FOUR_BAR = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
+LINKED = FOUR_BAR.at("assembled")
+FROM_HERE = {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "q0": np.array(LINKED.q)}
+LOOPS = {"constraints": list(FOUR_BAR.loops), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
+
+
 def use_contact(contact: Any) -> Any:
     """A contact's rows on the box, and what they hold."""
     state = rbd.State(BOX, BOX.neutral())
@@ -66,6 +73,12 @@ def use_contact(contact: Any) -> Any:
 def use_joint(constraint: Any) -> Any:
     """The rows of a constraint on a joint, and what they do to Bolt in free fall."""
     return constraint.rows(STATE), rbd.solve(STATE, TAU, [constraint])
+
+
+def use_moving(constraint: Any) -> Any:
+    """Its rows on a box in flight, and what they do to it."""
+    state = rbd.State(BOX, BOX.neutral(), np.array([0.3, -0.2, 0.1, 0.5, 0.4, -0.6]))
+    return constraint.rows(state), rbd.solve(state, [], [constraint])
 
 
 SQUEEZED = rbd.GaussProblem(
@@ -146,6 +159,13 @@ def contact_case(kind: Any, more: dict[str, Any]) -> Case:
     return Case(lambda **given: use_contact(kind(**given)), good)
 
 
+def rolling_case(kind: Any, **more: Any) -> Case:
+    """A ball, a disk or a wheel, made and used: at rest, and with a table that speeds up."""
+    good = {"name": "it", "frame": "box", "radius": 0.1, "friction": 0.5, "facets": 4, **LIFT}
+    good |= {"point": np.array([0.0, 0.0, -0.1]), "normal": np.array([0.0, 0.0, 1.0])}
+    return Case(lambda **given: use_contact(kind(**given)), good | more)
+
+
 LIFT = {"velocity": np.zeros(6), "acceleration": np.array([0.0, 0.0, 1.0]), "about": np.array([1.0, 0.0, 0.0])}
 
 
@@ -200,6 +220,26 @@ CASES: dict[str, Case] = {
         lambda **given: use_joint(rbd.Baumgarte(**given).of(rbd.JointLock("lock", BOLT.joints()[3], position=0.3))),
         {"frequency": 10.0, "damping_ratio": 0.7},
     ),
+    "LoopClosure": Case(
+        lambda **given: use_joint(rbd.LoopClosure(**given)),
+        {"name": "loop", "frame_a": FRAME, "frame_b": BOLT.frames()[-1], "kind": "revolute", "axis": np.array([0.6, 0.0, 0.8])},
+    ),
+    "FunctionConstraint": Case(
+        lambda **given: use_moving(rbd.FunctionConstraint(**given)),
+        {"name": "height", "phi": lambda q: q[2] - 0.1, "jacobian": None, "bias": None, "cone": rbd.Free(1)},
+        30,
+    ),
+    "VelocityConstraint": Case(
+        lambda **given: use_moving(rbd.VelocityConstraint(**given)),
+        {"name": "row", "A": np.linspace(-1.0, 1.0, 6), "bias": None},
+    ),
+    "KnifeEdge": Case(
+        lambda **given: use_moving(rbd.KnifeEdge(**given)),
+        {"name": "blade", "frame": "box", "direction": (1, 0.2, 0), "normal": np.array([0.0, 0.6, 0.8]), "offset": np.ones(3)},
+    ),
+    "RollingBall": rolling_case(rbd.RollingBall),
+    "RollingDisk": rolling_case(rbd.RollingDisk, axis=np.array([0.0, 1.0, 0.2])),
+    "RollingWheel": rolling_case(rbd.RollingWheel, axis=(0, 1, 0), friction=None),
     "joint_limits": Case(rbd.joint_limits, {"robot": BOLT, "margin": 0.1}),
     "joint_frictions": Case(rbd.joint_frictions, {"robot": BOLT}),
     "mimics": Case(rbd.mimics, {"robot": BOLT}),
@@ -231,6 +271,71 @@ CASES: dict[str, Case] = {
         rbd.load_robot,
         {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
     ),
+    "load_robot, its loops": Case(
+        rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
+    ),
+    "mechanism.four_bar": Case(
+        rbd.mechanism.four_bar,
+        {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "crank_angle": 1.0, "masses": (1.0, 2.0, 3.0), "mass_per_length": 2.0},
+        30,
+    ),
+    "mechanism.four_bar, no file": Case(
+        rbd.mechanism.four_bar, {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "path": "/nowhere/x.urdf"}, 30
+    ),
+    "mechanism.n_four_bar": Case(rbd.mechanism.n_four_bar, {"n": 2, "length": 1.0, "mass": 2.0}, 30),
+    "mechanism.slider_crank": Case(
+        rbd.mechanism.slider_crank,
+        {"crank": 1.0, "rod": 2.0, "offset": 0.1, "crank_angle": 1.0, "masses": (1.0, 2.0, 3.0), "mass_per_length": 2.0},
+        30,
+    ),
+    "mechanism.assemble": Case(
+        rbd.mechanism.assemble,
+        {**FROM_HERE, "fixed": {"crank_joint": 0.5}, "within_limits": False, "within": 9.0}
+        | {"tolerance": 1e-10, "max_iterations": 50},
+    ),
+    "mechanism.branches": Case(
+        lambda **given: list(rbd.mechanism.branches(FOUR_BAR, **given).q),
+        {"constraints": list(FOUR_BAR.loops), "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
+        30,
+    ),
+    "mechanism.trace": Case(
+        rbd.mechanism.trace,
+        {**FROM_HERE, "joint": "crank_joint", "values": np.array([0.5, 0.8]), "steps": 3, "fixed": {}, "past_limits": False}
+        | {"longest_step": 0.1, "tolerance": 1e-10, "max_steps": 200},
+        30,
+    ),
+    "mechanism.velocity_partition": Case(
+        rbd.mechanism.velocity_partition, {"state": LINKED, "constraints": list(FOUR_BAR.loops), "known": {"crank_joint": 1.0}}
+    ),
+    "mechanism.velocity_partition, a rate": Case(
+        lambda rate: rbd.mechanism.velocity_partition(LINKED, None, {"crank_joint": rate}), {"rate": 1.0}
+    ),
+    "mechanism.acceleration_partition": Case(
+        rbd.mechanism.acceleration_partition,
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops), "known": {"crank_joint": 1.0}},
+    ),
+    "mechanism.independent_velocities": Case(
+        lambda **given: list(map(len, rbd.mechanism.independent_velocities(**given))),
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops), "prefer": ["crank_joint"]},
+    ),
+    "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
+    "mechanism.mobility": Case(
+        rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops), "tolerance": 1e-9, "seed": 1}
+    ),
+    "mechanism.singularities": Case(rbd.mechanism.singularities, {"state": LINKED, **LOOPS, "tolerance": 1e-6, "seed": 1}),
+    "mechanism.singularities_along": Case(
+        rbd.mechanism.singularities_along,
+        {"robot": FOUR_BAR, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
+    ),
+    "mechanism.integrability": Case(
+        rbd.mechanism.integrability,
+        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
+    ),
+    "mechanism.classify": Case(
+        rbd.mechanism.classify,
+        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
+    ),
+    "catalogue.file_path": Case(rbd.catalogue.file_path, {"path": "x.urdf", "what": "the path"}),
     "catalogue.find": Case(rbd.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
     "dynamics.checked": of_state("checked"),
     "dynamics.mass_matrix": of_state("mass_matrix"),
@@ -295,6 +400,17 @@ MADE_BY_RBD = {
     "Report",
     "Finding",
     "Uniqueness",
+    "Mobility",
+    "Singularities",
+    "SingularitiesAlong",
+    "Integrability",
+    "Words",
+    "Assembly",
+    "Branch",
+    "Branches",
+    "Trace",
+    "VelocityPartition",
+    "AccelerationPartition",
 }
 """Records that only `rbd` makes; their makers are tested here."""
 
@@ -441,13 +557,14 @@ def test_each_odd_thing_is_refused_or_answered_right(name: str, key: str) -> Non
 def test_the_unspoilt_call_is_answered(name: str) -> None:
     """The law above can fail: arguments that work are not refused, but for pages that cannot be written."""
     answer = ask(CASES[name], CASES[name].good)
-    refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles"}
+    refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 
 def public() -> Iterator[str]:
     """Names of all public callables that take arguments."""
     rooms = {"": (rbd, rbd.__all__), "dynamics.": (rbd.dynamics, None), "catalogue.": (rbd.catalogue, None)}
+    rooms |= {"mechanism.": (rbd.mechanism, rbd.mechanism.__all__)}
     rooms |= {"Robot.": (rbd.Robot, None), "State.": (rbd.State, None), "visual.": (rbd.visual, rbd.visual.__all__)}
     for room, (place, names) in rooms.items():
         for name in names or [n for n in dir(place) if not n.startswith("_")]:

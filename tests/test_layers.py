@@ -26,6 +26,8 @@ LAYERS: dict[str, int] = {
     "xml_file": 1,
     "urdf_file": 1,
     "mjcf_file": 1,
+    "mjcf_equality": 1,
+    "loop_file": 1,
     "model_file": 1,
     "model": 1,
     "rows": 1,
@@ -48,6 +50,7 @@ LAYERS: dict[str, int] = {
     "sensitivity": 3,
     # 4: the facade stands on a posture; least_constraint is the door.
     "posture": 4,
+    "loops": 4,
     "robot": 4,
     "combined": 4,
     "nearest": 4,
@@ -64,6 +67,7 @@ LAYERS: dict[str, int] = {
     "visual": 6,
     "testing": 6,
     "report": 6,
+    "mechanism_report": 6,
     "listing": 6,
     "cli": 6,
     # 7: the package's own doors.
@@ -80,15 +84,19 @@ BESIDE: set[tuple[str, str]] = {
     ("polygon", "arrays"),  # the type Array
     ("engine", "errors"),  # another Pinocchio is refused
     ("mjcf_file", "urdf_file"),  # complaints and numbers are told alike
+    ("mjcf_equality", "urdf_file"),
+    ("loop_file", "urdf_file"),  # the same largest numbers and names
     ("model_file", "xml_file"),  # a robot's file is read, then checked as URDF or MJCF
     ("model_file", "urdf_file"),
     ("model_file", "mjcf_file"),
+    ("model_file", "mjcf_equality"),
     ("catalogue", "errors"),
     ("parts", "rows"),  # sets and velocities of rows
     ("problem", "parts"),
     ("problem", "rows"),  # a problem is made of rows
     ("external", "state"),  # a force at a frame needs the frame's Jacobian
     ("dynamics", "state"),  # terms of a state
+    ("doctor", "state"),  # where loops are closed
     ("dynamics", "external"),  # the right-hand side has external forces in it
     ("solution", "residuals"),  # the certificate
     ("least_constraint", "nearest"),  # an error offers the nearest motion
@@ -97,6 +105,8 @@ BESIDE: set[tuple[str, str]] = {
     ("analysis", "residuals"),  # what counts as zero
     ("analysis", "contact_force"),  # what carries nothing
     ("robot", "posture"),  # a robot stands in one
+    ("robot", "loops"),  # and has loops
+    ("cli", "mechanism_report"),
     ("cli", "report"),  # the command line prints it
     ("cli", "visual"),  # imported where the page is written, so that the table alone needs no viewer
     ("cli", "listing"),

@@ -234,3 +234,15 @@ def test_lists_and_whole_numbers_are_numbers(talos: rbd.Robot) -> None:
     """A list of integers gives floats."""
     out = talos.check_v([1] * talos.nv)  # type: ignore[arg-type]
     assert out.dtype == float and np.array_equal(out, np.ones(talos.nv))
+
+
+def test_joints_that_are_not_depth_first_are_refused():
+    """Pinocchio's algorithms take a subtree for a block of columns; M would be wrong without a word."""
+    model = pin.Model()
+    arm = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "arm")
+    other = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "other")
+    hand = model.addJoint(arm, pin.JointModelRX(), pin.SE3.Identity(), "hand")
+    for joint in (arm, other, hand):
+        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    with pytest.raises(rbd.ModelError, match=r"depth-first: below 'arm' stand the numbers \[1, 3\]"):
+        CheckedModel(model)

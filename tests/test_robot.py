@@ -198,10 +198,11 @@ def test_keyframes_of_an_mjcf_file_are_postures(tmp_path: Path) -> None:
 
 
 def test_what_an_mjcf_file_loses_is_said(tmp_path: Path) -> None:
-    """Equality constraints are no part of the model here: a warning."""
-    weld = '<equality><weld body1="b"/></equality>'
-    with pytest.warns(ModelWarning, match="equality constraint.* left out"):
-        rbd.load_robot(mjcf(tmp_path, '<joint name="j" type="hinge" axis="0 1 0"/>', weld))
+    """Equalities of kinds that are not read are left out, with a warning; a weld is a loop (tests/test_loop_file.py)."""
+    both = '<equality><weld body1="b"/><tendon tendon1="t"/></equality>'
+    with pytest.warns(ModelWarning, match="1 equality constraint is left out"):
+        robot = rbd.load_robot(mjcf(tmp_path, '<joint name="j" type="hinge" axis="0 1 0"/>', both))
+    assert [loop.name for loop in robot.loops] == ["weld_b"]
 
 
 # ------------------------------------------------------------------------------------------------------ standing
@@ -481,10 +482,10 @@ def test_a_long_chain_loads(tmp_path: Path) -> None:
     assert np.abs(a[:3] - [0.0, 0.0, -9.81]).max() < 1e-9 and np.abs(a[3:]).max() < 1e-9
 
 
-@pytest.mark.parametrize("root", ["floating", "", None, True, 1, ["fixed"], np.array(["fixed", "fixed"])])
+@pytest.mark.parametrize("root", ["floating", "", True, 1, ["fixed"], np.array(["fixed", "fixed"])])
 def test_an_unknown_root_is_refused(root: object) -> None:
-    """Two words are known."""
-    with pytest.raises(InputError, match="expected 'free_flyer' or 'fixed'"):
+    """Three words are known; None leaves it to the loop file."""
+    with pytest.raises(InputError, match="expected 'free_flyer', 'planar' or 'fixed'"):
         rbd.load_robot("panda", root=root)  # type: ignore[arg-type]
 
 

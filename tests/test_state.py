@@ -14,6 +14,7 @@ import pytest
 import rbd
 from rbd.arrays import Array
 from rbd.errors import FrameNotFound, InputError
+from rbd.model import CheckedModel
 
 FRAMES = ["left_sole_link", "arm_right_7_link", "torso_2_link", "base_link"]
 OFFSET = (0.11, -0.07, 0.23)  # [m], off every axis
@@ -328,3 +329,19 @@ def test_an_unknown_frame_of_a_state_is_refused(talos: rbd.Robot) -> None:
     """Before Pinocchio sees it."""
     with pytest.raises(FrameNotFound, match="'left_sole_link'"):
         talos.standing().frame("left_sole")
+
+
+def test_a_robot_with_one_joint_has_matrices_too():
+    """A pendulum: J is (6, 1), M (1, 1), and a tip lying flat on the floor carries m g / 2."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "pin")
+    model.appendBodyToJoint(1, pin.Inertia(3.0, np.array([0.5, 0.0, 0.0]), 0.25 * np.eye(3)), pin.SE3.Identity())
+    model.addFrame(pin.Frame("tip", 1, 0, pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0])), pin.FrameType.OP_FRAME))
+    robot = CheckedModel(model)
+    state = rbd.State(robot, np.zeros(1), np.array([2.0]))
+    assert state.M.shape == (1, 1) and state.h.shape == (1,) and state.frame("tip").J.shape == (6, 1)
+    assert state.frame("tip").J[:, 0] == pytest.approx([0.0, 0.0, -1.0, 0.0, 1.0, 0.0])
+    tip = rbd.PointContact("tip", "tip", friction=0.0)
+    s = rbd.solve(rbd.State(robot, np.zeros(1)), np.zeros(1), [tip])
+    assert s.forces["tip"] == pytest.approx([0.0, 0.0, 3.0 * 9.81 / 2.0]) and np.abs(s.a).max() < 1e-12
+    assert s.derivatives().da_dq.shape == (1, 1)

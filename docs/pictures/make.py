@@ -3,18 +3,27 @@
 import contextlib
 import importlib
 import io
+import itertools
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 from matplotlib.figure import Figure
+from PIL import Image
 
 import rbd
+from rbd.mechanism_report import mechanism_report
 from rbd.visual import Scene, contact_sheet, screenshot
 
 PICTURES = Path(__file__).resolve().parent
 TOP = PICTURES.parents[1]
 STANDING = ("talos", "g1", "romeo", "icub", "human", "solo12", "anymal_c", "go2", "bolt")
+MECHANISMS = (
+    *("four_bar", "slider_crank", "five_bar", "six_bar", "parallel_leg"),
+    *("unicycle", "two_wheeled", "bicycle", "rolling_disk"),
+)
 
 
 def talos() -> Path:
@@ -29,62 +38,53 @@ def talos() -> Path:
         return screenshot(page, PICTURES / "talos.png", width=1100, height=900)
 
 
-def push() -> Path:
-    """The plot of examples/02_push.py."""
-    sys.path.insert(0, str(TOP / "examples"))
-    example = importlib.import_module("02_push")
+def plot(picture: str, example: str, draw: str, size: tuple[float, float], *axes: int, sharex: bool = False) -> Path:
+    """A plot of an example, drawn on axes of ours by the example's own function."""
+    module = _example(example)
     with contextlib.redirect_stdout(io.StringIO()):
-        result = example.main(show=False)
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    example.plot_push(figure.subplots(), result)
-    figure.savefig(PICTURES / "push.png", dpi=110, metadata={"Software": None})
-    return PICTURES / "push.png"
+        result = module.main(show=False)
+    figure = Figure(figsize=size, layout="constrained")
+    getattr(module, draw)(figure.subplots(*axes, sharex=sharex), result)
+    figure.savefig(PICTURES / f"{picture}.png", dpi=110, metadata={"Software": None})
+    return PICTURES / f"{picture}.png"
 
 
-def two_laws() -> Path:
-    """The plot of examples/04_two_laws.py."""
-    sys.path.insert(0, str(TOP / "examples"))
-    example = importlib.import_module("04_two_laws")
-    with contextlib.redirect_stdout(io.StringIO()):
-        result = example.main(show=False)
-    figure = Figure(figsize=(8.6, 3.8), layout="constrained")
-    example.plot_laws(figure.subplots(1, 2), result)
-    figure.savefig(PICTURES / "two_laws.png", dpi=110, metadata={"Software": None})
-    return PICTURES / "two_laws.png"
-
-
-def sensitivities() -> Path:
-    """The plot of examples/07_sensitivities.py."""
-    sys.path.insert(0, str(TOP / "examples"))
-    example = importlib.import_module("07_sensitivities")
-    with contextlib.redirect_stdout(io.StringIO()):
-        result = example.main(show=False)
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    example.plot_sensitivity(figure.subplots(), result)
-    figure.savefig(PICTURES / "sensitivities.png", dpi=110, metadata={"Software": None})
-    return PICTURES / "sensitivities.png"
+def plots() -> Iterator[Path]:
+    """The plots of the examples."""
+    yield plot("push", "02_push", "plot_push", (7.0, 4.2))
+    yield plot("two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2)
+    yield plot("sensitivities", "07_sensitivities", "plot_sensitivity", (7.0, 4.2))
+    yield plot("unique", "08_what_is_unique", "draw", (8.0, 6.4), 2, sharex=True)
+    yield plot("slider_crank", "11_slider_crank", "plot_turn", (7.0, 6.0), 3, 1, sharex=True)
+    yield plot("sleigh", "13_sleigh", "plot_flow", (6.4, 5.0))
 
 
 def fists() -> Path:
     """The page of examples/05_moving_and_body_contacts.py: two robots in one model."""
-    sys.path.insert(0, str(TOP / "examples"))
-    example = importlib.import_module("05_moving_and_body_contacts")
+    example = _example("05_moving_and_body_contacts")
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         example.main(show=True)
         page = next(Path(folder).rglob("*.html"))
         return screenshot(page, PICTURES / "fists.png", width=1100, height=900)
 
 
-def unique() -> Path:
-    """The plot of examples/08_what_is_unique.py."""
-    sys.path.insert(0, str(TOP / "examples"))
-    example = importlib.import_module("08_what_is_unique")
-    with contextlib.redirect_stdout(io.StringIO()):
-        result = example.main(show=False)
-    figure = Figure(figsize=(8.0, 6.4), layout="constrained")
-    example.draw(figure.subplots(2, sharex=True), result)
-    figure.savefig(PICTURES / "unique.png", dpi=110, metadata={"Software": None})
-    return PICTURES / "unique.png"
+def mechanisms() -> Path:
+    """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
+    width, height = 560, 440
+    sheet = Image.new("RGB", (3 * width, 3 * height), "white")
+    with tempfile.TemporaryDirectory() as folder:
+        for i, name in enumerate(MECHANISMS):
+            robot = rbd.load_robot(TOP / "urdf" / f"{name}.urdf")
+            posture = next(iter(robot.postures), None)
+            report = mechanism_report(robot, robot.at().q if posture is None else robot.at(posture).q)
+            with Scene(robot, legend=False) as scene:
+                scene.show(report.state)
+                scene.beside(report.poses())
+                page = scene.export(Path(folder) / f"{name}.html")
+            shot = Image.open(screenshot(page, Path(folder) / f"{name}.png", width=width, height=height))
+            sheet.paste(shot.resize((width, height)), (width * (i % 3), height * (i // 3)))
+    sheet.save(PICTURES / "mechanisms.png")
+    return PICTURES / "mechanisms.png"
 
 
 def robots() -> Path:
@@ -92,6 +92,14 @@ def robots() -> Path:
     return contact_sheet(STANDING, PICTURES / "robots.png")
 
 
+def _example(name: str) -> ModuleType:
+    sys.path.insert(0, str(TOP / "examples"))
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.pop(0)
+
+
 if __name__ == "__main__":
-    for make in (talos, push, two_laws, sensitivities, fists, robots):
-        print(make().relative_to(TOP))
+    for made in itertools.chain((make() for make in (talos, fists, mechanisms, robots)), plots()):
+        print(made.relative_to(TOP))

@@ -1,20 +1,31 @@
 """Constraints: each gives named rows with a set for its forces. They know no solver."""
 
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.function import FunctionConstraint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.constraints.line_contact import LineContact
+from rbd.constraints.loop import LoopClosure
+from rbd.constraints.nonholonomic import KnifeEdge, VelocityConstraint
+from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.constraints.stabilisation import Baumgarte
 
 __all__ = [
     "Baumgarte",
+    "FunctionConstraint",
     "JointCoupling",
     "JointFriction",
     "JointLimit",
     "JointLock",
+    "KnifeEdge",
     "LineContact",
+    "LoopClosure",
     "PointContact",
+    "RollingBall",
+    "RollingDisk",
+    "RollingWheel",
     "SurfaceContact",
+    "VelocityConstraint",
     "joint_frictions",
     "joint_limits",
     "mimics",

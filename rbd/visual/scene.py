@@ -192,7 +192,7 @@ class Scene:
             if not isinstance(state, State) or len(state.q) != model.nq:
                 raise InputError(f"{name!r} is no state of {self._robot.name!r}; expected rbd.State(robot, q).")
         self._viewer["beside"].delete()
-        self._others = contact_colors(states)
+        self._others = dict(zip(states, list(contact_colors(["", *states]).values())[1:], strict=True))  # blue is for contacts
         points = [np.zeros((0, 3))]
         for i, (name, state) in enumerate(states.items()):
             data = model.createData()

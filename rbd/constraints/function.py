@@ -1,0 +1,193 @@
+"""Constraints by a function of the configuration, written down in a script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, is_finite, numbers
+from rbd.cones import Cone, Free, NonNegative
+from rbd.constraints.contact_geometry import check_state
+from rbd.constraints.differences import ROUGH, first_derivative, jacobian, second_derivative
+from rbd.errors import InputError, RbdError
+from rbd.rows import Rows
+from rbd.state import State
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionConstraint:
+    """Any function phi(q) of the configuration kept at zero, or above: loops, distances, couplings, a wire on a path.
+
+        error = phi(q)        J v = d phi / dt        J_dot v = d2 phi / dt2 along q (+) t v, where v_dot = 0
+
+    Without `jacobian` J is taken by differences of sixth order on the manifold, along each coordinate of v, right to 1e-10 of
+    the largest of phi and J for a smooth phi; J_dot v likewise, to 1e-9. The step starts at 0.01 m or rad and shrinks until two
+    orders agree; a phi that has no derivative here, or noise above 1e-8, is refused. Twelve calls of phi a coordinate are
+    no hot path: give `jacobian`, and `bias`, where time matters. Both are believed; `rbd.testing.check_constraint` checks them.
+
+    q has unit quaternions (x, y, z, w) and, of continuous joints, (cos, sin): phi gets them as they stand in q, shape (nq,).
+    J has one column an entry of v, shape (m, nv): for a joint with one freedom dphi/dq_i, for a floating base by velocities
+    in the base's axes. Row forces are in units of work over phi (newtons where phi is in metres); `J^T f` is the generalised
+    force.
+
+    Attributes:
+        name: The constraint's role, e.g. "four_bar".
+        phi: Takes q, gives a number or an array (m,); an empty one where the constraint is inactive.
+        jacobian: Takes q, gives (m, nv); or (nv,) where m = 1. None: by differences.
+        bias: Takes q and v, gives J_dot v, shape (m,). None: by differences, of `jacobian` where that is given.
+        cone: Where its forces may live; `rbd.Free(m)` by default. `rbd.NonNegative(m)`: phi >= 0, and it only pushes.
+
+    Raises:
+        InputError: something that is no function.
+
+    >>> rod = rbd.FunctionConstraint("rod", lambda q: np.hypot(q[0], q[1]) - 1.0)
+    """
+
+    name: str
+    phi: Callable[[Array], Any]
+    jacobian: Callable[[Array], Any] | None = field(default=None, kw_only=True)
+    bias: Callable[[Array, Array], Any] | None = field(default=None, kw_only=True)
+    cone: Cone | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_function(self.name, "phi", self.phi)
+        check_function(self.name, "jacobian", self.jacobian, optional=True)
+        check_function(self.name, "bias", self.bias, optional=True)
+        if self.cone is not None and (isinstance(self.cone, type) or not hasattr(self.cone, "generators")):
+            raise InputError(f"cone of {self.name!r:.80} is {self.cone!r:.80}; expected rbd.Free(m) or rbd.NonNegative(m).")
+
+    def rows(self, state: State) -> Rows:
+        """One row an entry of phi.
+
+        Raises:
+            InputError: phi, `jacobian` or `bias` raises, gives what is no array of real numbers, changes its size or is not
+                finite; phi has no derivative here.
+        """
+        check_state(state, self.name)
+        model, q, v = state.robot.model, state.q, state.v
+        error = self._phi(q)
+        m, nv = len(error), state.robot.nv
+        if not m:
+            none = Free(0) if self.cone is None or isinstance(self.cone, Free) else NonNegative(0)
+            return Rows(self.name, np.zeros((0, nv)), np.zeros(0), none)
+        if not is_finite(error):
+            found = np.array2string(error, threshold=6)
+            raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
+
+        def phi(at: Array) -> Array:
+            return self._phi(at, m)
+
+        if self.jacobian is None:
+            J, apart = jacobian(model, phi, q, error)
+            check_smooth(self.name, "phi", apart)
+        else:
+            J = self._jacobian(q, m, nv)
+        size = float(np.abs(J).max(initial=0.0))
+        if self.bias is not None:
+            bias = vector_of(self.name, "bias", self.bias, (q, v), m)
+        elif not v.any():
+            bias = np.zeros(m)
+        elif self.jacobian is None:
+            second = second_derivative(model, phi, q, v, error, size=size)
+            check_smooth(self.name, "phi", second.apart)
+            bias = second.value
+        else:
+            bias = rate(self.name, "jacobian", model, lambda at: self._jacobian(at, m, nv), J, q, v)
+        return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ v, error)
+
+    def _phi(self, q: Array, m: int | None = None) -> Array:
+        return vector_of(self.name, "phi", self.phi, (q,), m)
+
+    def _jacobian(self, q: Array, m: int, nv: int) -> Array:
+        return matrix_of(self.name, "jacobian", self.jacobian, q, (m, nv))
+
+
+def check_function(name: str, what: str, value: object, *, optional: bool = False) -> None:
+    """Refuse a name that is no word, and what cannot be called.
+
+    Raises:
+        InputError: naming what came.
+    """
+    if not isinstance(name, str) or not name:
+        raise InputError(f"the name of a constraint is {name!r:.80}; expected a word, e.g. 'four_bar'.")
+    if not callable(value) and not (optional and value is None):
+        raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected a function of q.")
+
+
+def vector_of(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Array, ...], m: int | None) -> Array:
+    """What a user's function gives, as an array (m,); a number counts as (1,).
+
+    Args:
+        name: The constraint's.
+        what: The function's, for messages.
+        f: The function; it gets copies.
+        given: Its arguments.
+        m: Expected size; None for any.
+
+    Raises:
+        InputError: the function raises, or gives something else.
+    """
+    out = np.atleast_1d(_called(name, what, f, given))
+    if out.ndim != 1 or (m is not None and len(out) != m):
+        expected = "a number or an array (m,)" if m is None else f"({m},), as phi has at this state"
+        raise InputError(f"{what} of {name!r:.80} gave an array of shape {out.shape}; expected {expected}.")
+    return out
+
+
+def matrix_of(name: str, what: str, f: Callable[..., Any] | None, q: Array, shape: tuple[int | None, int]) -> Array:
+    """What a user's function gives, as an array of this shape; (nv,) counts as one row.
+
+    Raises:
+        InputError: the function raises, or gives something else; or something not finite.
+    """
+    out = _called(name, what, f, (q,))
+    out = out[None] if out.ndim == 1 else out
+    m, nv = shape
+    if out.ndim != 2 or out.shape[1] != nv or (m is not None and len(out) != m):
+        raise InputError(
+            f"{what} of {name!r:.80} gave an array of shape {out.shape}; expected ({'m' if m is None else m}, {nv}), one "
+            "column an entry of v."
+        )
+    if not is_finite(out):
+        raise InputError(f"{what} of {name!r:.80} is not finite; expected finite numbers.")
+    return out
+
+
+def _called(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Array, ...]) -> Array:
+    assert f is not None
+    try:
+        out = f(*(x.copy() for x in given))
+    except RbdError:
+        raise
+    except Exception as error:
+        raise InputError(f"{what} of {name!r:.80} raised {type(error).__name__}: {str(error):.200}.") from error
+    return numbers(f"{what} of {name!r:.80}", out)
+
+
+def rate(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], J: Array, q: Array, v: Array) -> Array:
+    """J_dot v of a matrix J = f(q) along q (+) t v, by differences, shape (m,).
+
+    Raises:
+        InputError: what f gives has no derivative here.
+    """
+    found = first_derivative(model, lambda at: f(at) @ v, q, v, J @ v, size=float(np.abs(J).max(initial=0.0)))
+    check_smooth(name, what, found.apart)
+    return found.value
+
+
+def check_smooth(name: str, what: str, apart: float) -> None:
+    """Refuse differences of fourth and sixth order that do not agree.
+
+    Raises:
+        InputError: whatever the step, they are apart by more than `ROUGH`.
+    """
+    if not apart <= ROUGH:
+        raise InputError(
+            f"{what} of {name!r:.80} has no derivative here that differences can find (two orders are apart by "
+            f"{min(apart, 1.0):.1g}, expected {ROUGH:g}): a kink, a jump, noise, or the end of where it is defined? Give its "
+            "derivatives, or another state."
+        )

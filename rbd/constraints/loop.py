@@ -1,0 +1,163 @@
+"""Loops: two frames of a robot that a joint of the mechanism keeps together, beside the joints of its tree.
+
+Rows are in the axes of frame_a, and say how frame_b stands and moves as seen from it. So a loop inside a robot pushes its two
+bodies with opposite forces along one line, and changes nobody's momentum, also where the loop is not quite closed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, three
+from rbd.cones import Free, cross_matrix
+from rbd.constraints.contact_geometry import check_state, contact_axes
+from rbd.errors import InputError
+from rbd.rows import Rows
+from rbd.state import State
+
+KINDS = {"point": 3, "revolute": 5, "rigid": 6, "planar": 2}
+"""Kinds of closures, and how many rows they have."""
+
+_HERE = pin.SE3.Identity()
+_OPPOSITE = 1e-8
+"""1 + cosine between two axes below which they count as opposite: 180 deg to 0.01 deg, where the short way is not unique."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopClosure:
+    """Two frames of a robot kept together: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
+
+        kind         rows                                              error is zero where
+        "point"      x (3)                                             the origins coincide
+        "revolute"   x (3), turn of the axis about t1 and t2 (2)       and `axis` of frame_b lies along `axis` of frame_a
+        "rigid"      x (3), turn (3)                                   the frames coincide
+        "planar"     t1 . x, t2 . x (2)                                the origins coincide, seen along `axis`
+
+    x = R_a^T (p_b - p_a), and (t1, t2, axis) right-handed in the axes of frame_a. A turn's length is 2 sin(angle / 2), the
+    angle to third order, by the short way: J v is its derivative everywhere. Turned by 180 deg "rigid" has singular rows, and
+    "revolute" is refused.
+
+    "planar" is for mechanisms all of whose joints turn about parallel axes, or slide across them: there the other rows of a
+    closure hold by themselves, and as rows they would be spurious. It lets the frames differ along `axis`, as where links lie
+    on top of each other, and it carries no force along it and no moments; those of a real pin are in no equation of motion.
+
+    Rows hold: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench (6,) of
+    the others, on the body of frame_b at its origin, in world axes; the body of frame_a feels the opposite at that same
+    point. Where frame_b is on the ground it is the one on the body of frame_a: forces are on the robot.
+
+    Attributes:
+        name: The closure's role, e.g. "coupler_pin".
+        frame_a: A frame of the robot, or "universe" for the ground.
+        frame_b: A frame on another body, or "universe".
+        kind: One of `rbd.constraints.loop.KINDS`.
+        axis: Of the hinge, or normal of the plane, in the axes of frame_a, of any length, shape (3,). For "revolute" it has
+            the same three numbers in frame_b.
+
+    Raises:
+        InputError: an unknown kind, an axis of no length, one frame twice.
+    """
+
+    name: str
+    frame_a: str
+    frame_b: str
+    kind: str = field(default="point", kw_only=True)
+    axis: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
+    _axes: Array = field(init=False, repr=False)
+    _cone: Free = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for what in ("name", "frame_a", "frame_b"):
+            value = getattr(self, what)
+            if not isinstance(value, str) or not value:
+                raise InputError(f"{what} of a loop closure is {value!r:.80}; expected a word, e.g. 'coupler_pin'.")
+        if self.frame_a == self.frame_b:
+            raise InputError(f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself; expected frames of two bodies.")
+        if not isinstance(self.kind, str) or self.kind not in KINDS:
+            raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
+        axis = three(f"axis of loop {self.name!r:.80}", self.axis)
+        length = float(np.linalg.norm(axis))
+        if not 1e-9 < length < 1e9:
+            raise InputError(f"axis of loop {self.name!r:.80} has length {length:.3g}; expected a direction, e.g. (0, 0, 1).")
+        put = object.__setattr__
+        put(self, "axis", axis / length)
+        put(self, "_axes", contact_axes(axis / length))
+        put(self, "_cone", Free(KINDS[self.kind]))
+
+    def rows(self, state: State) -> Rows:
+        """Rows that hold, in the axes of frame_a; see the class.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: both frames are on one body; the axes of a hinge are opposite.
+        """
+        check_state(state, self.name)
+        bodies = state.robot.site(self.frame_a)[0], state.robot.site(self.frame_b)[0]
+        if bodies[0] == bodies[1]:
+            raise InputError(
+                f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with {self.frame_b!r:.80}, which are fixed to one body of "
+                f"{state.robot.name}; expected frames of two bodies that move against each other."
+            )
+        X_Wa, J_a, v_a, b_a = state.moving(self.frame_a, _HERE, pin.LOCAL)
+        X_Wb, J_b, v_b, b_b = state.moving(self.frame_b, _HERE, pin.LOCAL)
+        R, X_ab = X_Wa.rotation, X_Wa.actInv(X_Wb)
+        on_robot = R if bodies[1] else -R  # a force on the ground is the opposite of one on the robot
+        x, R_ab = X_ab.translation, X_ab.rotation
+        X, turning = cross_matrix(x), cross_matrix(v_a[3:])
+        # As frame_a sees it, in its axes, which turn with v_a[3:]: - turning @ x and Coriolis' - 2 turning @ vx.
+        Jx = R_ab @ J_b[:3] - J_a[:3] + X @ J_a[3:]
+        vx = R_ab @ v_b[:3] - v_a[:3] - turning @ x
+        ax = R_ab @ b_b[:3] - b_a[:3] + X @ b_a[3:] - turning @ (turning @ x + 2.0 * vx)
+        if self.kind == "planar":
+            T = self._axes[:, :2]
+            return self._made(T.T @ Jx, T.T @ vx, T.T @ ax, T.T @ x, on_robot @ T)
+        if self.kind == "point":
+            return self._made(Jx, vx, ax, x, on_robot)
+        Jw, w = R_ab @ J_b[3:] - J_a[3:], R_ab @ v_b[3:] - v_a[3:]
+        aw = R_ab @ b_b[3:] - b_a[3:] - turning @ w
+        turn, E, bias = self._hinge(R_ab, w, aw) if self.kind == "revolute" else _weld(R_ab, w, aw)
+        resultant = np.zeros((6, 3 + len(turn)))
+        resultant[:3, :3], resultant[3:, 3:] = on_robot, on_robot @ E.T
+        return self._made(np.vstack([Jx, E @ Jw]), np.r_[vx, E @ w], np.r_[ax, bias], np.r_[x, turn], resultant)
+
+    def _made(self, J: Array, velocity: Array, bias: Array, error: Array, resultant: Array) -> Rows:
+        return Rows(self.name, J, bias, self._cone, velocity, error, resultant=resultant)
+
+    def _hinge(self, R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
+        """(error, E, bias) of the turn that takes the axis u of frame_a to that of frame_b, z = R_ab u, about t1 and t2.
+
+        error = k T^T (u x z) with k = sqrt(2 / (1 + u . z)), so that its length is 2 sin(angle / 2); error' = E w, and
+        z' = w x z. bias is error'' where the components of w change at dw.
+        """
+        u, T = self._axes[:, 2], self._axes[:, :2]
+        z = R_ab @ u
+        s = float(u @ z)
+        if 1.0 + s < _OPPOSITE:
+            raise InputError(
+                f"loop {self.name!r:.80}: at this state the axis of {self.frame_b!r:.80} is opposite to that of "
+                f"{self.frame_a!r:.80}. Turn one of the frames over, or start elsewhere."
+            )
+        k = math.sqrt(2.0 / (1.0 + s))
+        k1, k2 = -0.5 * k / (1.0 + s), 0.75 * k / (1.0 + s) ** 2  # its derivatives by s
+        U, Z = cross_matrix(u), cross_matrix(z)
+        y, dz = U @ z, -Z @ w
+        ds, dy = float(u @ dz), U @ dz
+        ddz = -Z @ dw + cross_matrix(w) @ dz
+        bias = (k2 * ds * ds + k1 * float(u @ ddz)) * y + 2.0 * k1 * ds * dy + k * (U @ ddz)
+        E = -np.outer(k1 * y, u @ Z) - k * (U @ Z)
+        return T.T @ (k * y), T.T @ E, T.T @ bias
+
+
+def _weld(R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
+    """(error, E, bias) of twice the vector part of the quaternion (x, s) of R_ab, s >= 0, where frame_b turns with w.
+
+    (x, s)' = 1/2 (s w - x x w, -x . w): E = s 1 - [x], and (2 x)'' = E w' - 1/2 |w|^2 x, of which all else cancels.
+    """
+    quaternion = pin.Quaternion(R_ab).coeffs()
+    x, s = (quaternion[:3], float(quaternion[3])) if quaternion[3] >= 0.0 else (-quaternion[:3], -float(quaternion[3]))
+    E = s * np.eye(3) - cross_matrix(x)
+    return 2.0 * x, E, E @ dw - 0.5 * float(w @ w) * x

@@ -1,0 +1,191 @@
+"""Velocity constraints: A(q) v = 0, and the edge of a skate or of a sleigh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, check_finite, numbers, three
+from rbd.cones import Free, cross_matrix
+from rbd.constraints.contact_geometry import check_state, unit_normal
+from rbd.constraints.function import check_function, matrix_of, rate, vector_of
+from rbd.errors import InputError
+from rbd.rows import Patch, Rows
+from rbd.state import State
+
+_ONE_CORNER = np.zeros((1, 3))
+_NO_ERROR = np.zeros(1)
+_VELOCITY_ONLY = np.zeros(1, bool)
+for _array in (_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY):
+    _array.flags.writeable = False
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityConstraint:
+    """Velocities kept to A(q) v = 0: m Pfaffian rows, whether they integrate to positions or not.
+
+        J = A(q)        J_dot v = A_dot v, along the motion        no error: positions are not constrained
+
+    A has one column an entry of v, and v is not always the derivative of q. Of a joint with one freedom it is. Of a planar
+    joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row given on x', y' and the angle's th' is converted
+    by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w:
+
+        no side slip:   -sin(th) x' + cos(th) y' = 0        is the constant row     A = (0, 1, 0)
+        x' + x th' = 0                                      is the row              A = (cos(th), -sin(th), x)
+
+    Of a floating base v is (linear, angular) in the base's axes: with R its rotation matrix, p' = R v[:3].
+
+    Row forces are the multipliers: J^T f is the generalised force.
+
+    Attributes:
+        name: The constraint's role, e.g. "no_side_slip".
+        A: Takes q, gives (m, nv), or (nv,) for one row; or that matrix itself where it is constant.
+        bias: Takes q and v, gives A_dot v, shape (m,). None: by differences of A along q (+) t v, right to 1e-10 of A's size.
+
+    Raises:
+        InputError: A is neither a function nor a matrix.
+
+    >>> blade = rbd.VelocityConstraint("blade", [0.0, 1.0, 0.0])  # on a planar joint
+    """
+
+    name: str
+    A: Callable[[Array], Any] | Array | Sequence[float] | Sequence[Sequence[float]]
+    bias: Callable[[Array, Array], Any] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_function(self.name, "A", self.A if callable(self.A) else None, optional=True)
+        check_function(self.name, "bias", self.bias, optional=True)
+        if not callable(self.A):
+            A = numbers(f"A of {self.name!r:.80}", self.A)
+            A = A[None] if A.ndim == 1 else A
+            if A.ndim != 2 or not A.shape[1]:
+                raise InputError(
+                    f"A of {self.name!r:.80} has shape {A.shape}; expected (m, nv), or a function of q that gives it."
+                )
+            check_finite(f"A of {self.name!r:.80}", A)
+            A.flags.writeable = False
+            object.__setattr__(self, "A", A)
+
+    def rows(self, state: State) -> Rows:
+        """One row a row of A; forces in all directions.
+
+        Raises:
+            InputError: A has another number of columns than nv, or changes its shape; A raises, or has no derivative here.
+        """
+        check_state(state, self.name)
+        q, v, nv = state.q, state.v, state.robot.nv
+        J = self._matrix(q, None, nv)
+        m = len(J)
+        if self.bias is not None:
+            bias = vector_of(self.name, "bias", self.bias, (q, v), m)
+        elif callable(self.A) and v.any() and m:
+            bias = rate(self.name, "A", state.robot.model, lambda at: self._matrix(at, m, nv), J, q, v)
+        else:
+            bias = np.zeros(m)
+        return Rows(self.name, J, bias, Free(m), J @ v)
+
+    def _matrix(self, q: Array, m: int | None, nv: int) -> Array:
+        if callable(self.A):
+            return matrix_of(self.name, "A", self.A, q, (m, nv))
+        A = np.asarray(self.A)
+        if A.shape[1] != nv:
+            raise InputError(f"A of {self.name!r:.80} has {A.shape[1]} columns; expected nv = {nv}, one an entry of v.")
+        return A.copy()
+
+
+@dataclass(frozen=True, eq=False)
+class KnifeEdge:
+    """A blade, a skate, the wheel of a sleigh: its point moves along it and turns, and does not slip sideways.
+
+        J v = l . p'        l = n x d / |n x d|        J_dot v = l . p'' + l' . p'
+
+    p the point, d the blade's direction, which turns with its frame, n the normal of the plane that it moves on. The second
+    term is why a sleigh that turns with w at speed u needs a side force: l' . p' = -w u [Bloch2003]. One row that holds,
+    velocity alone: nothing keeps the blade on its plane; where the robot could leave it add a contact without friction.
+
+    `solution.forces[name]` is the force on the blade, along l, shape (3,), in world axes.
+
+    Attributes:
+        name: The blade's role, e.g. "left_skate".
+        frame: Frame of the robot that it is fixed to.
+        direction: Of the blade, in the frame's axes, of any length, shape (3,).
+        normal: Of the plane, in world axes, a unit vector, shape (3,).
+        offset: The point, in the frame's axes, from its origin, shape (3,) [m].
+
+    Raises:
+        InputError: a direction of no length, a normal that is not of unit length.
+    """
+
+    name: str
+    frame: str
+    direction: Sequence[float] | Array = field(default=(1.0, 0.0, 0.0), kw_only=True)
+    normal: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
+    offset: Sequence[float] | Array = field(default=(0.0, 0.0, 0.0), kw_only=True)
+    _X_FP: pin.SE3 = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        check_words(self.name, self.frame)
+        put = object.__setattr__
+        put(self, "direction", unit_direction(f"direction of {self.name!r:.80}", self.direction))
+        put(self, "normal", unit_normal(self.name, self.normal))
+        put(self, "offset", three(f"offset of {self.name!r:.80}", self.offset))
+        put(self, "_X_FP", pin.SE3(np.eye(3), np.asarray(self.offset)))
+
+    def rows(self, state: State) -> Rows:
+        """One row: the point's velocity across the blade, in the plane.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: the blade stands upright on its plane.
+        """
+        check_state(state, self.name)
+        X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
+        n, d = np.asarray(self.normal), X_WP.rotation @ self.direction
+        across = cross_matrix(n)
+        side = across @ d
+        length = float(np.linalg.norm(side))
+        if length < 1e-4:
+            raise InputError(f"the blade of {self.name!r:.80} stands upright on its plane; expected one that lies along it.")
+        l = side / length
+        turning = across @ (cross_matrix(v[3:]) @ d) / length
+        turning -= l * (l @ turning)
+        patch = Patch(X_WP.translation, np.column_stack([-across @ l, l, n]), _ONE_CORNER, None)
+        return Rows(
+            self.name,
+            (l @ J[:3])[None],
+            np.array([l @ bias[:3] + turning @ v[:3]]),
+            Free(1),
+            np.array([l @ v[:3]]),
+            _NO_ERROR,
+            resultant=l[:, None],
+            patch=patch,
+            holonomic=_VELOCITY_ONLY,
+        )
+
+
+def check_words(name: str, frame: str) -> None:
+    """Refuse names that are no words.
+
+    Raises:
+        InputError: naming which.
+    """
+    for what, value in (("name", name), ("frame", frame)):
+        if not isinstance(value, str) or not value:
+            raise InputError(f"the {what} of what rolls or glides is {value!r:.80}; expected a word, e.g. 'left_wheel'.")
+
+
+def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
+    """A direction, its length made one.
+
+    Raises:
+        InputError: it is not three finite numbers, or has no length.
+    """
+    out = three(what, given)
+    length = float(np.linalg.norm(out))
+    if not 1e-9 < length < 1e9:
+        raise InputError(f"{what} has length {length:.3g}; expected a direction, e.g. (1, 0, 0).")
+    return out / length

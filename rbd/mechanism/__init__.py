@@ -1,0 +1,48 @@
+"""Mechanisms: what closed loops and rolling let a robot do, and what not."""
+
+from rbd.mechanism.assembly import Assembly, assemble
+from rbd.mechanism.branches import Branch, Branches, branches
+from rbd.mechanism.four_bar import four_bar, n_four_bar
+from rbd.mechanism.independent import independent_velocities
+from rbd.mechanism.integrability import Integrability, integrability
+from rbd.mechanism.linkage import link_angles
+from rbd.mechanism.mobility import Mobility, mobility
+from rbd.mechanism.partition import (
+    AccelerationPartition,
+    VelocityPartition,
+    acceleration_partition,
+    velocity_partition,
+)
+from rbd.mechanism.singularities import Singularities, SingularitiesAlong, singularities, singularities_along
+from rbd.mechanism.slider_crank import slider_crank
+from rbd.mechanism.trace import Trace, trace
+from rbd.mechanism.words import Words, classify
+
+__all__ = [
+    "AccelerationPartition",
+    "Assembly",
+    "Branch",
+    "Branches",
+    "Integrability",
+    "Mobility",
+    "Singularities",
+    "SingularitiesAlong",
+    "Trace",
+    "VelocityPartition",
+    "Words",
+    "acceleration_partition",
+    "assemble",
+    "branches",
+    "classify",
+    "four_bar",
+    "independent_velocities",
+    "integrability",
+    "link_angles",
+    "mobility",
+    "n_four_bar",
+    "singularities",
+    "singularities_along",
+    "slider_crank",
+    "trace",
+    "velocity_partition",
+]

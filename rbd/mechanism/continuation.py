@@ -1,0 +1,225 @@
+"""Following a mechanism's curve of poses by arc length, through turning points and crossings, never onto another curve.
+
+A mechanism with one freedom has a curve of poses. A step predicts along the tangent, the kernel of J, and is corrected by the
+shortest way back onto the constraints [AllgowerGeorg1990]. It is halved where
+
+- the tangent turns by more than 0.2 rad, or the chord does not lie between the tangents: a jump to a curve beside this one;
+- a singular value of J, followed with its vectors, goes through zero. That happens where two curves cross, and also where a
+  step jumps from one to the other of two curves that nearly cross. As the steps get shorter the second bends away, and is
+  followed; at the first J is singular still, to 1e-5, and it is crossed straight on, and reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from rbd.arrays import Array
+from rbd.cones import NonNegative
+from rbd.errors import InputError, NoSolution
+from rbd.mechanism.closure import Closure, Misfit, rank_of
+from rbd.mechanism.descent import descend
+
+_LEAST_STEP = 1e-6
+_MOST_TURN = 0.2
+_MOST_SIDEWAYS = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A pose on the curve.
+
+    Attributes:
+        misfit: The constraints there.
+        tangent: Unit direction of the curve, shape (free,), in units of `Closure.metric`.
+        rows: Orthonormal combinations of the constraints' rows, shape (m, free - 1).
+        columns: Orthonormal directions of the free velocities, likewise, shape (free, free - 1).
+        sigma: Singular values of J, shape (free - 1,): J = rows diag(sigma) columns^T.
+        singular: Whether J has lost rank there.
+    """
+
+    misfit: Misfit
+    tangent: Array
+    rows: Array
+    columns: Array
+    sigma: Array
+    singular: bool
+
+    @property
+    def q(self) -> Array:
+        """The configuration."""
+        return self.misfit.q
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """From one pose to the next.
+
+    Attributes:
+        start: The pose before.
+        end: The pose after.
+        length: Of the prediction.
+        crossing: The pose where another curve crosses in between, to 1e-5, or None.
+    """
+
+    start: Point
+    end: Point
+    length: float
+    crossing: Point | None
+
+
+class Curve:
+    """The poses of a mechanism with one freedom.
+
+    Args:
+        closure: The constraints.
+        tolerance: Largest entry of the errors.
+        longest: Longest step, in units of `Closure.metric`.
+    """
+
+    def __init__(self, closure: Closure, tolerance: float, longest: float) -> None:
+        self.closure, self.tolerance, self.longest = closure, tolerance, longest
+        self.size = 0.3 * longest
+        self._jump: tuple[Step, float] | None = None
+        self.steps = 0
+
+    def point(self, at: Misfit, along: Array | None) -> Point | None:
+        """A pose with its tangent, turned so as to go `along`; None where the constraints let it move in no one way.
+
+        Where J loses rank the tangent is what is left of `along`: straight on.
+        """
+        n = len(self.closure.free)
+        if not len(at.J):
+            J = np.zeros((1, n))
+        else:
+            J = at.J
+        U, s, Vt = np.linalg.svd(J)
+        null = Vt[rank_of(s) :]
+        if not len(null) or (len(null) > 1 and along is None):
+            return None
+        t = null[0] if len(null) == 1 or along is None else null.T @ (null @ along)
+        size = float(np.linalg.norm(t))
+        if not size > 0.5:
+            return None
+        t = t / size
+        if along is not None and t @ along < 0.0:
+            t = -t
+        sigma = np.zeros(n - 1)
+        sigma[: min(len(s), n - 1)] = s[: n - 1]
+        return Point(at, t, U[:, : n - 1], Vt[: n - 1].T, sigma, len(null) > 1)
+
+    def ahead(self, p: Point, length: float) -> Point | None:
+        """The pose that a step of this length leads to; None where it is not brought back onto the constraints."""
+        try:
+            predicted = self.closure.at(self.closure.move(p.q, length * p.tangent))
+            found = descend(self.closure, predicted, tolerance=self.tolerance, most=12)
+        except InputError:
+            return None
+        return self.point(found.misfit, p.tangent) if found.closed else None
+
+    def advance(self, p: Point) -> Step:
+        """The next pose.
+
+        Raises:
+            NoSolution: the curve is lost.
+        """
+        if p.singular:
+            if self._jump is not None:
+                return self._cross(p)
+            self.size = max(self.size, 0.1 * self.longest)
+        while self.size >= _LEAST_STEP:
+            self.steps += 1
+            end = self.ahead(p, self.size)
+            if end is None or not self._follows(p, end):
+                self.size *= 0.5
+                continue
+            step = Step(p, end, self.size, p if p.singular else None)
+            if self._flips(p, end):
+                if self._jump is None:
+                    self._jump = step, 0.0
+                self.size *= 0.5
+                continue
+            self._grow(p, end)
+            return step
+        return self._cross(p)
+
+    def turn_back(self) -> None:
+        """Begin anew: what was ahead is behind now."""
+        self._jump, self.size = None, min(self.size, 0.3 * self.longest)
+
+    def locate(self, step: Step, measure: Callable[[Point], float]) -> Step:
+        """The part of a step up to where a measure, of opposite signs at its ends, is zero."""
+        found: dict[float, Point] = {0.0: step.start, step.length: step.end}
+
+        def value(s: float) -> float:
+            if s not in found:
+                there = self.ahead(step.start, s)
+                if there is None:
+                    raise NoSolution(f"{self.closure.robot.name}: the curve of poses was lost within a step.")
+                found[s] = there
+            return measure(found[s])
+
+        s = float(brentq(value, 0.0, step.length, xtol=1e-13, rtol=1e-14))
+        value(s)
+        return Step(step.start, found[s], s, step.crossing)
+
+    def stop(self, p: Point) -> tuple[float, str]:
+        """(least distance to a stop: negative beyond it, whose it is) of constraints that push to one side."""
+        least, whose = 1.0, ""
+        for r in p.misfit.rows:
+            if isinstance(r.cone, NonNegative) and r.error is not None and len(r.error) and r.error.min() < least:
+                least, whose = float(r.error.min()), r.name
+        return least, whose
+
+    def _follows(self, p: Point, end: Point) -> bool:
+        d = self.closure.way(p.q, end.q)
+        length, between = float(np.linalg.norm(d)), p.tangent + end.tangent
+        if not 0.5 * self.size < length < 2.0 * self.size or p.tangent @ end.tangent < np.cos(_MOST_TURN):
+            return False
+        sideways = d / length - between / np.linalg.norm(between)
+        return float(np.linalg.norm(sideways)) < _MOST_SIDEWAYS
+
+    def _flips(self, p: Point, end: Point) -> bool:
+        """Whether a singular value has gone through zero, followed from where it was: one of them, or several at once."""
+        if p.singular or end.singular or len(p.misfit.J) != len(end.misfit.J):
+            return False
+        return bool((np.linalg.eigvals(_followed(p, end)).real < 0.0).any())
+
+    def _grow(self, p: Point, end: Point) -> None:
+        """Longer steps where the curve is straight; a jump that was put off is forgotten once the curve has gone past it."""
+        if p.tangent @ end.tangent > np.cos(0.3 * _MOST_TURN):
+            self.size = min(self.longest, 1.5 * self.size)
+        if self._jump is not None:
+            step, gone = self._jump
+            gone += float(np.linalg.norm(self.closure.way(p.q, end.q)))
+            self._jump = (step, gone) if gone < 2.0 * step.length else None
+
+    def _cross(self, p: Point) -> Step:
+        """Straight on, over a crossing that steps of 1e-6 still see."""
+        if self._jump is None:
+            raise NoSolution(
+                f"{self.closure.robot.name}: the curve of poses is lost: no step of {_LEAST_STEP:g} leads on from q = "
+                f"{np.array2string(p.q, precision=6, threshold=12)}, where its least singular value is {p.sigma[-1]:.2g}."
+            )
+        step, _ = self._jump
+        self._jump, self.size = None, step.length
+        gone, length = (float(np.linalg.norm(self.closure.way(a.q, b.q))) for a, b in ((step.start, p), (p, step.end)))
+        part = gone / (gone + length)
+        tangent = (1.0 - part) * step.start.tangent + part * step.end.tangent  # at the crossing J says little
+        here = replace(p, tangent=tangent / np.linalg.norm(tangent), singular=True)
+        end = self.ahead(here, length)
+        if end is None or np.linalg.norm(self.closure.way(end.q, step.end.q)) > 0.2 * length:
+            end = step.end
+        # The singular value goes through zero in a straight line, nearly: the crossing is that part of the way ahead, or back.
+        ahead = np.linalg.eigvals(_followed(step.start, p)).real.min() > 0.0
+        small, large = float(p.sigma[-1]) * (1.0 if ahead else -1.0), float(end.sigma[-1])
+        rest = small / (small + large) if large > abs(small) else 0.0
+        return Step(here, end, length, self.ahead(here, rest * length) or here)
+
+
+def _followed(p: Point, end: Point) -> Array:
+    """J at `end` between the singular vectors of p over its singular values: the identity, were `end` where p is."""
+    return (p.rows.T @ end.misfit.J @ p.columns) / p.sigma

@@ -1,0 +1,189 @@
+"""Does a velocity that the constraints allow go on into a motion? Looked at nearby, by Newton; no proof.
+
+The configurations that satisfy the constraints form a set V. At a regular point its dimension is n - rank J. Where the rank
+of J drops there are velocities that J allows and that lead nowhere (a stretched string of bars), and velocities that begin
+different motions (a flat parallelogram). So: small steps in all directions that J allows, each brought back onto the
+constraints; at what is found, smaller steps again, brought back again. How many independent directions these leave is the
+dimension of V there. A direction that leads nowhere is brought back to where it started.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, largest
+from rbd.mechanism.held import Held, Linearised, kernel
+
+FAR, NEAR = 0.1, 0.02
+"""Lengths of the first and of the second steps, without units (radians, or parts of the robot's length)."""
+
+_MOVED = 0.1
+"""A step has led somewhere if that much of it is left."""
+
+_APART = 0.5
+"""Sine of the angle from which two tangent spaces at distance `FAR` belong to two branches."""
+
+_DIRECTIONS, _POINTS = 120, 24
+"""How many directions are tried from a singular configuration, and how many points are looked at in full."""
+
+_KNOWN = 0.98
+"""Cosine of the angle between a chord and the tangent of a curve found before from which it leads along that curve."""
+
+ROUGH = 1e-5
+"""Singular values count as zero at this fraction of the largest, at points that Newton found: where errors grow with the square
+of the distance, an error of 1e-14 leaves the point 1e-7 away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """Motions that go on in one way from a configuration.
+
+    Attributes:
+        dimension: Their freedoms.
+        point: A configuration on it nearby, shape (nq,).
+        tangent: Velocities of the constraints there, without units, orthonormal, shape (nv, dimension).
+        rank: Of J there.
+    """
+
+    dimension: int
+    point: Array
+    tangent: Array
+    rank: int
+
+
+@dataclass(frozen=True, eq=False)
+class FiniteMotion:
+    """What was found near a configuration.
+
+    Attributes:
+        dimension: The largest dimension of a branch; zero where nothing moves.
+        branches: The different ways to go on that were found, largest first. Curves are told apart by their tangents nearby, so
+            that the two arms of a cusp are two and curves that touch are one; of more than one freedom those of equal
+            dimension are not told apart.
+        points: Configurations that were found and looked at, this one first, shape (k, nq).
+        tried: How many directions were tried from here.
+        regular: Whether every velocity that J allows goes on, so that there is one branch.
+    """
+
+    dimension: int
+    branches: tuple[Branch, ...]
+    points: Array
+    tried: int
+    regular: bool
+
+
+def finite_motion(held: Held, at: Linearised, seed: int) -> FiniteMotion:
+    """The branches of motion that pass through an assembled configuration.
+
+    Args:
+        held: The constraints.
+        at: Them at the configuration.
+        seed: Of the directions.
+    """
+    rng = np.random.default_rng(seed)
+    placed, loose = held.placed, ~held.placed
+    N, _ = kernel(at.J, held.zero)
+    rank = held.n - N.shape[1]
+    here = Branch(N.shape[1], at.q, N, rank)
+    if rank == held.m or N.shape[1] == 0:  # the implicit function theorem, or nothing to go on
+        return FiniteMotion(here.dimension, (here,) if here.dimension else (), at.q[None], 0, True)
+    branches: list[Branch] = []
+    points: list[Linearised] = []
+    tried = analysed = 0
+    for near in _around(held, at, rng):
+        tried += 1
+        if near is None:
+            continue
+        points.append(near)
+        chord = held.displacement(at.q, near.q)
+        if any(b.dimension == 1 and abs(float(b.tangent[:, 0] @ chord)) > _KNOWN * np.linalg.norm(chord) for b in branches):
+            continue
+        analysed += 1
+        point, tangent = _regular(held, near, rng) if placed.any() else (near, np.eye(held.n))
+        if loose.any():
+            tangent = tangent @ kernel(point.J[loose] @ tangent, held.zero)[0]
+        found = Branch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
+        if found.dimension and not any(_same(found, other) for other in branches):
+            branches.append(found)
+        if analysed == _POINTS or found.dimension == here.dimension:
+            break
+    branches.sort(key=lambda b: -b.dimension)
+    looked = np.array([at.q, *[p.q for p in points]])
+    dimension = branches[0].dimension if branches else 0
+    if dimension == here.dimension:
+        # V lies in the smooth set that its independent rows leave, and fills it. Tangents that differ nearby are those of a
+        # sharp bend, or of a branch that only comes near.
+        return FiniteMotion(dimension, (here,), looked, tried, True)
+    return FiniteMotion(dimension, tuple(branches), looked, tried, False)
+
+
+def _around(held: Held, at: Linearised, rng: np.random.Generator) -> Iterator[Linearised | None]:
+    """Points to look at, at distance `FAR`; where nothing has a position every configuration will do."""
+    if held.placed.any():
+        return neighbours(held, at, FAR, rng, _DIRECTIONS)
+    return iter([held.at(held.move(at.q, FAR * _unit(rng, np.eye(held.n)))) for _ in range(3)])
+
+
+def _unit(rng: np.random.Generator, basis: Array) -> Array:
+    z = basis @ rng.normal(size=basis.shape[1])
+    return z / np.linalg.norm(z)
+
+
+def neighbours(
+    held: Held, at: Linearised, step: float, rng: np.random.Generator, directions: int
+) -> Iterator[Linearised | None]:
+    """For each direction of the kernel that is tried, the point found about one step away; None where there is none."""
+    K, _ = kernel(at.J[held.placed], held.zero)
+    for _ in range(min(K.shape[1], 1) if K.shape[1] < 2 else (directions + 1) // 2):
+        # At random: along axes of a symmetric linkage lie just the points that are singular themselves.
+        z = _unit(rng, K)
+        for start in (step * z, -step * z):
+            found = held.project(held.move(at.q, start))
+            moved = float(np.linalg.norm(held.displacement(at.q, found.q)))
+            yield found if largest(found.error) <= held.tolerance and _MOVED * step <= moved <= 3.0 * step else None
+
+
+def _regular(held: Held, at: Linearised, rng: np.random.Generator) -> tuple[Linearised, Array]:
+    """(point, tangent space): this point, or, where the rank is higher beside it, one beside it."""
+    step = NEAR
+    for _ in range(2):
+        tangent, around = _tangent(held, at, step, rng)
+        best = max(around, key=lambda p: _rank(held, p.J), default=at)
+        if _rank(held, best.J) <= _rank(held, at.J):
+            break
+        at, step = best, 0.25 * step
+    return at, tangent
+
+
+def _rank(held: Held, J: Array) -> int:
+    return held.n - kernel(J, max(held.zero, ROUGH))[0].shape[1]
+
+
+def _tangent(held: Held, at: Linearised, step: float, rng: np.random.Generator) -> tuple[Array, list[Linearised]]:
+    """Orthonormal basis of the directions in which the constraints' points lie about one of them, and these points."""
+    K, _ = kernel(at.J[held.placed], held.zero)
+    d = K.shape[1]
+    around: list[Linearised] = []
+    if d == 0:
+        return K, around
+    chords = np.zeros((2 * d + 1, held.n))
+    for i in range(len(chords)):
+        z = K[:, i] if i < d else _unit(rng, K)
+        found = held.project(held.move(at.q, step * z))
+        if largest(found.error) <= held.tolerance:
+            chords[i] = held.displacement(at.q, found.q) / step
+            around.append(found)
+    _, s, Vt = np.linalg.svd(chords @ K)
+    return K @ Vt[: int((s > _MOVED * np.sqrt(len(chords))).sum())].T, around
+
+
+def _same(one: Branch, other: Branch) -> bool:
+    """Whether two branches are not told apart: of equal dimension, above one, or with nearly the same tangent."""
+    if one.dimension != other.dimension:
+        return False
+    if one.dimension > 1:  # on a cone tangent planes differ from place to place
+        return True
+    return float(np.linalg.norm(one.tangent - other.tangent @ (other.tangent.T @ one.tangent), 2)) < _APART

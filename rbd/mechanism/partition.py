@@ -1,0 +1,285 @@
+"""Known and unknown velocities of a mechanism, and accelerations: J1 known + J2 unknown = what moves by itself.
+
+With the columns of J parted into those of the known velocities and the others,
+
+    J1 v1 + J2 v2 = u                       u: velocity of surfaces and guides that move by themselves, zero of loops
+    J1 a1 + J2 a2 + J_dot v = 0             (J_dot v less their acceleration)
+
+v2 = J2^+ (u - J1 v1) is unique where J2 has full column rank; of a planar four-bar driven by its crank det J2 = L2 L3
+sin(th3 - th2), zero where coupler and rocker lie on one line. Rows may repeat each other: J2 is not square then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, largest, lazy
+from rbd.errors import InputError, SingularPose
+from rbd.least_constraint import Constraint
+from rbd.mechanism.closure import Closure, rank_of
+from rbd.mechanism.descent import branches_meet
+from rbd.mechanism.independent import HeldVelocities, Rates, independent_columns
+from rbd.state import State
+
+_CONSISTENT = 1e-9
+"""How well rows must be met, over the largest sum of terms in a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of the constraints' Jacobian, parted into those of known and of unknown velocities.
+
+    Attributes:
+        known: Names of the known velocities: the joint's, with its number where the joint has several ("base[2]").
+        unknown: Names of the others.
+        J_known: J1, shape (m, known).
+        J_unknown: J2, shape (m, unknown).
+        singular_values: Of J2, with velocities that slide in units of the robot's length, shape (min(m, unknown),).
+    """
+
+    known: tuple[str, ...]
+    unknown: tuple[str, ...]
+    J_known: Array
+    J_unknown: Array
+    singular_values: Array
+
+    @property
+    def rank(self) -> int:
+        """Rank of J2."""
+        return rank_of(self.singular_values)
+
+    @property
+    def sigma_min(self) -> float:
+        """Least singular value of J2 [m]; zero where it has fewer rows than columns."""
+        s = self.singular_values
+        return float(s[-1]) if len(s) and len(s) == len(self.unknown) else 0.0
+
+    @property
+    def condition(self) -> float:
+        """Largest singular value of J2 over its least; one where nothing is unknown."""
+        if not self.unknown:
+            return 1.0
+        return float(self.singular_values[0] / self.sigma_min) if self.sigma_min > 0.0 else np.inf
+
+    @lazy
+    def volume(self) -> float:
+        """sqrt(det(J2^T J2)): |det J2| where it is square, or has besides rows of zeros only."""
+        gram = self.J_unknown.T @ self.J_unknown
+        return float(np.sqrt(max(0.0, np.linalg.det(gram)))) if self.unknown else 1.0
+
+    @lazy
+    def influence(self) -> Array:
+        """-J2^+ J1, shape (unknown, known): how each unknown velocity follows each known one."""
+        return -np.linalg.lstsq(self.J_unknown, self.J_known, rcond=None)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityPartition:
+    """All velocities of a mechanism from some.
+
+    Attributes:
+        v: Velocity, shape (nv,): for `state.with_velocity(v)`.
+        rates: {unknown velocity: its value} [rad/s, m/s].
+        columns: J1 and J2, their rank and condition.
+        residual: Largest |J v - u| [m/s, rad/s].
+    """
+
+    v: Array
+    rates: dict[str, float]
+    columns: Columns
+    residual: float
+
+    @property
+    def condition(self) -> float:
+        """Condition number of J2: by how much small errors of lengths and angles grow in the rates."""
+        return self.columns.condition
+
+    @property
+    def rank(self) -> int:
+        """Rank of J2."""
+        return self.columns.rank
+
+    def __str__(self) -> str:
+        return _table("velocity", self.columns, self.v, self.rates)
+
+
+@dataclass(frozen=True, eq=False)
+class AccelerationPartition:
+    """All accelerations of a mechanism from some.
+
+    Attributes:
+        a: Acceleration, shape (nv,).
+        accelerations: {unknown acceleration: its value} [rad/s2, m/s2].
+        columns: J1 and J2, their rank and condition.
+        residual: Largest |J a + J_dot v| [m/s2, rad/s2].
+    """
+
+    a: Array
+    accelerations: dict[str, float]
+    columns: Columns
+    residual: float
+
+    @property
+    def condition(self) -> float:
+        """Condition number of J2."""
+        return self.columns.condition
+
+    @property
+    def rank(self) -> int:
+        """Rank of J2."""
+        return self.columns.rank
+
+    def __str__(self) -> str:
+        return _table("acceleration", self.columns, self.a, self.accelerations)
+
+
+def velocity_partition(state: State, constraints: Sequence[Constraint] | None, known: Rates) -> VelocityPartition:
+    """All velocities of a mechanism from those that are known: J2 v2 = u - J1 v1.
+
+    Rates are those of the model's joints, each against the body before it: in a chain crank - coupler the coupler's is that
+    from the crank, not from the ground.
+
+    Args:
+        state: The robot, assembled; its own velocity plays no part.
+        constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of its file. Stops
+            and dry friction decide no velocity and are passed over.
+        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base[2]" is one of them alone.
+
+    Returns:
+        v, the unknown rates by name, J1 and J2 with rank and condition number.
+
+    Raises:
+        SingularPose: J2 is singular: names the velocities that the known ones do not decide here.
+        InputError: too few rates (says which would do), rates that contradict each other, a state that is not assembled, a
+            contact that can slip.
+        JointNotFound: with the nearest names.
+
+    >>> rbd.mechanism.velocity_partition(state, loops, {"crank": 25.0}).rates["rocker"]
+    """
+    held = HeldVelocities(state, constraints)
+    v, columns, residual = _solved(held, known, held.u, "rate")
+    return VelocityPartition(v, _named(held, v, columns), columns, residual)
+
+
+def acceleration_partition(state: State, constraints: Sequence[Constraint] | None, known: Rates) -> AccelerationPartition:
+    """All accelerations of a mechanism from those that are known: J2 a2 = -J_dot v - J1 a1.
+
+    Args:
+        state: The robot, assembled, with a velocity that the constraints allow: `velocity_partition(...).v`.
+        constraints: As for `velocity_partition`.
+        known: {joint: acceleration} [rad/s2, m/s2], written as rates are there.
+
+    Raises:
+        SingularPose: As `velocity_partition`.
+        InputError: Likewise, and where the state's velocity breaks a constraint.
+        JointNotFound: with the nearest names.
+    """
+    held = HeldVelocities(state, constraints)
+    off = held.J @ state.v - held.u
+    if largest(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
+        worst = held.row_names[int(np.argmax(np.abs(off)))]
+        raise InputError(
+            f"the velocity of {state.robot.name} breaks {worst!r:.80} by {largest(off):.3g} m/s (or rad/s); accelerations want "
+            "one that the constraints allow: state.with_velocity(velocity_partition(state, constraints, known).v)."
+        )
+    bias = np.concatenate([np.zeros(0), *(r.bias for r in held.rows(state))])
+    a, columns, residual = _solved(held, known, -bias, "acceleration")
+    return AccelerationPartition(a, _named(held, a, columns), columns, residual)
+
+
+def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[Array, Columns, float]:
+    """(all values, columns, residual) of J x = rhs with some of x known.
+
+    Raises:
+        SingularPose: they do not decide the others.
+        InputError: they contradict each other, or are too few.
+    """
+    mask, x = held.values(known, what)
+    names = np.array(held.coordinates.names, dtype=object)
+    s, Vt = _filled(held, mask, x, rhs)
+    columns = Columns(tuple(names[mask]), tuple(names[~mask]), held.J[:, mask], held.J[:, ~mask], s)
+    if columns.rank < len(columns.unknown):
+        raise _undecided(held, columns, Vt[columns.rank :], what)
+    residual = largest(held.J @ x - rhs)
+    if residual > _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
+        raise _contradicted(held, known, rhs, residual, what)
+    return x, columns, residual
+
+
+def _filled(held: HeldVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
+    """J2's singular values and right vectors; x, in place, is the least squares' of J x = rhs where J2 decides it."""
+    metric = held.coordinates.metric[~mask]
+    U, s, Vt = np.linalg.svd(held.J[:, ~mask] * metric)
+    if rank_of(s) == len(metric):
+        x[~mask] = metric * (Vt.T @ (((rhs - held.J[:, mask] @ x[mask]) @ U[:, : len(s)]) / s))
+    return s, Vt
+
+
+def _undecided(held: HeldVelocities, columns: Columns, null: Array, what: str) -> InputError | SingularPose:
+    robot, J, names = held.state.robot, held.J * held.coordinates.metric, held.coordinates.names
+    freedoms, k = robot.nv - rank_of(np.linalg.svd(J, compute_uv=False)), len(columns.known)
+    moving = np.abs(null).max(axis=0)
+    loose = _listed([name for name, size in zip(columns.unknown, moving, strict=True) if size > 1e-3 * moving.max()])
+    few = f"{freedoms} freedom{'s' * (freedoms != 1)} and {k} known {what}{'s' * (k != 1)}"
+    if k < freedoms and not _singular_here(held):
+        also = [names[i] for i in independent_columns(J, np.isin(names, columns.known))]
+        return InputError(
+            f"{robot.name} has {few}; {loose} can move while the known ones rest. Give as many as there are freedoms, "
+            f"e.g. {_listed(also)}."
+        )
+    here = f" The pose itself is singular: {few}." if k < freedoms else ""
+    most = columns.singular_values[0] if len(columns.singular_values) else 0.0
+    choice = [names[i] for i in independent_columns(J)]
+    return SingularPose(
+        f"the known {what}s ({_listed(columns.known)}) do not decide those of {loose}: J2 is singular here (rank "
+        f"{columns.rank} of {len(columns.unknown)}; its singular values are from {columns.sigma_min:.1e} to {most:.3g}), as "
+        f"where two links are in line.{here} {_listed(choice)} would decide all; or take another pose."
+    )
+
+
+def _singular_here(held: HeldVelocities) -> bool:
+    """Whether branches meet at the state, as far as positions say."""
+    try:
+        closure = Closure(held.state.robot, held.given)
+        return branches_meet(closure, closure.start(held.state.q))
+    except InputError:  # constraints of velocities alone: there are no poses to look at
+        return False
+
+
+def _contradicted(held: HeldVelocities, known: Rates, rhs: Array, residual: float, what: str) -> InputError:
+    helps = []
+    for name in known:
+        mask, x = held.values({key: value for key, value in known.items() if key != name}, what)
+        s, _ = _filled(held, mask, x, rhs)
+        if rank_of(s) == (~mask).sum() and largest(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
+            found = np.array2string(x[held.place(name)], precision=6)[1:-1].strip()
+            helps.append(f"{name!r:.80} at {found} (not {known[name]!r:.40})")
+    say = f" They agree with {' or '.join(helps[:6])}." if helps else ""
+    free = [held.coordinates.names[i] for i in independent_columns(held.J * held.coordinates.metric)]
+    return InputError(
+        f"the known {what}s of {held.state.robot.name} contradict each other, or the motion of what it touches: "
+        f"{residual:.3g} is left at best.{say} {_listed(free) or 'Nothing'} would decide all."
+    )
+
+
+def _named(held: HeldVelocities, x: Array, columns: Columns) -> dict[str, float]:
+    """{unknown velocity: its value}."""
+    unknown = set(columns.unknown)
+    return {name: float(value) for name, value in zip(held.coordinates.names, x, strict=True) if name in unknown}
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(repr(name) for name in names[:8]) + ", ..." * (len(names) > 8)
+
+
+def _terms(J: Array, x: Array, rhs: Array) -> float:
+    """Largest sum of the sizes of the terms in a row of J x - rhs."""
+    return largest(np.abs(J) @ np.abs(x) + np.abs(rhs))
+
+
+def _table(what: str, columns: Columns, x: Array, unknown: Mapping[str, float]) -> str:
+    head = f"{what}: {len(columns.known)} known, {len(columns.unknown)} unknown, condition {columns.condition:.4g}"
+    return "\n".join([head, *(f"  {name:24s} {value:.6g}" for name, value in unknown.items())])
