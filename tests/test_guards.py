@@ -335,7 +335,7 @@ CASES: dict[str, Case] = {
         rbd.mechanism.classify,
         {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
     ),
-    "catalogue.file_path": Case(rbd.catalogue.file_path, {"path": "x.urdf", "what": "the path"}),
+    "catalogue.file_path": Case(lambda path: rbd.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
     "catalogue.find": Case(rbd.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
     "dynamics.checked": of_state("checked"),
     "dynamics.mass_matrix": of_state("mass_matrix"),
