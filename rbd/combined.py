@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any, TypeVar
@@ -14,7 +15,7 @@ from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.contact_geometry import rigid_placement
 from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
-from rbd.errors import InputError, ModelError
+from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import CheckedModel
 from rbd.state import State
 
@@ -167,7 +168,8 @@ def combine(
     """Two robots, or a robot and an object that it holds, in one model.
 
     Each keeps its joints, motors, passive joints and floating base; M is block-diagonal. They meet in contacts with
-    `against=` a frame of the other. A pair can be combined with a third.
+    `against=` a frame of the other. A pair can be combined with a third. Loops and wheels of their files are left out, with
+    a warning: they name frames of one robot.
 
     Args:
         first: A robot, or anything with a checked model.
@@ -195,6 +197,14 @@ def combine(
         both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
         if both:
             raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that tell them apart, as ('a_', 'b_').")
+    left = [c.name for robot in (first, second) for c in (*getattr(robot, "loops", ()), *getattr(robot, "wheels", ()))]
+    if left:
+        warnings.warn(
+            f"the pair has no loops or wheels of its own: {', '.join(map(repr, left))[:80]} name frames without prefixes. Make "
+            "them again with the pair's frames.",
+            ModelWarning,
+            stacklevel=2,
+        )
     return Pair(first, second, rigid_placement("placement of the second robot", placement), prefixes)
 
 

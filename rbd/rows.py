@@ -70,6 +70,18 @@ class Rows:
     patch: Patch | None = None
     holonomic: Array | None = None
 
+    @classmethod
+    def unchecked(
+        cls, name: str, J: Array, bias: Array, cone: Cone, velocity: Array, error: Array | None, resultant: Array, patch: Patch
+    ) -> Rows:
+        """The same without the checks, a third of what two contacts cost: for float arrays that fit by construction."""
+        self = object.__new__(cls)
+        self.__dict__.update(
+            name=name, J=J, bias=bias, cone=cone, velocity=velocity, error=error, feedback=zeros(len(bias)),
+            resultant=resultant, patch=patch, holonomic=None,
+        )  # fmt: skip
+        return self
+
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"the name of rows is {self.name!r:.80}; expected a word, e.g. 'left_sole'.")

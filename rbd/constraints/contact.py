@@ -151,7 +151,7 @@ class PointContact:
             J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
             error = None if error is None else error[2:]
         patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction, against)
-        return Rows(self.name, J, bias, self._cone, v, error, resultant=resultant, patch=patch)
+        return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
 
     def anchored(self, state: State) -> PointContact:
         """The same contact, its anchor where it touches at this state."""
@@ -278,7 +278,7 @@ class SurfaceContact:
         resultant = np.zeros((6, 6))
         resultant[:3, :3] = resultant[3:, 3:] = R
         patch = Patch(X_WP.translation, R, self.corners, self.friction, self.against)
-        return Rows(self.name, J, bias, self._cone, v, error, resultant=resultant, patch=patch)
+        return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
 
     def anchored(self, state: State) -> SurfaceContact:
         """The same contact, its anchor where it touches at this state."""

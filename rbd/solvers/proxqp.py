@@ -69,15 +69,12 @@ class ProxQP:
         # R^T R = J M^-1 J^T, m x m where the rows are independent, else (k, m) from W = Q R.
         R = np.asarray(np.linalg.qr(P.whitened, mode="r")) if independent is None else independent
 
-        def best(P: GaussProblem, start: float) -> Solution:
-            return self._best(P, R, start)
-
-        found = best(P, start)
-        if not found.residuals.within(USABLE):
-            return _in_spite(best, found, start)
+        found, solved = self._best(P, R, start)
+        if not (solved or found.residuals.within(USABLE)):
+            return _in_spite(lambda P, start: self._best(P, R, start)[0], found, start)
         return found.settled() if independent is None else found
 
-    def _best(self, P: GaussProblem, R: Array, start: float) -> Solution:
+    def _best(self, P: GaussProblem, R: Array, start: float) -> tuple[Solution, bool]:
         along, opening, holds = _ray_rows(P, R)
         bounded = _Bounded(P.rays, along, opening) if P.rays.has_intervals else None
         if bounded is not None:
@@ -113,9 +110,9 @@ class ProxQP:
                 found = _better(found, _solution(P, polished, attempt.iterations, start))
             best = found if best is None else _better(best, found)
             if best.residuals.within(SOLVED):
-                return best
+                return best, True
         assert best is not None
-        return best
+        return best, False
 
 
 def _in_spite(best: Callable[[GaussProblem, float], Solution], failed: Solution, start: float) -> Solution:
