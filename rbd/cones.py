@@ -209,16 +209,11 @@ class WrenchCone:
 
         Newtons and newton metres are weighed alike.
         """
-        corner_rays = block_diagonal([pyramid(self.mu, self.facets)] * len(self.corners))
-        G = self.corner_map @ corner_rays
-        return G @ nnls(G, force)[0]
+        return _nearest_of_corners(self, force)
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """The corner map and one second-order cone a corner; without friction, its normal columns and half-lines."""
-        k = len(self.corners)
-        if self.mu == 0.0:
-            return self.corner_map[:, 2::3], (HalfLine(),) * k
-        return self.corner_map, (SecondOrderCone(self.mu, self.facets),) * k
+        return _of_corners(self)
 
 
 @dataclass(frozen=True)
@@ -260,14 +255,23 @@ class LineCone:
 
     def project(self, force: Array) -> Array:
         """The nearest row forces of the end pyramids (not of the true cones), by nonnegative least squares."""
-        G = self.corner_map @ block_diagonal([pyramid(self.mu, self.facets)] * 2)
-        return G @ nnls(G, force)[0]
+        return _nearest_of_corners(self, force)
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """The map of the ends and a second-order cone an end; without friction, its normal columns and half-lines."""
-        if self.mu == 0.0:
-            return self.corner_map[:, 2::3], (HalfLine(),) * 2
-        return self.corner_map, (SecondOrderCone(self.mu, self.facets),) * 2
+        return _of_corners(self)
+
+
+def _of_corners(cone: WrenchCone | LineCone) -> tuple[Array, tuple[Part, ...]]:
+    k = len(cone.corners)
+    if cone.mu == 0.0:
+        return cone.corner_map[:, 2::3], (HalfLine(),) * k
+    return cone.corner_map, (SecondOrderCone(cone.mu, cone.facets),) * k
+
+
+def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
+    G = cone.corner_map @ block_diagonal([pyramid(cone.mu, cone.facets)] * len(cone.corners))
+    return G @ nnls(G, force)[0]
 
 
 @dataclass(frozen=True)

@@ -70,10 +70,7 @@ def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool
         assert rows.resultant is not None
         return (rows.resultant @ f)[:3].reshape(1, 3)
     if weights is None or not isinstance(rows.cone, WrenchCone | LineCone):
-        corner_map = WrenchCone(rows.patch.corners, 0.0).corner_map
-        if len(f) == 5:  # a line: no moment about itself
-            corner_map = np.delete(corner_map, 3, axis=0)
-        local = np.linalg.lstsq(corner_map, f, rcond=None)[0].reshape(k, 3)
+        local = np.linalg.lstsq(corner_map(rows), f, rcond=None)[0].reshape(k, 3)
     else:
         local, at = np.zeros((k, 3)), 0
         for i, part in enumerate(rows.cone.generators()[1]):
@@ -84,3 +81,10 @@ def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool
                 local[i] = pyramid(part.mu, part.facets, inscribed=inscribed) @ weights[at : at + part.facets]
                 at += part.facets
     return local @ rows.patch.axes.T
+
+
+def corner_map(rows: Rows) -> Array:
+    """Row forces of corner forces in contact axes, shape (5 or 6, 3k); a line feels no moment about itself."""
+    assert rows.patch is not None
+    C = WrenchCone(rows.patch.corners, 0.0).corner_map
+    return np.delete(C, 3, axis=0) if len(rows) == 5 else C

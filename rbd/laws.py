@@ -11,6 +11,7 @@ from rbd.arrays import Array
 from rbd.contact_force import CARRIES_NOTHING_N
 from rbd.external import External
 from rbd.least_constraint import Constraint, solve
+from rbd.rays import rays
 from rbd.solution import Solution
 from rbd.solvers.admm import ADMM
 from rbd.state import State
@@ -127,7 +128,7 @@ def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
         if rows.patch is None:
             continue
         f = solution.corner_forces[rows.name] @ rows.patch.axes
-        motion = _points(y, parts.point, parts.push, columns, len(f)) if solution.weights is not None else np.zeros_like(f)
+        motion = np.zeros_like(f) if rays(rows.cone).all_lines else parts.at_points(y, columns)  # what holds keeps still
         loaded = f[:, 2] > CARRIES_NOTHING_N
         out[rows.name] = ContactUnderLaw(
             normal=float(f[:, 2].sum()),
@@ -136,11 +137,4 @@ def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
             dissipation=-float((f[:, :2] * motion[:, :2]).sum()),
             lifted=float((f[:, 2] * motion[:, 2]).sum()),
         )
-    return out
-
-
-def _points(y: Array, point: Array, push: Array, columns: slice, k: int) -> Array:
-    """Accelerations of a contact's points in contact axes, shape (k, 3), from what its columns see at rest."""
-    out = np.zeros((k, 3))
-    np.add.at(out, point[columns], y[columns, None] * push[columns])
     return out

@@ -107,11 +107,11 @@ class Parts:
             out[self.cone_columns] = project_cones(w[self.cone_columns], self.mu)
         return out
 
-    def point_forces(self, w: Array, columns: slice) -> Array:
-        """Forces at the points of one contact, shape (k, 3), in contact axes [N].
+    def at_points(self, w: Array, columns: slice) -> Array:
+        """Forces, of weights, or accelerations, of y, at the points of one contact that pushes, shape (k, 3), in its axes.
 
         Args:
-            w: Weights, shape (p,).
+            w: Weights or accelerations, shape (p,).
             columns: The contact's columns, of `slices`.
         """
         at = self.point[columns]

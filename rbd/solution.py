@@ -244,7 +244,7 @@ class Solution:
         P = self.problem
         if self.weights is not None and len(rows) and "facets" not in self.law and not rays(rows.cone).all_lines:
             assert rows.patch is not None
-            return P.parts.point_forces(self.weights, P.parts.slices[i]) @ rows.patch.axes.T
+            return P.parts.at_points(self.weights, P.parts.slices[i]) @ rows.patch.axes.T
         weights = None if self.weights is None else self.weights[P.ray_slices[i]]
         return corner_split(rows, self.multipliers[P.slices[rows.name]], weights)
 

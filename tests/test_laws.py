@@ -71,3 +71,13 @@ def test_talos_pushed_on_ice_parts(talos):
         assert both.under_coulomb[name].lifted == pytest.approx(0.0, abs=1e-6)
     total = sum(c.lifted - c.dissipation for c in both.under_convex.values())
     assert total == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_held_foot_beside_a_rubbing_one_keeps_still_under_both(talos):
+    """What holds has no points that could slip: it carries, and does not move; forces sum to the weight."""
+    state, left, right = talos.standing(), talos.soles(None)[0], talos.soles(0.7)[1]
+    both = rbd.compare_laws(state, rbd.hold(state, talos.soles()).tau, [left, right])
+    assert both.agree
+    for under in (both.under_convex, both.under_coulomb):
+        assert under["left_sole"].slip == under["left_sole"].lift_off == under["left_sole"].dissipation == 0.0
+        assert sum(c.normal for c in under.values()) == pytest.approx(talos.mass * 9.81, rel=1e-6)

@@ -268,7 +268,7 @@ class TestWeights:
         for velocity in ([0.0] * 6, [0.3, 0, 0, 0, 0, 1.0], [0, 0, 0.1, 0, 0.5, 0]):
             T = parts_of([rows_with(rbd.Free(2), name="held"), rows_with(cone, velocity, "sole")])
             w = T.project(rng.uniform(0.5, 2.0, T.size))
-            forces = T.point_forces(w, T.slices[1])
+            forces = T.at_points(w, T.slices[1])
             assert forces.shape == (4, 3) and cone.corner_map @ forces.ravel() == pytest.approx((T.G @ w)[2:])
 
     @pytest.mark.parametrize("velocity", [[0.0] * 6, [0.3, 0.1, 0, 0, 0, 1.0]])

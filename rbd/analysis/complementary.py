@@ -21,6 +21,7 @@ import numpy as np
 from rbd.analysis.admissible import Admissible, null_space
 from rbd.arrays import Array
 from rbd.cones import LineCone, SecondOrderCone, WrenchCone, pyramid
+from rbd.contact_force import corner_map
 from rbd.parts import bounded_weights, project_cones
 from rbd.problem import GaussProblem
 from rbd.rays import rays
@@ -307,10 +308,3 @@ def corner_kind(rows: Rows, held: bool) -> str:
     if isinstance(rows.cone, WrenchCone | LineCone):
         return "pieces"
     return "expanded" if held and len(rows) in (5, 6) else "none"
-
-
-def corner_map(rows: Rows) -> Array:
-    """Row forces of corner forces in contact axes, shape (5 or 6, 3k); a line feels no moment about itself."""
-    assert rows.patch is not None
-    C = WrenchCone(rows.patch.corners, 0.0).corner_map
-    return np.delete(C, 3, axis=0) if len(rows) == 5 else C

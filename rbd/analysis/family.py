@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas
 
+from rbd.analysis.active_set import RANK_TOLERANCE
 from rbd.analysis.modes import modes_of
 from rbd.arrays import Array
 
 if TYPE_CHECKING:
     from rbd.solution import Solution
-
-_RANK_TOLERANCE = 1e-9
-
 
 def motion_freedom(solution: Solution) -> int:
     """Dimension of the family of motions with the same contact modes; zero where the motion stands alone among them.
@@ -39,4 +37,4 @@ def motion_freedom(solution: Solution) -> int:
 def _rank(L: Array, X: Array) -> int:
     X = blas.dtrsm(1.0, L, X, lower=1)
     length = np.linalg.norm(X, axis=0)
-    return int((np.linalg.svd(X / np.where(length > 0.0, length, 1.0), compute_uv=False) > _RANK_TOLERANCE).sum())
+    return int((np.linalg.svd(X / np.where(length > 0.0, length, 1.0), compute_uv=False) > RANK_TOLERANCE).sum())

@@ -23,7 +23,7 @@ from rbd.constraints.contact_geometry import (
     rigid_placement,
     unit_normal,
 )
-from rbd.constraints.counterpart import Counterpart, anchor_placement, anchor_point, changed, counterpart
+from rbd.constraints.counterpart import Counterpart, anchor_placement, anchor_point, changed, counterpart, remember
 from rbd.rows import Patch, Rows
 from rbd.state import State
 
@@ -106,12 +106,8 @@ class PointContact:
         put(self, "facets", facets)
         X_S0 = anchor_point(name, anchor)
         touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
-        put(self, "against", against)
-        put(self, "velocity", None if velocity is None or touched is None else touched.velocity)
-        put(self, "acceleration", None if acceleration is None or touched is None else touched.acceleration)
-        put(self, "about", None if touched is None else touched.about)
+        remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
         put(self, "anchor", None if X_S0 is None else X_S0.translation)
-        put(self, "_touched", touched)
         put(self, "_axes", contact_axes(np.asarray(self.normal)))
         put(self, "_X_FP", pin.SE3(np.eye(3), self.offset))
         put(self, "_upright", bool(np.array_equal(self._axes, np.eye(3))))
@@ -244,12 +240,8 @@ class SurfaceContact:
         put(self, "facets", facets)
         X_S0 = anchor_placement(name, anchor)
         touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
-        put(self, "against", against)
-        put(self, "velocity", None if velocity is None or touched is None else touched.velocity)
-        put(self, "acceleration", None if acceleration is None or touched is None else touched.acceleration)
-        put(self, "about", None if touched is None else touched.about)
+        remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
         put(self, "anchor", X_S0)
-        put(self, "_touched", touched)
         if friction is None:
             put(self, "_cone", Free(6))
         else:

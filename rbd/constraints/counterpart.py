@@ -186,6 +186,16 @@ def anchor_placement(name: str, anchor: pin.SE3 | Array | None) -> pin.SE3 | Non
     return None if anchor is None else rigid_placement(f"anchor of contact {name!r}", anchor)
 
 
+def remember(contact: object, touched: Counterpart | None, **given: object) -> None:
+    """Put what a contact touches, and what it was given about that, into its fields, as the counterpart has checked them."""
+    put = object.__setattr__
+    put(contact, "against", given["against"])
+    for what in ("velocity", "acceleration"):
+        put(contact, what, None if given[what] is None or touched is None else getattr(touched, what))
+    put(contact, "about", None if touched is None else touched.about)
+    put(contact, "_touched", touched)
+
+
 def changed(contact: Contact, **changes: Any) -> Contact:
     """The same contact with some of its arguments changed."""
     given = {key: getattr(contact, key) for key in inspect.signature(type(contact)).parameters if hasattr(contact, key)}

@@ -11,7 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array, a_number
 from rbd.cones import Cone, Free, LineCone, check_friction
 from rbd.constraints.contact_geometry import check_names, check_state, rigid_placement, unit_normal
-from rbd.constraints.counterpart import Counterpart, RelativeMotion, anchor_placement, changed, counterpart
+from rbd.constraints.counterpart import Counterpart, RelativeMotion, anchor_placement, changed, counterpart, remember
 from rbd.errors import InputError
 from rbd.rows import Patch, Rows
 from rbd.state import State
@@ -100,12 +100,8 @@ class LineContact:
         put(self, "facets", facets)
         X_S0 = anchor_placement(name, anchor)
         touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
-        put(self, "against", against)
-        put(self, "velocity", None if velocity is None or touched is None else touched.velocity)
-        put(self, "acceleration", None if acceleration is None or touched is None else touched.acceleration)
-        put(self, "about", None if touched is None else touched.about)
+        remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
         put(self, "anchor", X_S0)
-        put(self, "_touched", touched)
         put(self, "_cone", Free(5) if friction is None else LineCone(self.half_length, float(friction), int(facets)))
 
     @property

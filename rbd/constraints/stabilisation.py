@@ -121,7 +121,7 @@ class Stabilised:
             return f"nothing: {self.name!r:.80} has no rows at this state"
         if not _heard(rows.cone):
             return f"nothing: {self.name!r:.80} has forces in a {type(rows.cone).__name__}, which has no place to go back to"
-        if rows.error is None:
+        if rows.error is None or (rows.holonomic is not None and not rows.holonomic.any()):
             return f"velocity alone: the rows of {self.name!r:.80} give no error, so what has drifted stays"
         return "position and velocity"
 

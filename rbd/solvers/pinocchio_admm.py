@@ -16,8 +16,6 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.solvers.newton import Scaled
 
-_NO_BOUND = np.finfo(float).max
-
 
 def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, tolerance: float) -> tuple[Array, int]:
     """(weights, iterations) of one run, in the problem's own units and order; its verdict on itself is not asked.
