@@ -11,6 +11,8 @@ from rbd.combined import Pair, combine
 from rbd.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.constraints import (
     Baumgarte,
+    CollisionContacts,
+    ContactPoints,
     FunctionConstraint,
     JointCoupling,
     JointFriction,
@@ -50,6 +52,7 @@ from rbd.errors import (
     RbdError,
     RbdWarning,
     SeveralMotions,
+    SimulationStopped,
     SingularInertia,
     SingularPose,
     UnknownName,
@@ -65,6 +68,20 @@ from rbd.problem import GaussProblem
 from rbd.robot import Robot, load_robot
 from rbd.rows import Rows
 from rbd.sensitivity import Derivatives
+from rbd.simulation import (
+    Adaptive,
+    Event,
+    HoldPosture,
+    Projection,
+    Push,
+    Pushes,
+    RungeKutta4,
+    Sampled,
+    TimeStepping,
+    TorqueScript,
+    Trajectory,
+    simulate,
+)
 from rbd.solution import Solution, Status
 from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT
@@ -75,6 +92,21 @@ from rbd.xml_file import FileLimits
 __version__ = "0.1.0"
 
 __all__ = [
+    "ContactPoints",
+    "CollisionContacts",
+    "TorqueScript",
+    "Sampled",
+    "Pushes",
+    "Push",
+    "HoldPosture",
+    "simulate",
+    "SimulationStopped",
+    "Trajectory",
+    "TimeStepping",
+    "RungeKutta4",
+    "Projection",
+    "Event",
+    "Adaptive",
     "ADMM",
     "KKT",
     "Agreement",

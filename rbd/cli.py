@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 no solution (the message says which limit is in the way), 
 from __future__ import annotations
 
 import json
+import math
 import time
 import warnings
 from collections.abc import Iterator
@@ -19,14 +20,17 @@ from rich.progress import track
 
 from rbd.arrays import Array, three
 from rbd.equilibrium import hold
-from rbd.errors import InputError, ModelWarning, NoSolution, RbdError
+from rbd.errors import InputError, ModelWarning, NoSolution, RbdError, SimulationStopped
 from rbd.external import ExternalForce
 from rbd.least_constraint import solve
 from rbd.loop_file import ROOTS, Root
 from rbd.report import StandReport
 from rbd.robot import load_robot
+from rbd.simulation.door import simulate as run
 
 NO_SOLUTION, BAD_INPUT = 1, 2
+MOST_SAMPLES = 10_000
+"""Of a longer motion not every step is recorded."""
 
 
 class Reported(Protocol):
@@ -49,7 +53,7 @@ def stand(
     robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
     friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
-    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force [N] ...")] = None,
+    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
@@ -162,6 +166,87 @@ def mechanism(
                     console.print(f"picture: {scene.export(html)}", soft_wrap=True)
                 if show:
                     _serve(console, scene.open())
+
+
+@app.command()
+def simulate(
+    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, ur5, ...) or path of a URDF (urdf/four_bar.urdf).")],
+    duration: Annotated[float, typer.Option(help="Seconds to simulate.")] = 2.0,
+    step: Annotated[float, typer.Option(help="Length of a step, in seconds.")] = 1e-3,
+    push: Annotated[list[str] | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
+    at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
+    from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
+    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
+    friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
+    law: Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")] = "coulomb",
+    hold_: Annotated[
+        bool | None, typer.Option("--hold/--free", help="Motors hold the posture, or do nothing; --free of mechanisms.")
+    ] = None,
+    bodies: Annotated[bool, typer.Option("--bodies", help="Let all collision shapes touch the ground.")] = False,
+    stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
+    posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
+    root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Write the trajectory, .npz or .nc.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Replay it in the browser.")] = False,
+) -> None:
+    """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held. Push it, and see it move.
+
+    Contacts stick, slip, lift and strike; loops and wheels hold. Prints how it ended, what happened, and the proof: energy,
+    residuals, and what the model leaves out. Ctrl-C ends it early and keeps what there is. For example:
+
+    rbd simulate talos --push 0,20,0 --at torso_2_link --from 0.2 --for 0.1 --html push.html
+    """
+    from rbd.simulate_report import SimulateReport, draw, writable
+    from rbd.simulate_setup import loaded, pushes, setup
+    from rbd.simulation.pushes import Pushes
+
+    console = _console()
+    with _answering(console):
+        pushed = pushes(push or (), at or (), from_ or (), for_ or ())
+        writable({"--save": save, "--plot": plot, "--html": html, "--json": json_})
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "load"):
+            found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
+        for p in pushed:
+            found.frame(p.frame)  # an unknown frame is refused before anything is computed
+        with _timed(seconds, "set up"):
+            given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops)
+        external, stopped = Pushes(pushed) if pushed else None, None
+        with _timed(seconds, "simulate"):
+            try:
+                trajectory = run(
+                    given.state, given.constraints, duration=duration, step=step, controller=given.controller,
+                    external=external, law=law, record_every=_every(duration, step),
+                )  # fmt: skip
+            except SimulationStopped as error:
+                if error.trajectory is None:
+                    raise
+                trajectory, stopped = error.trajectory, error
+        report = SimulateReport(trajectory, given, pushed, seconds)
+        _write_json(json_, report)
+        console.print(report)
+        if save is not None:
+            trajectory.save(save)
+            console.print(f"trajectory: {save}", soft_wrap=True)
+        if plot is not None:
+            console.print(f"plot: {draw(trajectory, plot)}", soft_wrap=True)
+        if html is not None and len(trajectory) > 1:
+            console.print(f"picture: {trajectory.export(html, external=external)}", soft_wrap=True)
+        if show and len(trajectory) > 1:
+            trajectory.replay(external=external)
+        if stopped is not None:
+            raise stopped
+
+
+def _every(duration: float, step: float) -> int:
+    """Every how many steps are recorded; one where there is no such motion, which `simulate` refuses."""
+    if not (0.0 < step < math.inf and 0.0 < duration < math.inf):
+        return 1
+    return max(1, math.ceil(min(duration / step, 1e12) / MOST_SAMPLES))
 
 
 def _root(root: str | None) -> Root | None:

@@ -133,6 +133,16 @@ class Pair(CheckedModel):
         """Collision shapes of both."""
         return self._geometry("collision_model")
 
+    @property
+    def collision_stand_ins(self) -> frozenset[str]:
+        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        names = [
+            prefix + name
+            for prefix, robot in zip(self.prefixes, self.members, strict=True)
+            for name in getattr(robot, "collision_stand_ins", ())
+        ]
+        return frozenset(names)
+
     def _geometry(self, kind: str) -> pin.GeometryModel:
         shapes = [getattr(robot, kind, pin.GeometryModel()).copy() for robot in self.members]
         for prefix, model in zip(self.prefixes, shapes, strict=True):

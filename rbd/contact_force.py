@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.cones import HalfLine, LineCone, SecondOrderCone, WrenchCone, pyramid
+from rbd.cones import HalfLine, LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
 from rbd.rows import Patch, Rows
 
 CARRIES_NOTHING_N = 1e-6
@@ -69,7 +69,10 @@ def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool
     if k == 1:
         assert rows.resultant is not None
         return (rows.resultant @ f)[:3].reshape(1, 3)
-    if weights is None or not isinstance(rows.cone, WrenchCone | LineCone):
+    if isinstance(rows.cone, Product | NonNegative):  # points side by side: the row forces are theirs
+        local = np.zeros((k, 3))
+        local[:, 3 - len(f) // k :] = f.reshape(k, -1)
+    elif weights is None or not isinstance(rows.cone, WrenchCone | LineCone):
         local = np.linalg.lstsq(corner_map(rows), f, rcond=None)[0].reshape(k, 3)
     else:
         local, at = np.zeros((k, 3)), 0

@@ -17,6 +17,7 @@
         CannotHold                      no motor torques hold this pose
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         SingularPose                    here the known motions do not decide the others
+        SimulationStopped               a step of a simulation has no solution; carries what was computed till then
       PictureError                      a page or a screenshot could not be made
       WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
       ContractBroken                    in rbd.testing: a constraint or a solver does not do what it says
@@ -41,7 +42,9 @@ if TYPE_CHECKING:
     from rbd.arrays import Array
     from rbd.nearest import NearestMotion
     from rbd.problem import GaussProblem
+    from rbd.simulation.trajectory import Trajectory
     from rbd.solution import Solution
+    from rbd.state import State
 
 
 class RbdError(Exception):
@@ -133,6 +136,33 @@ class NoSolution(RbdError):
         if self._nearest is None:
             raise InputError("there is no nearest motion: this error comes from no least-constraint problem.")
         return self._nearest(weights=weights)
+
+
+class SimulationStopped(NoSolution):
+    """A step of a simulation has no solution.
+
+    Attributes:
+        state: The last state that was reached; None where none was told.
+        t: Its time [s].
+        names: The constraints that were active.
+        trajectory: What was computed till then; None where not even the first moment was.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        state: State | None = None,
+        t: float = 0.0,
+        names: tuple[str, ...] = (),
+        trajectory: Trajectory | None = None,
+        cause: Exception | None = None,
+    ) -> None:
+        super().__init__(message)
+        if isinstance(cause, NoSolution):
+            self.problem, self.result, self.contradiction = cause.problem, cause.result, cause.contradiction
+            self._nearest = cause._nearest
+        self.state, self.t, self.names, self.trajectory = state, t, names, trajectory
 
 
 class CannotHold(NoSolution):

@@ -115,7 +115,7 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state.robot, np.asarray(tau, float))
-    given = _listed(constraints)
+    given = listed(constraints)
     rows = _rows_of(state, given)
     _warn_of_open(given, rows)
     loose = any([r.resultant is None or r.patch is None for r in rows])
@@ -152,7 +152,7 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     Raises:
         InputError: if something in the list is no constraint.
     """
-    return _rows_of(state, _listed(constraints))
+    return _rows_of(state, listed(constraints))
 
 
 def _rows_of(state: State, constraints: tuple[Constraint, ...]) -> list[Rows]:
@@ -167,7 +167,12 @@ def _rows_of(state: State, constraints: tuple[Constraint, ...]) -> list[Rows]:
     return out
 
 
-def _listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """Constraints as a tuple.
+
+    Raises:
+        InputError: if it is no list.
+    """
     if isinstance(constraints, str | bytes):
         raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
     if hasattr(constraints, "rows"):

@@ -176,6 +176,11 @@ class Robot(CheckedModel):
         """Collision shapes, boxes in place of meshes that cannot be had; the first use warns of those."""
         return self._collision.model
 
+    @property
+    def collision_stand_ins(self) -> frozenset[str]:
+        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        return self._collision.stand_ins
+
     @cached_property
     def _collision(self) -> Geometry:
         return self._geometry(pin.GeometryType.COLLISION)

@@ -131,6 +131,26 @@ class State:
         with self._pool.lock:
             return self._data().oMi[joint].copy()
 
+    def joint_places(self, joints: Sequence[int]) -> tuple[Array, Array]:
+        """(R_WJ, p_WJ) of joints by their numbers, shapes (n, 3, 3) and (n, 3) [m]."""
+        with self._pool.lock:
+            oMi = self._data().oMi
+            places = [oMi[joint] for joint in joints]
+            return np.array([X.rotation for X in places]), np.array([X.translation for X in places])
+
+    def joint_motion(self, joints: Sequence[int]) -> tuple[Array, Array, Array]:
+        """`joint_places`, and the joints' Jacobian at W's origin over its time derivative, shape (12, nv).
+
+        Column k is the spatial velocity that a unit of v_k gives all bodies beyond its joint: linear, of the point at W's
+        origin, then angular. For many points at once; `frame` is the door for one.
+        """
+        nv = self.robot.nv
+        with self._pool.lock:
+            data = self._data()
+            # It leaves placements, velocities and J as they are, to the last bit.
+            rate = pin.computeJointJacobiansTimeVariation(self.robot.model, data, self.q, self.v)
+            return *self.joint_places(joints), np.concatenate([data.J.reshape(6, nv), rate.reshape(6, nv)])
+
     def balance(self, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
         """What the centroidal residual is computed from; None unless all bodies hang from floating bases.
 

@@ -16,7 +16,7 @@ P orders the joints: MuJoCo keeps the order of the file, Pinocchio sorts sibling
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -87,16 +87,17 @@ class MujocoTwin:
 
     Args:
         robot: Loaded from a URDF file whose inertias MuJoCo accepts, see `physical_urdf`.
+        add: Adds what the file has not, e.g. shapes that touch, before MuJoCo compiles the model.
 
     Raises:
         ValueError: if a joint of one model is not in the other, or has other freedoms there.
     """
 
-    def __init__(self, robot: Loaded) -> None:
+    def __init__(self, robot: Loaded, add: Callable[[mujoco.MjSpec], None] = lambda spec: None) -> None:
         """Compile the MuJoCo model and match its joints with Pinocchio's by name."""
         self.robot = robot
         root_link = next(frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY)
-        self.model = _compiled(robot.urdf, floating=root_link if robot.root == "free_flyer" else "")
+        self.model = _compiled(robot.urdf, add, floating=root_link if robot.root == "free_flyer" else "")
         self.model.opt.gravity = robot.model.gravity.linear
         self.model.dof_damping[:] = 0.0
         self.model.dof_frictionloss[:] = 0.0
@@ -260,10 +261,11 @@ class TwinFrame:
     bias: Array
 
 
-def _compiled(urdf: Path, *, floating: str) -> mujoco.MjModel:
+def _compiled(urdf: Path, add: Callable[[mujoco.MjSpec], None], *, floating: str) -> mujoco.MjModel:
     """The file as MuJoCo reads it, changed nowhere: no welded link fused, no inertia balanced or bounded.
 
-    MuJoCo welds the root to the world. `floating` names the link to set free, nothing where the weld is meant.
+    MuJoCo welds the root to the world. `floating` names the link to set free, nothing where the weld is meant. `add` adds what
+    the file has not.
     """
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(_without_shapes(urdf), encoding="unicode"))
     spec.compiler.fusestatic = False
@@ -275,6 +277,7 @@ def _compiled(urdf: Path, *, floating: str) -> mujoco.MjModel:
         if base is None:  # a link called "world" is MuJoCo's world, and what it carries would float in its place
             raise ValueError(f"MuJoCo cannot free the root {floating!r} of {urdf.name}")
         base.add_freejoint()
+    add(spec)
     return spec.compile()
 
 

@@ -24,7 +24,19 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import Scene, contact_colors, contact_sheet, plot_ranges, screenshot
+from rbd.visual import (
+    Scene,
+    contact_colors,
+    contact_sheet,
+    export_motion,
+    motion_sheet,
+    plot_energy,
+    plot_forces,
+    plot_joint,
+    plot_ranges,
+    replay,
+    screenshot,
+)
 
 set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
 EXAMPLES = 60
@@ -142,6 +154,38 @@ def use_export(path: Any) -> Any:
 def use_plot(ax: Any, uniqueness: Any) -> Any:
     """Where bars and marks are."""
     return [artist.get_xdata() for artist in plot_ranges(ax, uniqueness)]
+
+
+FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5)]
+TRAJECTORY = rbd.simulate(BOX.at(), FLOOR, duration=0.003, step=1e-3)
+HOLD_BOLT = rbd.HoldPosture(STATE, FEET)
+
+
+def use_simulate(**given: Any) -> Any:
+    """Where a motion went."""
+    moved = rbd.simulate(**given)
+    return moved.times, moved.q, moved.v, moved.a
+
+
+def use_integrator(integrator: Any) -> Any:
+    """What one makes of a box in flight."""
+    return use_simulate(state=BOX.at(), constraints=[], duration=0.01, step=0.005, integrator=integrator)
+
+
+def use_controller(controller: Any) -> Any:
+    """Its torques."""
+    return controller(STATE, 0.001)
+
+
+def use_collision(**given: Any) -> Any:
+    """Rows and points of a robot's collision shapes."""
+    contacts = rbd.CollisionContacts(**given)
+    return contacts.rows(BOX.at()), contacts.points(BOX.at())[1:]
+
+
+def use_plots(plot: Any, **given: Any) -> Any:
+    """That a plot of a motion draws something."""
+    return len(plot(**given))
 
 
 @dataclass(frozen=True)
@@ -378,6 +422,75 @@ CASES: dict[str, Case] = {
     ),
     "visual.Scene.export": Case(use_export, {"path": "/nowhere/x.html"}, 40),
     "visual.plot_ranges": Case(use_plot, {"ax": Figure().subplots(), "uniqueness": SOLUTION.uniqueness()}, 20),
+    "simulate": Case(
+        use_simulate,
+        {"state": BOX.at(), "constraints": FLOOR, "duration": 0.002, "step": 0.001, "controller": None, "external": np.zeros(6)}
+        | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.Projection()}
+        | {"record_every": 1, "progress": False},
+        30,
+    ),
+    "TimeStepping": Case(
+        lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20
+    ),
+    "Adaptive": Case(lambda **given: use_integrator(rbd.Adaptive(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
+    "Projection": Case(
+        lambda **given: use_simulate(
+            state=BOX.at(), constraints=FLOOR, duration=0.002, step=0.001, stabilisation=rbd.Projection(**given)
+        ),
+        {"tolerance": 1e-12, "iterations": 20},
+        20,
+    ),
+    "HoldPosture": Case(
+        lambda **given: use_controller(rbd.HoldPosture(**given)),
+        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
+        30,
+    ),
+    "TorqueScript": Case(
+        lambda **given: use_controller(rbd.TorqueScript(**given)),
+        {"times": np.array([0.0, 1.0]), "torques": np.zeros((2, BOLT.nu)), "held": False},
+    ),
+    "Sampled": Case(lambda **given: use_controller(rbd.Sampled(**given)), {"controller": HOLD_BOLT, "period": 0.002}, 30),
+    "Push": Case(
+        lambda **given: use_simulate(state=BOX.at(), constraints=[], duration=0.002, step=0.001, external=rbd.Push(**given)),
+        {"frame": "box", "force": np.array([1.0, 0.0, 0.0]), "start": 0.0, "duration": 0.1, "moment": np.zeros(3)}
+        | {"offset": np.zeros(3)},
+        30,
+    ),
+    "Pushes": Case(
+        lambda pushes: rbd.Pushes(pushes)(STATE, 0.0),
+        {"pushes": [PUSH, rbd.Push(FRAME, (1.0, 0.0, 0.0), start=0.0, duration=1.0)]},
+    ),
+    "CollisionContacts": Case(
+        use_collision,
+        {"name": "floor", "robot": BOX, "friction": 0.5, "facets": 4, "ground": True, "pairs": False}
+        | {"point": np.array([0.0, 0.0, -0.1]), "normal": np.array([0.0, 0.0, 1.0]), "margin": 1e-4},
+        30,
+    ),
+    "visual.export_motion": Case(
+        export_motion,
+        {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
+        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3},
+        20,
+    ),
+    "visual.motion_sheet": Case(
+        motion_sheet,
+        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9},
+        20,
+    ),
+    "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
+    "visual.plot_forces": Case(
+        lambda **given: use_plots(plot_forces, **given),
+        {"ax": Figure().subplots(), "trajectory": TRAJECTORY, "names": ["floor"]},
+        20,
+    ),
+    "visual.plot_energy": Case(
+        lambda **given: use_plots(plot_energy, **given), {"ax": Figure().subplots(), "trajectory": TRAJECTORY}, 20
+    ),
+    "visual.plot_joint": Case(
+        lambda **given: use_plots(plot_joint, **given),
+        {"ax": Figure().subplots(), "trajectory": TRAJECTORY, "joint": "root_joint.x", "what": "q"},
+        20,
+    ),
     "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
     "visual.contact_sheet": Case(
         contact_sheet,
@@ -388,6 +501,9 @@ CASES: dict[str, Case] = {
     ),
 }
 MADE_BY_RBD = {
+    "Trajectory",
+    "Event",
+    "ContactPoints",
     "Agreement",
     "LawComparison",
     "Contradiction",
@@ -558,6 +674,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     """The law above can fail: arguments that work are not refused, but for pages that cannot be written."""
     answer = ask(CASES[name], CASES[name].good)
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
+    refused |= {"visual.export_motion", "visual.motion_sheet", "visual.replay"}
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 
@@ -580,7 +697,7 @@ def public() -> Iterator[str]:
                 yield room + name
 
 
-INNER = {"State.moving", "State.balance", "State.base_pose"}
+INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion"}
 """What constraints and problems call, with what was checked."""
 
 

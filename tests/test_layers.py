@@ -62,12 +62,16 @@ LAYERS: dict[str, int] = {
     "agreement": 5,
     "inverse": 5,
     "mechanism": 5,
+    "planar": 5,
     "reference_problems": 5,
     "study": 6,
     "visual": 6,
     "testing": 6,
     "report": 6,
     "mechanism_report": 6,
+    "simulate_report": 6,
+    "simulate_setup": 6,
+    "plane_report": 6,
     "listing": 6,
     "cli": 6,
     # 7: the package's own doors.
@@ -106,6 +110,11 @@ BESIDE: set[tuple[str, str]] = {
     ("analysis", "contact_force"),  # what carries nothing
     ("robot", "posture"),  # a robot stands in one
     ("robot", "loops"),  # and has loops
+    ("simulation", "equilibrium"),  # a posture is held by the torques of `hold`
+    ("cli", "simulate_report"),
+    ("cli", "simulate_setup"),
+    ("cli", "plane_report"),
+    ("simulate_report", "simulate_setup"),
     ("cli", "mechanism_report"),
     ("cli", "report"),  # the command line prints it
     ("cli", "visual"),  # imported where the page is written, so that the table alone needs no viewer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -61,12 +62,20 @@ def maker() -> ModuleType:
     return module
 
 
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e-?\d+)?")
+
+
 def test_the_files_are_those_that_make_writes(maker: ModuleType, tmp_path: Path) -> None:
     """Word for word, so that a change is made in one place."""
     maker.main(tmp_path)
     written = {path.name: path.read_text() for path in tmp_path.iterdir()}
-    assert len(written) == 2 * len(MECHANISMS) == 2 * len(ROWS)
-    assert written == {name: (FOLDER / name).read_text() for name in written}
+    assert len(written) == 2 * len(MECHANISMS) + 1 == 2 * len(ROWS) + 1  # the rimless wheel has no loops file
+    for name, text in written.items():
+        kept = (FOLDER / name).read_text()
+        assert NUMBER.sub("#", text) == NUMBER.sub("#", kept), name
+        # Sines differ in the last digit from one processor to another.
+        ours, theirs = ([float(x) for x in NUMBER.findall(t)] for t in (text, kept))
+        assert ours == pytest.approx(theirs, rel=1e-13, abs=1e-15), name
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.urdf")) + sorted(FOLDER.glob("*.yaml")), ids=lambda p: p.name)

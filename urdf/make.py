@@ -24,10 +24,16 @@ def main(folder: Path) -> None:
     for linkage in (five_bar(), six_bar(), parallel_leg()):
         linkage.load(folder / f"{linkage.name}.urdf")
     for name, (links, closing) in wheeled().items():
-        head = f'<?xml version="1.0"?>\n<!-- {links[0]}\n     {ORIGIN} -->\n<robot name="{name}">\n'
-        head += "".join(f'  <material name="{c}"><color rgba="{rgba}"/></material>\n' for c, rgba in COLORS.items())
-        (folder / f"{name}.urdf").write_text(head + "".join(links[1:]) + "</robot>\n", encoding="utf-8")
+        _write(folder, name, links)
         (folder / f"{name}.loops.yaml").write_text(f"# What rolls in {name}.urdf. {ORIGIN}\n{closing}", encoding="utf-8")
+    _write(folder, "rimless_wheel", rimless_wheel())
+
+
+def _write(folder: Path, name: str, links: list[str]) -> None:
+    """A model: what it is, and its elements."""
+    head = f'<?xml version="1.0"?>\n<!-- {links[0]}\n     {ORIGIN} -->\n<robot name="{name}">\n'
+    head += "".join(f'  <material name="{c}"><color rgba="{rgba}"/></material>\n' for c, rgba in COLORS.items())
+    (folder / f"{name}.urdf").write_text(head + "".join(links[1:]) + "</robot>\n", encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------------------- flat linkages
@@ -208,6 +214,22 @@ def bicycle() -> tuple[list[str], str]:
     wheels = "".join(entry.format(f"{side}_wheel", r) for side in ("rear", "front"))
     passive = "passive: [steering_joint, front_wheel_joint]\n"
     return parts, f"root: free_flyer\n{passive}wheels:\n{wheels}postures:\n  upright: {{root_joint: [0, 0, 0, 0, 0, 0, 1]}}\n"
+
+
+def rimless_wheel() -> list[str]:
+    """McGeer's wheel without a rim, on two rows of eight feet, so that it does not fall over sideways."""
+    leg, half = 1.0, 0.2
+    shapes = _tube((0.0, -half, 0.0), (0.0, half, 0.0), 0.03, "grey") + _disc((0.0, 0.0, 0.0), 0.13, 0.16, "steel")
+    for k in range(8):
+        angle = math.pi / 8.0 + k * math.pi / 4.0
+        end = leg * math.sin(angle), -leg * math.cos(angle)
+        for y in (-half, half):
+            shapes += _tube((0.0, y, 0.0), (end[0], y, end[1]), 0.018, "red" if k == 0 else "blue")
+    return [
+        "McGeer's rimless wheel: 1 kg in its hub, 0.01 kg m2 about its axis y, eight legs of 1 m without mass on either side,\n"
+        "     0.4 m apart. Their feet are at angles of 22.5 deg + k 45 deg from -z, the first of them, red, ahead.",
+        _link("wheel", 1.0, (0.0, 0.0, 0.0), (0.05, 0.01, 0.05), shapes),
+    ]
 
 
 def _box_inertia(m: float, x: float, y: float, z: float) -> tuple[float, float, float]:

@@ -7,15 +7,17 @@ import itertools
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from matplotlib.figure import Figure
 from PIL import Image
 
 import rbd
 from rbd.mechanism_report import mechanism_report
-from rbd.visual import Scene, contact_sheet, screenshot
+from rbd.visual import Scene, contact_sheet, motion_sheet, screenshot
 
 PICTURES = Path(__file__).resolve().parent
 TOP = PICTURES.parents[1]
@@ -40,11 +42,8 @@ def talos() -> Path:
 
 def plot(picture: str, example: str, draw: str, size: tuple[float, float], *axes: int, sharex: bool = False) -> Path:
     """A plot of an example, drawn on axes of ours by the example's own function."""
-    module = _example(example)
-    with contextlib.redirect_stdout(io.StringIO()):
-        result = module.main(show=False)
     figure = Figure(figsize=size, layout="constrained")
-    getattr(module, draw)(figure.subplots(*axes, sharex=sharex), result)
+    getattr(_example(example), draw)(figure.subplots(*axes, sharex=sharex), _result(example))
     figure.savefig(PICTURES / f"{picture}.png", dpi=110, metadata={"Software": None})
     return PICTURES / f"{picture}.png"
 
@@ -57,6 +56,24 @@ def plots() -> Iterator[Path]:
     yield plot("unique", "08_what_is_unique", "draw", (8.0, 6.4), 2, sharex=True)
     yield plot("slider_crank", "11_slider_crank", "plot_turn", (7.0, 6.0), 3, 1, sharex=True)
     yield plot("sleigh", "13_sleigh", "plot_flow", (6.4, 5.0))
+    yield plot("push_recovery", "14_push_recovery", "plot_pushes", (7.5, 6.0), 2, 1)
+    yield plot("four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1)
+    yield plot("coin", "16_rolling_disk", "plot_lean", (7.0, 4.0))
+    yield plot("sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1)
+
+
+def strips() -> Iterator[Path]:
+    """Motions of the examples, side by side."""
+    push = _example("14_push_recovery")
+    fall = _result("14_push_recovery").ways[250.0]
+    seen, size = (1.0, 0.25, 0.2), {"width": 300, "height": 420}
+    yield motion_sheet(
+        fall, [0.0, 0.15, 0.4, 0.7, 1.0], PICTURES / "fall.png", external=push.push(250.0), seen_from=seen, **size
+    )
+    coin = _result("16_rolling_disk").runs["slow"]
+    yield motion_sheet(coin, [0.0, 0.3, 0.5, 0.6, 0.7], PICTURES / "coin_strip.png", width=300, height=300)
+    crate, aside = _result("17_sliding_box").tipped[0.6], (0.2, -1.0, 0.2)
+    yield motion_sheet(crate, [0.0, 0.15, 0.3, 0.45, 0.6], PICTURES / "tipping.png", width=300, height=300, seen_from=aside)
 
 
 def fists() -> Path:
@@ -92,6 +109,13 @@ def robots() -> Path:
     return contact_sheet(STANDING, PICTURES / "robots.png")
 
 
+@cache
+def _result(example: str) -> Any:
+    """What an example returns."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return _example(example).main(show=False)
+
+
 def _example(name: str) -> ModuleType:
     sys.path.insert(0, str(TOP / "examples"))
     try:
@@ -101,5 +125,5 @@ def _example(name: str) -> ModuleType:
 
 
 if __name__ == "__main__":
-    for made in itertools.chain((make() for make in (talos, fists, mechanisms, robots)), plots()):
+    for made in itertools.chain((make() for make in (talos, fists, mechanisms, robots)), plots(), strips()):
         print(made.relative_to(TOP))

@@ -20,7 +20,7 @@ import numpy as np
 
 from rbd.analysis.admissible import Admissible, null_space
 from rbd.arrays import Array
-from rbd.cones import LineCone, SecondOrderCone, WrenchCone, pyramid
+from rbd.cones import LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
 from rbd.contact_force import corner_map
 from rbd.parts import bounded_weights, project_cones
 from rbd.problem import GaussProblem
@@ -305,6 +305,6 @@ def corner_kind(rows: Rows, held: bool) -> str:
         return "none"
     if len(patch.corners) == 1:
         return "one"
-    if isinstance(rows.cone, WrenchCone | LineCone):
+    if isinstance(rows.cone, WrenchCone | LineCone | Product | NonNegative):
         return "pieces"
     return "expanded" if held and len(rows) in (5, 6) else "none"

@@ -1,5 +1,6 @@
 """Constraints: each gives named rows with a set for its forces. They know no solver."""
 
+from rbd.constraints.collision import CollisionContacts, ContactPoints
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.function import FunctionConstraint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
@@ -12,6 +13,8 @@ from rbd.constraints.stabilisation import Baumgarte
 
 __all__ = [
     "Baumgarte",
+    "CollisionContacts",
+    "ContactPoints",
     "FunctionConstraint",
     "JointCoupling",
     "JointFriction",

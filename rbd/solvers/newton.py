@@ -12,7 +12,7 @@ Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on maps t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -175,6 +175,33 @@ def steps_from(
     return best, least, step
 
 
+def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, iterations: int = 15) -> tuple[Array, float]:
+    """Weights where rows repeat each other and Newton's own steps stall: (w, merit), in the problem's units and order.
+
+    Newton on D + k 1, whose answers stand alone, about the weights of the round before (the proximal-point method), so that
+    what yields is less from round to round and the answer is one of the problem itself.
+
+    Args:
+        problem: The scaled problem.
+        w: Where to start.
+        coulomb: Coulomb's law; else the convex one.
+        outer: Rounds at most.
+        iterations: Newton's steps in a round at most.
+    """
+    firm = replace(problem, D=problem.D + _YIELDS * identity(len(w)))
+    best, least = w, math.inf
+    for _ in range(outer):
+        about = replace(firm, q=problem.q - _YIELDS * w)
+        w, reached, _ = steps_from(about, w, coulomb=coulomb, iterations=iterations, proximal=0.0)
+        merit = largest(_gap(problem, w, problem.D @ w + problem.q, coulomb)[0])
+        if not merit < least:
+            break
+        best, least = w, merit
+        if merit <= _STALLS or reached > 1e-9:  # done, or stuck
+            break
+    return best, least
+
+
 def leaves_motion_open(problem: Scaled, w: Array) -> bool:
     """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not of weights alone.
 
@@ -197,6 +224,10 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
     return bool(np.abs(null @ problem.D).max(initial=0.0) > 1e-8)
 
 
+_YIELDS = 1e-5
+"""Compliance of the proximal-point rounds, over the points' own mobility."""
+_STALLS = 1e-11
+"""Their merit does not fall much below this, of rounding."""
 _TOUCHES = 1e-9
 """Scaled accelerations and weights below this are zero in an answer."""
 

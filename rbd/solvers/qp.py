@@ -11,15 +11,21 @@ problems, and solved on NaN.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import proxsuite
 from scipy.optimize import linprog
 
 from rbd.arrays import Array, check_finite, identity, is_finite, zeros
+
+# ProxSuite's AVX builds answer in one of two ways, last digits apart, by where malloc puts their buffers; the plain one always
+# alike, for 12 us more a program (docs/design/repeatable.md). To its loader, None is a build that is not there.
+for _build in ("proxsuite_pywrap_avx512", "proxsuite_pywrap_avx2"):
+    sys.modules.setdefault(f"proxsuite.{_build}", None)  # type: ignore[arg-type]
+import proxsuite  # noqa: E402
 
 _QP = proxsuite.proxqp.dense.QP
 _NO_GUESS = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS

@@ -1,9 +1,24 @@
-"""Pictures: the robot with its forces in three dimensions, and a browser that photographs them."""
+"""Pictures: the robot with its forces in three dimensions, at rest and in motion, curves, and a browser that photographs."""
 
+from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.colors import contact_colors
 from rbd.visual.contact_sheet import contact_sheet
 from rbd.visual.plots import plot_ranges
 from rbd.visual.scene import Scene
 from rbd.visual.screenshot import find_browser, screenshot
+from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
-__all__ = ["Scene", "contact_colors", "contact_sheet", "find_browser", "plot_ranges", "screenshot"]
+__all__ = [
+    "Scene",
+    "contact_colors",
+    "contact_sheet",
+    "export_motion",
+    "find_browser",
+    "motion_sheet",
+    "plot_energy",
+    "plot_forces",
+    "plot_joint",
+    "plot_ranges",
+    "replay",
+    "screenshot",
+]

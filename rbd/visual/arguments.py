@@ -25,6 +25,18 @@ def a_path(what: str, value: object) -> Path:
     return Path(text)
 
 
+def a_page(value: object) -> Path:
+    """The path of a page to write.
+
+    Raises:
+        PictureError: if it is none, or does not end in .html.
+    """
+    target = a_path("the page", value)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise PictureError(f"cannot export to {str(target)!r}: expected a name that ends in .html.")
+    return target
+
+
 def is_there(path: Path) -> bool:
     """Whether it is a file; False where the system will not say."""
     try:

@@ -8,7 +8,10 @@ import json
 from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from string import Template
+
+from rbd.errors import PictureError
 
 # The page forbids the browser every request: what is not inside the file cannot be loaded.
 _POLICY = (
@@ -62,6 +65,20 @@ def live_page(title: str, messages: Iterable[bytes | str], address: str) -> str:
     return _page(title, f"{_script(messages)}\nstage.connect({json.dumps(address)});", connect=allowed)
 
 
+def write_page(target: Path, text: str) -> None:
+    """Write a page.
+
+    Raises:
+        PictureError: if the file cannot be written.
+    """
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise PictureError(
+            f"cannot write {str(target)!r}: {error.strerror}. Give a file in a folder that exists and is yours."
+        ) from error
+
+
 def _script(messages: Iterable[bytes | str]) -> str:
     lines = []
     for message in messages:
@@ -81,9 +98,9 @@ def _page(title: str, start: str, *, connect: str) -> str:
     return _PAGE.substitute(
         title=html.escape(title),
         policy=_POLICY.format(connect=connect),
-        style=_text("rbd.visual", "stage.css"),
+        style=_text("rbd.visual", "stage.css") + _text("rbd.visual", "animation.css"),
         meshcat=_text("meshcat", "viewer/dist/main.min.js"),
-        stage=_text("rbd.visual", "stage.js"),
+        stage="\n".join(_text("rbd.visual", name) for name in ("stage.js", "animation.js", "timeline.js")),
         start=start,
     )
 

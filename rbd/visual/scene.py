@@ -20,14 +20,14 @@ from rbd.errors import InputError, PictureError
 from rbd.model import CheckedModel
 from rbd.state import State
 from rbd.visual import marks
-from rbd.visual.arguments import a_length, a_path
+from rbd.visual.arguments import a_length, a_page
 from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, rgb_number
 from rbd.visual.forces import Push, ShownForce, pushes, shown_forces, support_polygon
-from rbd.visual.page import offline_page
+from rbd.visual.page import offline_page, write_page
 from rbd.visual.recorder import Recorder
 from rbd.visual.robot_parts import RobotPart, robot_parts
 from rbd.visual.server import LiveServer
-from rbd.visual.shapes import Mesh
+from rbd.visual.shapes import Mesh, outermost, round_number
 
 if TYPE_CHECKING:
     from rbd.equilibrium import Hold
@@ -98,6 +98,9 @@ class Scene:
         self._pushed: list[tuple[str, Array, Array]] = []
         self._others: dict[str, str] = {}
         self._further = np.zeros((0, 3))
+        self._around = np.zeros((0, 3))
+        self._moving = False
+        self._cloud: Array | None = None
 
     @property
     def contacts(self) -> tuple[ShownForce, ...]:
@@ -113,6 +116,11 @@ class Scene:
     def metres_per_newton(self) -> float:
         """Length of an arrow over its force [m/N]; constant from the first `show` on."""
         return self._shown().metres_per_newton
+
+    @property
+    def sizes(self) -> marks.Sizes:
+        """Sizes of the marks; constant from the first `show` on."""
+        return self._shown()
 
     @property
     def url(self) -> str:
@@ -151,15 +159,21 @@ class Scene:
                 f"the state has {len(state.q)} coordinates, {self._robot.name!r} has {model.nq}; "
                 "show a state of the robot that the scene was made for."
             )
-        first = self._data is None
+        reframed = self._data is None or self._moving
         if self._data is None:
             self._data = model.createData()
             self._parts = robot_parts(self._robot)
             self._send_parts()
+        if self._moving:
+            for topic in ("motion", "moment"):
+                self._recorder.post(topic, json.dumps({topic: None}))
+            self._around, self._moving = np.zeros((0, 3)), False
         pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
         self._place_parts(self._data)
+        self._cloud = None
         if self._sizes is None:
-            self._sizes = self._measure(self._extremes(self._data))
+            self._cloud = self._extremes(self._data)
+            self._sizes = self._measure(self._cloud)
         self._contacts = [] if solution is None else shown_forces(solution)
         self._seen += [c.name for c in self._contacts if c.name not in self._seen]
         self._pushed = pushed = pushes(state, external)
@@ -169,7 +183,7 @@ class Scene:
             self._send_mark(mark)
         if self._legend:
             self._write_legend(pushed)
-        if first:
+        if reframed:
             self._recorder.post("view", self._view(self._data))
 
     def beside(self, states: Mapping[str, State]) -> None:
@@ -217,19 +231,40 @@ class Scene:
             PictureError: if nothing has been shown, or the file cannot be written.
         """
         self._shown()
+        target = a_page(path)
+        write_page(target, self.page())
+        return target
+
+    def page(self, title: str | None = None) -> str:
+        """The page that `export` writes, as text; its title is the robot's name unless one is given."""
+        self._shown()
         assert self._data is not None
-        target = a_path("the page", path)
-        if target.suffix.lower() not in (".html", ".htm"):
-            raise PictureError(f"cannot export to {str(path)!r}: expected a name that ends in .html.")
         # A live viewer keeps its camera while the robot moves; a page is framed for what it shows.
         messages = [*self._recorder.messages()[0], self._view(self._data)]
-        try:
-            target.write_text(offline_page(self._robot.name, messages), encoding="utf-8")
-        except OSError as error:
-            raise PictureError(
-                f"cannot write {str(path)!r}: {error.strerror}. Give a file in a folder that exists and is yours."
-            ) from error
-        return target
+        return offline_page(title or self._robot.name, messages)
+
+    def stage_motion(self, score: str, around: Array) -> None:
+        """Hand the page all that it needs to move the robot by itself, in place of the marks; the next `show` ends that.
+
+        Args:
+            score: JSON, as `animation` writes it.
+            around: Points in W that the camera is to see, shape (n, 3) [m].
+        """
+        self._shown()
+        assert self._data is not None
+        self._viewer["marks"].delete()
+        self._drawn, self._around, self._moving = [], around, True
+        self._recorder.post("motion", score)
+        self._recorder.post("view", self._view(self._data))
+
+    def stage_moment(self, moment: str) -> None:
+        """Move the robot of a live scene, as `stage_motion` said how; JSON."""
+        self._recorder.post("moment", moment)
+
+    def wait_for_viewer(self, seconds: float) -> bool:
+        """Wait until a browser shows the live scene; whether one does."""
+        _ = self.url
+        return self._server is not None and self._server.wait_for_viewer(seconds)
 
     def close(self) -> None:
         """Stop the live server, if one runs. The scene can still be exported."""
@@ -252,7 +287,7 @@ class Scene:
 
     def _measure(self, cloud: Array) -> marks.Sizes:
         body = float(np.ptp(cloud, axis=0).max()) or 1.0
-        length = self._arrow_per_weight or _round_number(0.5 * body)
+        length = self._arrow_per_weight or round_number(0.5 * body)
         weight = self._weight()
         return marks.Sizes(body, length / (weight or WEIGHTLESS_N))
 
@@ -278,7 +313,7 @@ class Scene:
         for part in self._parts:
             X_WG = data.oMi[part.joint] * part.placement
             points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
-        return _outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
+        return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
 
     def _marks(self, com: Array, pushed: list[tuple[str, Array, Array]]) -> list[marks.Mark]:
         sizes = self._shown()
@@ -327,18 +362,22 @@ class Scene:
 
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, as the page takes them."""
-        fit = _outermost(np.vstack([self._extremes(data), self._further, *[mark.mesh.vertices for mark in self._drawn]]))
+        drawn = [mark.mesh.vertices for mark in self._drawn]
+        if self._cloud is None:  # dear, and the same until the next state
+            self._cloud = self._extremes(data)
+        fit = outermost(np.vstack([self._cloud, self._further, self._around, *drawn]))
         low, high = fit.min(axis=0), fit.max(axis=0)
+        across = float(np.linalg.norm(high - low))
         view = {
             "direction": self._direction(),
             "fov": 30.0,
             "points": np.round(fit, 4).tolist(),
             "centre": np.round((low + high) / 2.0, 4).tolist(),
-            "radius": round(float(np.linalg.norm(high - low)) / 2.0, 4),
-            "cell": _round_number(0.2 * self._shown().body) if self._ground else 0.0,
+            "radius": round(across / 2.0, 4),
+            # A motion over a long way has a coarser grid: no more than some hundred lines.
+            "cell": round_number(max(0.2 * self._shown().body, across / 60.0)) if self._ground else 0.0,
         }
         return json.dumps({"view": view})
-
 
     def _direction(self) -> list[float]:
         """From the robot to the camera, in W."""
@@ -357,17 +396,3 @@ def _share(force_N: float, weight_N: float) -> str:
     times = force_N / weight_N
     return ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
 
-
-def _round_number(x: float) -> float:
-    """The nearest of 1, 2 and 5 times a power of ten, by ratio."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(min((c * power for c in (1.0, 2.0, 5.0, 10.0)), key=lambda c: abs(np.log(c / x))))
-
-
-def _outermost(points: Array, *, directions: int = 300) -> Array:
-    """The points that lie farthest out along evenly spread directions: enough to frame a picture, shape (n, 3)."""
-    k = np.arange(directions) + 0.5
-    z, turn = 1.0 - 2.0 * k / directions, np.pi * (1.0 + np.sqrt(5.0)) * k
-    ring = np.sqrt(1.0 - z**2)
-    spread = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
-    return points[np.unique((spread @ points.T).argmax(axis=1))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import subprocess
@@ -9,13 +10,14 @@ import tempfile
 from os import PathLike
 from pathlib import Path
 
-from rbd.errors import PictureError
+from rbd.arrays import a_number
+from rbd.errors import InputError, PictureError
 from rbd.visual.arguments import a_count, a_path, is_there
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 TIMEOUT_SECONDS = 120.0
 # Quiet, without a graphics card (SwiftShader draws in software), and unable to reach any other machine.
-_FLAGS = (
+FLAGS = (
     "--headless",
     "--no-sandbox",
     "--disable-gpu",
@@ -39,7 +41,12 @@ def find_browser() -> str | None:
 
 
 def screenshot(
-    html_path: str | PathLike[str], png_path: str | PathLike[str], *, width: int = 1280, height: int = 960
+    html_path: str | PathLike[str],
+    png_path: str | PathLike[str],
+    *,
+    width: int = 1280,
+    height: int = 960,
+    at: float | None = None,
 ) -> Path:
     """Draw a page in headless Chromium and write what it shows as a PNG; returns the picture's path.
 
@@ -48,13 +55,16 @@ def screenshot(
         png_path: Where the picture goes.
         width: Pixels across.
         height: Pixels down.
+        at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
 
     Raises:
-        InputError: if the size is no number of pixels.
+        InputError: if the size is no number of pixels, or the time is none.
         PictureError: if there is no page, no browser, or no picture came of it.
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
     width, height = a_count("width", width), a_count("height", height)
+    if at is not None and not math.isfinite(a_number(at)):
+        raise InputError(f"at is {at!r:.80}; expected a time in seconds.")
     if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
     if not os.path.isdir(picture.parent):
@@ -64,8 +74,8 @@ def screenshot(
         raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
     with tempfile.TemporaryDirectory(prefix="rbd-browser-") as profile:
         taken = Path(profile) / "taken.png"
-        command = [browser, *_FLAGS, f"--window-size={width},{height}", f"--user-data-dir={profile}/profile"]
-        command += [f"--screenshot={taken}", page.resolve().as_uri()]
+        command = [browser, *FLAGS, f"--window-size={width},{height}", f"--user-data-dir={profile}/profile"]
+        command += [f"--screenshot={taken}", page.resolve().as_uri() + ("" if at is None else f"#t={float(at)!r}")]
         try:
             run = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_SECONDS, check=False)
         except subprocess.TimeoutExpired as error:

@@ -35,6 +35,7 @@ class LiveServer:
         self._title = title
         self._sockets: set[_Socket] = set()
         self._started = threading.Event()
+        self._watched = threading.Event()
         self._failure: OSError | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
@@ -49,6 +50,10 @@ class LiveServer:
     def url(self) -> str:
         """Address of the page."""
         return f"http://{HOST}:{self.port}/"
+
+    def wait_for_viewer(self, seconds: float) -> bool:
+        """Wait until a first browser has the page; whether one has."""
+        return self._watched.wait(seconds)
 
     def close(self) -> None:
         """Stop serving, and wait until the thread has ended."""
@@ -105,6 +110,7 @@ class LiveServer:
         for message in self._recorder.messages(after=after)[0]:
             socket.pass_on(message)
         self._sockets.add(socket)
+        self._watched.set()
 
     def farewell(self, socket: _Socket) -> None:
         """Forget a browser that left."""

@@ -208,3 +208,18 @@ def polygon(points: Array) -> Mesh:
     n = len(points)
     fan = np.array([[0, i, i + 1] for i in range(1, n - 1)], int).reshape(-1, 3)
     return Mesh(np.asarray(points, float), fan)
+
+
+def round_number(x: float) -> float:
+    """The nearest of 1, 2 and 5 times a power of ten, by ratio."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(min((c * power for c in (1.0, 2.0, 5.0, 10.0)), key=lambda c: abs(np.log(c / x))))
+
+
+def outermost(points: Array, *, directions: int = 300) -> Array:
+    """The points that lie farthest out along evenly spread directions: enough to frame a picture, shape (n, 3)."""
+    k = np.arange(directions) + 0.5
+    z, turn = 1.0 - 2.0 * k / directions, np.pi * (1.0 + np.sqrt(5.0)) * k
+    ring = np.sqrt(1.0 - z**2)
+    spread = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+    return points[np.unique((spread @ points.T).argmax(axis=1))]

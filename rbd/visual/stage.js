@@ -11,6 +11,7 @@ class Stage {
       put(path, object);
     };
     this.touched = false;
+    this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
     this.viewer.set_property(["Background"], "top_color", [0.99, 0.99, 1.0]);
     this.viewer.set_property(["Background"], "bottom_color", [0.86, 0.89, 0.92]);
@@ -26,16 +27,58 @@ class Stage {
 
   note(message) {
     if (message.legend) this.write(message.legend);
+    if ("motion" in message) this.move(message.motion);
+    if (message.moment && this.cast) {
+      this.cast.set(floats(message.moment.row));
+      this.cues.set(message.moment.codes, this.cast.tracks.map((track) => track.force));
+    }
     if (message.view) {
       this.light(message.view);
       if (document.body.dataset.ready) this.fit();
     }
   }
 
+  // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
+  move(motion) {
+    if (this.cast) this.cast.remove();
+    this.cast = this.cues = null;
+    this.carried = [0, 0, 0];
+    if (!motion) {
+      this.legend.replaceChildren();
+    } else if (motion.times) {
+      this.player = new Player(this, motion);
+      if (motion.sheet) {
+        this.legend.hidden = this.player.footer.hidden = true;
+        this.size = () => [motion.sheet.width, motion.sheet.height];
+      }
+    } else {
+      this.cast = new Cast(this, motion);
+      this.cast.follow = motion.follow;
+      this.cues = new Cues(this.legend, motion);
+    }
+  }
+
+  // Moves camera, lamps and ground along with the robot: by so much in W [m] from where they stand at first.
+  carry(offset) {
+    const d = offset.map((x, i) => x - this.carried[i]);
+    this.carried = offset;
+    for (const p of [this.viewer.camera.position, this.viewer.controls.target]) p.add({ x: d[0], y: d[2], z: -d[1] });
+    const cell = (this.view && this.view.cell) || 1;
+    // The ground moves by whole cells: its lines stay where they are.
+    if (this.lamps) this.lamps.position.set(...offset.map((x) => Math.round(x / cell) * cell));
+    this.viewer.set_dirty();
+  }
+
+  size() {
+    return [window.innerWidth, window.innerHeight];
+  }
+
   ready() {
-    this.viewer.set_3d_pane_size();
+    this.viewer.set_3d_pane_size(...this.size());
     this.fit();
     this.viewer.render();
+    const sheet = this.player && this.player.motion.sheet;
+    if (sheet) this.player.sheet(sheet);
     document.body.dataset.ready = "true";
   }
 
@@ -84,6 +127,7 @@ class Stage {
       floor.receiveShadow = true;
       group.add(grid, floor);
     }
+    this.lamps = group;
     this.viewer.set_object(["Stage"], group);
     this.viewer.set_dirty();
   }
@@ -93,15 +137,18 @@ class Stage {
     if (!this.view) return;
     const T = MeshCat.THREE;
     const camera = this.viewer.camera;
-    const width = window.innerWidth, height = window.innerHeight;
+    const [width, height] = this.size();
     const taken = this.legend.offsetWidth ? this.legend.offsetLeft + this.legend.offsetWidth : 0;
     // The legend takes the left side of a wide window, the top of a narrow one.
     const shift = taken > 0.4 * width ? 0 : taken;
     const below = this.legend.offsetTop + this.legend.offsetHeight;
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
+    // The bar of a motion takes the foot of the window.
+    const bar = this.player && this.player.footer.offsetHeight;
+    const foot = bar ? bar + 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
-    const up = (full * (height - drop)) / height;
+    const up = (full * (height - drop - foot)) / height;
     const side = (full * (width - shift)) / height;
     const three = (p) => new T.Vector3(p[0], p[2], -p[1]);
     const back = three(this.view.direction).normalize();
@@ -139,9 +186,12 @@ class Stage {
     camera.aspect = width / height;
     camera.near = distance / 100;
     camera.far = distance * 50;
-    camera.setViewOffset(width, height, -shift / 2, -drop / 2, width, height);
+    camera.setViewOffset(width, height, -shift / 2, (foot - drop) / 2, width, height);
     camera.position.copy(target).addScaledVector(back, distance);
     this.viewer.controls.target.copy(target);
+    const carried = this.carried;
+    this.carried = [0, 0, 0];
+    this.carry(carried);
     this.viewer.controls.update();
     camera.updateProjectionMatrix();
     this.viewer.set_dirty();

@@ -208,7 +208,10 @@ def _walk(s, steps: int, rng):
                     continue
                 low, high = (max(low, k), high) if k <= 0.0 else (low, min(high, k))
         far = low if -low > high else high  # to the far end every other time: corners are rarely hit else
-        w = w + 0.999999 * (far if rng.random() < 0.5 else rng.uniform(low, high)) * d
+        new = w + 0.999999 * (far if rng.random() < 0.5 else rng.uniform(low, high)) * d
+        # From a point on an edge rounding can miss a double root, and the step goes through the cone.
+        if (np.hypot(new[::3], new[1::3]) <= mu * new[2::3] + 1e-9).all():
+            w = new
         yield w
 
 

@@ -1,0 +1,89 @@
+"""Positions put right after a step, and when a point comes through its surface."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, largest
+from rbd.simulation.motion import Motion
+from rbd.simulation.projection import Projection, correction, inertia_factor, shortened
+from rbd.simulation.snapshot import Points, Snapshot
+from rbd.state import State
+
+CLOSED = 1e-9
+"""Closed points are left alone up to this gap or depth [m, rad]."""
+
+
+class Closing:
+    """Puts positions back: of what holds, if that is kept by projection, and of points that are closed or too deep."""
+
+    def __init__(self, motion: Motion, points: Points) -> None:
+        self.points = points
+        given = motion.stabilisation
+        self.holds = isinstance(given, Projection)
+        self.projection = given if isinstance(given, Projection) else Projection()
+
+    def put_right(self, at: Snapshot, t: float, closed: Array) -> Snapshot:
+        """The snapshot with positions put right.
+
+        Args:
+            at: Where the step came to.
+            t: Its time [s].
+            closed: Which points are pulled as well as pushed to their surface, shape (k,).
+        """
+        layout = at.layout
+        held = layout.held if self.holds else np.zeros(len(at.error), bool)
+        pressed = layout.pushes & (closed | (at.gap < -CLOSED))
+        rows = np.concatenate([np.flatnonzero(held), layout.normals[pressed]])
+        for _ in range(self.projection.iterations):
+            error, gap = at.error[held], at.gap[pressed]
+            if largest(error) <= self.projection.tolerance and largest(gap) <= CLOSED:
+                break
+            state = at.state
+            move = correction(inertia_factor(state), at.J[rows], np.concatenate([error, gap]))
+            q = pin.integrate(state.robot.model, state.q, -shortened(move))
+            nearer = self.points.at(State(state.robot, q, state.v), t)
+            if nearer.layout is not layout:
+                return nearer
+            if max(largest(nearer.error[held]), largest(nearer.gap[pressed])) > 0.9 * max(largest(error), largest(gap)):
+                break  # rounding, or rows that contradict each other
+            at = nearer
+        return at
+
+
+def first_crossing(gap: Array, rate: Array, gap_end: Array, rate_end: Array, h: float) -> float:
+    """When the first of several gaps becomes zero, by the cubic through both ends, in (0, h) [s].
+
+    Args:
+        gap: At the beginning, positive, shape (k,).
+        rate: Their rates there.
+        gap_end: After h, negative, shape (k,).
+        rate_end: Their rates there.
+        h: Length of the step [s].
+    """
+    first = h
+    for g, r, g1, r1 in zip(gap.tolist(), rate.tolist(), gap_end.tolist(), rate_end.tolist(), strict=True):
+        first = min(first, _root(g, r * h, g1, r1 * h) * h)
+    return first
+
+
+def _root(g: float, r: float, g1: float, r1: float) -> float:
+    """The root in (0, 1) of the cubic with values g > 0 > g1 and slopes r, r1: by bisection and secants."""
+    a, b = 2.0 * (g - g1) + r + r1, 3.0 * (g1 - g) - 2.0 * r - r1
+
+    def value(x: float) -> float:
+        return ((a * x + b) * x + r) * x + g
+
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if value(middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+        if high - low < 1e-15 or math.isclose(low, high, rel_tol=1e-15):
+            break
+    return 0.5 * (low + high)

@@ -1,0 +1,87 @@
+"""What is simulated: a robot, its constraints, and what pushes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
+
+from rbd.arrays import Array, zeros
+from rbd.constraints.stabilisation import Baumgarte
+from rbd.dynamics import free_force
+from rbd.errors import InputError
+from rbd.external import External
+from rbd.least_constraint import Constraint
+from rbd.model import CheckedModel
+from rbd.simulation.moment import Moment
+from rbd.simulation.projection import Projection
+from rbd.state import State
+
+Controller: TypeAlias = Callable[[State, float], Array]
+"""Torques (nu,) of a state and a time [s]."""
+ExternalAt: TypeAlias = Callable[[State, float], External]
+"""Forces of the world at a state and a time [s]."""
+Stabilisation: TypeAlias = Projection | Baumgarte | None
+"""How constraints that hold are kept: by projection, by feedback, or not at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A robot with all that makes it move.
+
+    Attributes:
+        robot: The robot.
+        constraints: In order, each with its own name.
+        controller: Gives the motor torques; None for none.
+        external: Forces of the world: constant, or as a function of state and time.
+        law: "coulomb" or "convex", of contacts that can slip.
+        restitution: Newton's coefficient of each constraint that is named; 0 of the others.
+        stabilisation: How constraints that hold are kept.
+        record_every: Every how many times a moment is recorded; of the others forces need not be known.
+    """
+
+    robot: CheckedModel
+    constraints: tuple[Constraint, ...]
+    controller: Controller | None = None
+    external: External | ExternalAt = None
+    law: str = "coulomb"
+    restitution: Mapping[str, float] | None = None
+    stabilisation: Stabilisation = None
+    record_every: int = 1
+
+    def recorded(self, k: int, times: Sequence[float]) -> bool:
+        """Whether the k-th moment is recorded: every so many, and the last."""
+        return k % self.record_every == 0 or k == len(times) - 1
+
+    def forces(self, state: State, t: float) -> tuple[Array, Array]:
+        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time.
+
+        Raises:
+            InputError: torques or forces of the wrong size, or not finite.
+        """
+        tau = zeros(self.robot.nu) if self.controller is None else asked("controller", self.controller, state, t)
+        external = asked("external", self.external, state, t) if callable(self.external) else self.external
+        tau = self.robot.check_tau(tau)
+        return tau, free_force(state, tau, external)[0]
+
+
+def asked(what: str, given: Callable[[State, float], Any], state: State, t: float) -> Any:
+    """What a user's function of state and time says.
+
+    Raises:
+        InputError: if it cannot be called so.
+    """
+    try:
+        return given(state, t)
+    except TypeError as error:
+        raise InputError(f"{what} {given!r:.80} was called with (state, t) at t = {t:.6g} s, and failed: {error}.") from error
+
+
+class Integrator(Protocol):
+    """How a motion is carried from one time to the next."""
+
+    def reason_unsupported(self, motion: Motion, state: State) -> str | None:
+        """Why it cannot take this motion, in words; None where it can."""
+
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Moment]:
+        """One moment at each of the times, the first at `state`."""

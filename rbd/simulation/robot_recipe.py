@@ -1,0 +1,193 @@
+"""How a robot is written into a file: not itself but where it came from, and its numbers, so that a changed one is told."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd import catalogue
+from rbd.arrays import Array
+from rbd.errors import InputError, ModelError, ModelWarning, RbdError
+from rbd.loop_file import beside
+from rbd.model import CheckedModel
+from rbd.robot import Robot, load_robot
+from rbd.xml_file import FileLimits
+
+_COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
+"""What `robot_numbers` has of each joint and its body."""
+_RELATIVE, _ABSOLUTE = 1e-9, 1e-12
+"""Two readings of one file, on two machines, differ by less."""
+
+
+def recipe(robot: CheckedModel) -> dict[str, Any]:
+    """Where a robot came from, as plain data; "file" is empty where only the hand that built it knows."""
+    out: dict[str, Any] = {
+        "name": robot.name,
+        "file": "",
+        "joints": robot.joints(),
+        "kinds": [robot.model.joints[robot.joint_id(n)].shortname() for n in robot.joints()],
+        "sizes": [robot.nq, robot.nv, robot.nu],
+        "motors": list(robot.actuated_names),
+    }
+    if not isinstance(robot, Robot) or not robot.urdf.is_file():
+        return out
+    loops = _loops(robot)
+    if loops is None:
+        return out
+    name = robot.source.name
+    by_name = robot.source.known and _found(name) == robot.urdf
+    return out | {
+        "file": name if by_name else str(robot.urdf.resolve()),
+        "root": robot.root,
+        "passive": sorted(robot.passive),
+        "loops": loops,
+        "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
+        "limits": asdict(robot.limits),
+    }
+
+
+def robot_numbers(robot: CheckedModel) -> Array:
+    """Placement, inertia, axis and rotor inertia of every joint, shape (joints + 1, 29); gravity in the last row."""
+    model = robot.model
+    rows = np.zeros((model.njoints, sum(_COLUMNS.values())))
+    q = pin.neutral(model)
+    for i in range(1, model.njoints):
+        joint, inertia, axis = model.joints[i], model.inertias[i], np.zeros(6)
+        if joint.nv == 1:  # others move along the axes of their frame
+            data = joint.createData()
+            joint.calc(data, q)
+            axis = np.asarray(data.S, float).reshape(-1)
+        rows[i - 1] = np.concatenate(
+            [
+                model.jointPlacements[i].homogeneous[:3].reshape(-1),
+                [inertia.mass],
+                inertia.lever,
+                inertia.inertia[np.triu_indices(3)],
+                axis,
+                [model.armature[joint.idx_v]],
+            ]
+        )
+    rows[-1, :3] = robot.gravity
+    return rows
+
+
+def robot_of(given: Mapping[str, Any], numbers: Array, folder: Path, robot: CheckedModel | None) -> CheckedModel:
+    """The robot of a recipe, compared with the numbers that were written beside it.
+
+    Args:
+        given: A `recipe`, from a file: nothing about it is trusted.
+        numbers: Its `robot_numbers`.
+        folder: Of the file; a model file that is no more where it was is looked for here, by its name.
+        robot: The robot, if the user gives it.
+
+    Raises:
+        InputError: no robot where one must be given, another robot than that of the recipe, a recipe that is none.
+        ModelError: its file is gone, or has changed since.
+    """
+    if robot is not None:
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"robot is {robot!r:.80}; expected a robot: rbd.load_robot(name).")
+        _check_same(given, robot, InputError, "robot")
+        if change := next(_changes(robot, numbers), ""):
+            warnings.warn(
+                f"{robot.name} is not as it was when this motion was computed: {change}. States are those of the robot given.",
+                ModelWarning,
+                stacklevel=4,
+            )
+        return robot
+    loaded = _loaded(given, folder)
+    remedy = "Give the robot as it was: Trajectory.load(path, robot=...)."
+    _check_same(given, loaded, ModelError, remedy)
+    if change := next(_changes(loaded, numbers), ""):
+        raise ModelError(f"the file of {loaded.name} has changed since this motion was computed: {change}. {remedy}")
+    return loaded
+
+
+def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
+    file = given.get("file")
+    if not isinstance(file, str) or not file:
+        raise InputError(
+            f"{given.get('name')!r:.80} was built by hand, so no file of it can be read again. "
+            "Build it once more and give it: Trajectory.load(path, robot=...)."
+        )
+    path = Path(file)
+    loops = given.get("loops", True)
+    if path.is_absolute() and not path.is_file() and (folder / path.name).is_file():
+        file = str(folder / path.name)
+        if isinstance(loops, str):
+            loops = str(folder / Path(loops).name)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
+            return load_robot(
+                file,
+                root=given.get("root"),
+                passive=given.get("passive", ()),
+                package_dirs=given.get("package_dirs", ()),
+                limits=FileLimits(**given.get("limits", {})),
+                loops=loops,
+            )
+    except (RbdError, TypeError) as error:
+        raise ModelError(
+            f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."
+        ) from error
+
+
+def _check_same(given: Mapping[str, Any], robot: CheckedModel, kind: type[RbdError], remedy: str) -> None:
+    """Refuse a robot with other joints, sizes or motors."""
+    there = recipe(robot)
+    for what in ("joints", "kinds", "sizes", "motors"):
+        if given.get(what) != there[what]:
+            was, now = given.get(what), there[what]
+            if isinstance(was, list) and len(was) == len(now):
+                was, now = next((pair for pair in zip(was, now, strict=True) if pair[0] != pair[1]), (was, now))
+            raise kind(
+                f"this motion is of {given.get('name')!r:.80} with {what} {str(was)[:120]}; {robot.name} has {str(now)[:120]}. "
+                + ("Give the robot that was simulated." if remedy == "robot" else remedy)
+            )
+
+
+def _changes(robot: CheckedModel, numbers: Array) -> Iterator[str]:
+    """What differs between a robot and the numbers of the one that was simulated, in words."""
+    now = robot_numbers(robot)
+    if numbers.shape != now.shape:
+        raise InputError(f"the numbers of {robot.name} in the file have shape {numbers.shape}; expected {now.shape}.")
+    same = np.isclose(now, numbers, rtol=_RELATIVE, atol=_ABSOLUTE)
+    for i, name in enumerate(robot.joints()):
+        at = 0
+        for what, width in _COLUMNS.items():
+            part = slice(at, at + width)
+            at += width
+            if not same[i, part].all():
+                k = at - width + int(np.argmin(same[i, part]))
+                yield f"the {what} at joint {name!r} was {numbers[i, k]:.9g} and is {now[i, k]:.9g}"
+    if not same[-1].all():
+        yield f"gravity was {numbers[-1, :3].tolist()} and is {now[-1, :3].tolist()}"
+
+
+def _loops(robot: Robot) -> str | bool | None:
+    """What `load_robot` must be told to close the same loops; None where that is not known.
+
+    A `Robot` keeps what its loop file said and its name, not its folder.
+    """
+    own, name = beside(robot.urdf), robot.mechanism.file.name
+    if not name:
+        return own is None and bool(robot.mechanism.equalities)
+    if own is not None and own.name == name:
+        return True
+    other = robot.urdf.parent / name
+    return os.fspath(other.resolve()) if other.is_file() else None
+
+
+def _found(name: str) -> Path | None:
+    try:
+        return catalogue.find(name).urdf
+    except RbdError:
+        return None

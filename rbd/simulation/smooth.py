@@ -1,0 +1,292 @@
+"""Smooth motion: the acceleration on constraints that hold, and the way back onto them; what all its integrators share.
+
+Where the rows J v = u hold, a is Gauss's: the nearest to the free acceleration, in |.|_M, with J a + J_dot v = 0. It is that of
+`rbd.solve` with `KKT()`, without the certificate, which is made of the moments that are recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, is_finite, largest
+from rbd.constraints.joint import JointLock
+from rbd.constraints.joint_motion import joint_motion
+from rbd.constraints.stabilisation import Baumgarte
+from rbd.contact_force import corner_split
+from rbd.errors import InputError, NoSolution
+from rbd.least_constraint import OPEN, Constraint, rows_of
+from rbd.problem import GaussProblem
+from rbd.rows import Rows
+from rbd.simulation.chart import Charts
+from rbd.simulation.held_rows import NEAR, HeldRows, StageSolver, holds, velocity_of
+from rbd.simulation.moment import HOLDS, Moment, Touch
+from rbd.simulation.motion import Motion
+from rbd.simulation.projection import Projection, shortened
+from rbd.solution import Solution
+from rbd.state import State
+
+CLOSE = 3e-2
+"""Where the least singular value, over the largest, is below this, stages are brought back too: a stage is off by h^2, which
+this pose divides by s. (Accelerations taken at the nearest point of the constraints are as smooth a field as those of the point
+itself, with the same motions on them: the order stays.)"""
+ASIDE = 3.0
+"""How far the nearest neighbours of a crossing are from it, in the distance where it begins."""
+AVOIDED = 0.1
+"""Neighbours of a crossing that are farther off the constraints than this times the square of the way to them: the constraints
+do not cross there, and turn away instead."""
+TORN = 0.1
+"""Velocity off the constraints after a step, over the largest velocity, above which the step was no approximation."""
+MOVES = 1e-3
+"""Rows that move faster at the start [m/s, rad/s] do not hold: projection would be an impact."""
+EXACT = 1e-14
+"""Errors up to this are rounding [m, rad, and per second]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A state on its way, with all that a step needs of it.
+
+    Attributes:
+        t: [s].
+        held: The state, and the rows there.
+        tau: Motor torques, shape (nu,).
+        rhs: S^T tau + tau_ext - h, shape (nv,).
+        a: Acceleration, shape (nv,).
+        f: Row forces, shape (m,), where rows are well independent; else None.
+    """
+
+    t: float
+    held: HeldRows
+    tau: Array
+    rhs: Array
+    a: Array
+    f: Array | None
+
+    @property
+    def state(self) -> State:
+        """Where it is."""
+        return self.held.state
+
+
+class SmoothMotion:
+    """The vector field (q, v) -> a of a motion whose constraints hold.
+
+    Args:
+        motion: What moves.
+        state: Its start; contacts without an anchor are anchored here.
+
+    Attributes:
+        motion: What moves.
+        charts: Of its robot.
+    """
+
+    def __init__(self, motion: Motion, state: State) -> None:
+        self.motion = motion
+        self.charts = Charts(motion.robot)
+        self._given = motion.constraints
+        self._anchored = tuple(_anchored(c, r, state) for c, r in zip(self._given, rows_of(state, self._given), strict=True))
+        by = motion.stabilisation
+        self._projection = by if isinstance(by, Projection) else None
+        if isinstance(by, Baumgarte):
+            self._given = self._anchored = tuple(by.of(c) for c in self._anchored)
+        self._carried = tuple(getattr(c, "velocity", None) is not None for c in motion.constraints)
+        self._open = 0.0
+        self._solver = StageSolver()
+
+    def start(self, state: State, t: float) -> Stage:
+        """The stage at the start, as it is given.
+
+        Raises:
+            InputError: it is off the constraints, or has a velocity that they do not allow.
+        """
+        reason = reason_not_smooth(self.motion, state)
+        if reason is not None:
+            raise InputError(reason)
+        held = self._held(state, self._anchored)
+        self._open = held.drift
+        self._solver.survey(held)
+        return self._stage(held, t)
+
+    def at(self, q: Array, v: Array, t: float) -> Stage:
+        """A stage within a step.
+
+        Raises:
+            NoSolution: the motion has grown beyond all bounds, or no acceleration satisfies the rows.
+        """
+        # Without anchors contacts are five times as fast, and their errors play no part here.
+        held = self._held(self._state(q, v, t), self._given)
+        if self._projection is not None and len(held.J) and self._solver.spread(held) < CLOSE:
+            known = self._given == self._anchored
+            held = self._projected(held if known else self._held(held.state, self._anchored), self._projection, t)
+        return self._stage(held, t)
+
+    def landed(self, q: Array, v: Array, t: float) -> Stage:
+        """The stage at the end of a step: brought back onto the constraints, where that is asked for.
+
+        Raises:
+            NoSolution: as `at`; or the constraints cannot be met.
+        """
+        held = self._held(self._state(q, v, t), self._anchored)
+        if self._projection is not None and len(held.J):
+            held = self._projected(held, self._projection, t)
+        self._solver.learn(held)
+        return self._stage(held, t)
+
+    def _projected(self, held: HeldRows, projection: Projection, t: float) -> HeldRows:
+        """Newton's steps in position, and with each of them velocity: a step's error is small, so that one of both will do."""
+        solver = self._solver
+        if held.drift > OPEN + self._open or held.drift_rate > TORN * max(1.0, largest(held.state.v)):
+            worst = int(np.argmax(np.abs(held.error) if held.drift > OPEN + self._open else np.abs(held.velocity)))
+            raise NoSolution(
+                f"the step to t = {t:.6g} s of {self.motion.robot.name} is too long for how sharply it turns: it leaves "
+                f"{held.name_of(worst)!r:.80} by {held.drift:.3g} m and {held.drift_rate:.3g} m/s (or rad). Give a smaller "
+                "step, or rbd.Adaptive()."
+            )
+        for _ in range(projection.iterations):
+            error, rate = held.drift, held.drift_rate
+            # Where rows are nearly dependent a small error is a large displacement.
+            enough = 0.5 * projection.tolerance * solver.spread(held)
+            if error <= max(enough, EXACT) and rate <= max(10.0 * enough, EXACT):
+                break
+            state = held.state
+            d = -solver.back(held, held.error, held.placed, damping=error) if error > 0.1 * enough else None
+            v = state.v - solver.back(held, held.velocity, None)
+            q = state.q if d is None else self.charts.at(state.q).q(shortened(d))
+            nearer = self._held(self._state(q, v, t), self._anchored)
+            if nearer.drift >= max(error, EXACT) and nearer.drift_rate >= max(rate, EXACT):
+                break
+            held = nearer
+        if held.drift > OPEN:
+            worst = int(np.argmax(np.abs(held.error)))
+            raise NoSolution(
+                f"{self.motion.robot.name} leaves its constraints at t = {t:.6g} s: {held.name_of(worst)!r:.80} is off by "
+                f"{held.drift:.3g} m (or rad), and nothing brings it back. Give a smaller step."
+            )
+        return held
+
+    def moment(self, stage: Stage) -> Moment:
+        """The record of a stage."""
+        held = stage.held
+        law = self._solver.law(held, stage.a, stage.rhs, stage.f)
+        return Moment(
+            stage.t, stage.state, stage.a, stage.tau, lambda: self._touches(stage), law, held.drift, held.drift_rate
+        )
+
+    def _touches(self, stage: Stage) -> Mapping[str, Touch]:
+        held = stage.held
+        if not held.rows:
+            return {}
+        f, unique = self._solver.forces(held, stage.a, stage.rhs)
+        P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
+        found = Solution(P, stage.a, f, None, "bilateral", "smooth", 1, 0.0)
+        if not unique:
+            found = found.settled()  # of all forces that do the same, those that `rbd.solve` gives
+        out = {}
+        for r in held.rows:
+            points = pushes = None
+            if r.patch is not None and r.resultant is not None:
+                points = r.patch.point + r.patch.corners @ r.patch.axes.T
+                pushes = corner_split(r, f[P.slices[r.name]], None) if unique else found.corner_forces[r.name]
+            out[r.name] = Touch(found.forces[r.name], HOLDS, points, pushes)
+        return out
+
+    def _state(self, q: Array, v: Array, t: float) -> State:
+        try:
+            return State(self.motion.robot, q, v)
+        except InputError as error:
+            raise NoSolution(
+                f"the motion of {self.motion.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller "
+                "step, and look at what drives it."
+            ) from error
+
+    def _held(self, state: State, constraints: tuple[Constraint, ...]) -> HeldRows:
+        return HeldRows(state, constraints, self._carried)
+
+    def _stage(self, held: HeldRows, t: float) -> Stage:
+        tau, rhs = self.motion.forces(held.state, t)
+        found = self._solver.acceleration(held, rhs, t)
+        a = found.a
+        if found.crossing is not None and self._projection is not None:
+            a = self._across(held, rhs, t, a, found.crossing.rate, self._projection)
+        if not is_finite(a):
+            raise NoSolution(f"the acceleration of {self.motion.robot.name} is not finite at t = {t:.6g} s.")
+        return Stage(t, held, tau, rhs, a, found.f)
+
+    def _across(self, held: HeldRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
+        """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.
+
+        (15 A(e) - 6 A(2 e) + A(3 e)) / 10, where A(e) is the mean of a(t + e) and a(t - e) under the forces of now: right to
+        e^6, though the neighbours are only known to second order, as A is even in e.
+
+        Args:
+            held: The rows.
+            rhs: S^T tau + tau_ext - h here.
+            t: For messages.
+            a: A first guess, right to the order of s.
+            rate: How fast the least singular value changes [1/s].
+            projection: How neighbours are brought onto the constraints.
+        """
+        state, solver = held.state, self._solver
+        v, forces, chart = state.v, rhs + state.h, self.charts.at(state.q)
+        e1, mean = ASIDE * NEAR / rate, []
+        if 3.0 * e1 * largest(a) > largest(v):
+            return a  # so slow that it turns round here
+        for e in (e1, 2.0 * e1, 3.0 * e1):
+            found = []
+            for side in (e, -e):
+                xi = side * v + 0.5 * side * side * a
+                beside = self._held(self._state(chart.q(xi), v + side * a, t), self._anchored)
+                there = self._projected(beside, projection, t)
+                moved = pin.difference(self.motion.robot.model, beside.state.q, there.state.q)
+                if largest(moved) > AVOIDED * largest(xi) ** 2:
+                    return solver.acceleration(held, rhs, t, directly=True).a
+                found.append(solver.acceleration(there, forces - there.state.h, t, directly=True).a)
+            mean.append(0.5 * (found[0] + found[1]))
+        return 1.5 * mean[0] - 0.6 * mean[1] + 0.1 * mean[2]
+
+
+def reason_not_smooth(motion: Motion, state: State) -> str | None:
+    """Why a motion is not smooth, in words; None where it is."""
+    rows = rows_of(state, motion.constraints)
+    for constraint, r in zip(motion.constraints, rows, strict=True):
+        if not holds(r):
+            return (
+                f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}), and this integrator takes "
+                "constraints that hold. Use integrator=rbd.TimeStepping(), or friction=None for a contact that holds."
+            )
+        speeding = getattr(constraint, "acceleration", None)
+        if speeding is not None and np.any(speeding):
+            return (
+                f"the ground of {r.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
+                "without an acceleration."
+            )
+        if not isinstance(motion.stabilisation, Projection) or not len(r):
+            continue
+        off = 0.0 if r.error is None else largest(r.error)
+        if off > OPEN:
+            return (
+                f"{r.name!r:.80} is off by {off:.3g} m (or rad) at the start. Close it first, with rbd.mechanism.assemble, or "
+                "give stabilisation=rbd.Baumgarte(frequency), which pulls it together."
+            )
+        speed = largest(velocity_of(r, state))
+        if speed > MOVES:
+            return (
+                f"{r.name!r:.80} holds, and moves at {speed:.3g} m/s (or rad/s) at the start: that is an impact. Give a state "
+                "whose velocity the constraints allow, or use integrator=rbd.TimeStepping()."
+            )
+    return None
+
+
+def _anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
+    """What holds and knows no place is put where it is; what is carried along by a ground that moves has no place."""
+    if rows.error is not None or getattr(constraint, "velocity", None) is not None:
+        return constraint
+    if isinstance(constraint, JointLock):
+        at = joint_motion(state.robot, constraint.joint)
+        return JointLock(constraint.name, constraint.joint, position=state.q[at.q : at.q + sum(p.nq for p in at.pieces)])
+    anchored = getattr(constraint, "anchored", None)
+    return anchored(state) if callable(anchored) else constraint

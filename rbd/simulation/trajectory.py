@@ -1,0 +1,387 @@
+"""A motion that was computed: arrays over time, with what proves them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, a_number
+from rbd.errors import InputError
+from rbd.external import External
+from rbd.model import CheckedModel
+from rbd.simulation.moment import Event, Moment
+from rbd.simulation.motion import ExternalAt, Integrator, Motion
+from rbd.simulation.recording import RESIDUALS, Recording
+from rbd.simulation.sample import Sample, kept, kept_words
+from rbd.simulation.trajectory_dataset import (
+    arrays_of,
+    arrays_of_netcdf,
+    dataset_of,
+    fields_of,
+    for_netcdf,
+    header_of,
+)
+from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
+from rbd.simulation.trajectory_table import table
+from rbd.state import State
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    import xarray
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Trajectory:
+    """A motion, as `rbd.simulate` returns it: n samples, read-only arrays, SI units, world axes, forces on the robot.
+
+    `trajectory[i]` is a `Sample`, `trajectory[a:b:c]` a Trajectory, `print(trajectory)` its certificate.
+
+    Attributes:
+        robot: The robot.
+        times: Shape (n,) [s], increasing.
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv) [m/s, rad/s].
+        a: Accelerations, shape (n, nv) [m/s2, rad/s2]; M a + h = S^T tau + tau_ext + J^T f at each sample.
+        tau: Motor torques, shape (n, nu) [N, N m].
+        forces: {constraint: shape (n, m)}: the force (m = 3) of a point or the wrench (m = 6) of a surface at its centre, in W;
+            row forces of what has no resultant [N, N m]. Zero where it does not act.
+        points: {contact: shape (n, k, 3)}: where it touches, in W [m]; NaN where there is no such point at that time.
+        point_forces: {contact: shape (n, k, 3)}: the force at each point, in W [N]; zero where there is none.
+        modes: {constraint: shape (n,)}: "open", "sticks", "slips", "holds" or "pushes".
+        kinetic: Kinetic energy, shape (n,) [J].
+        potential: Potential energy, shape (n,) [J]; zero at the world's origin.
+        momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
+        com: Centre of mass in W, shape (n, 3) [m].
+        residuals: {"law": how far the forces are from their law, scaled; "drift", "drift_rate": largest error of the
+            constraints that hold [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
+        events: Beginnings and ends of contact, in order of time.
+        integrator: What carried it from step to step, with its settings.
+        law: Law of the contacts that can slip.
+        stabilisation: How the constraints that hold were kept, with its settings.
+        step: The integrator's step [s].
+        interrupted: Why it ended before its time; empty if it did not.
+
+    Raises:
+        InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
+    """
+
+    robot: CheckedModel
+    times: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    forces: Mapping[str, Array]
+    points: Mapping[str, Array]
+    point_forces: Mapping[str, Array]
+    modes: Mapping[str, Array]
+    kinetic: Array
+    potential: Array
+    momentum: Array
+    com: Array
+    residuals: Mapping[str, Array]
+    events: tuple[Event, ...] = ()
+    integrator: str = ""
+    law: str = ""
+    stabilisation: str = ""
+    step: float = 0.0
+    interrupted: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robot, CheckedModel):
+            raise InputError(f"robot of a trajectory is {self.robot!r:.80}; expected a robot.")
+        put, n = partial(object.__setattr__, self), np.size(self.times)
+        put("times", kept("times", self.times, (n,)))
+        if not n or not (np.diff(self.times) > 0.0).all():
+            raise InputError(f"times of a trajectory are {self.times[:6]}; expected one or more, increasing.")
+        nq, nv, nu = self.robot.nq, self.robot.nv, self.robot.nu
+        sizes: dict[str, tuple[int, ...]] = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nu)}
+        sizes |= {"kinetic": (n,), "potential": (n,), "momentum": (n, 6), "com": (n, 3)}
+        for name, shape in sizes.items():
+            put(name, kept(name, getattr(self, name), shape))
+        if sorted(self.residuals) != sorted(RESIDUALS):
+            raise InputError(f"residuals are {', '.join(map(str, self.residuals)):.80}; expected {', '.join(RESIDUALS)}.")
+        put("residuals", {name: kept(f"residual {name!r}", self.residuals[name], (n,)) for name in RESIDUALS})
+        if list(self.modes) != list(self.forces) or list(self.point_forces) != list(self.points):
+            raise InputError("forces and modes, points and point_forces must name the same constraints in the same order.")
+        if not set(self.points) <= set(self.forces):
+            raise InputError("points name contacts that have no forces.")
+        put("forces", {name: kept(f"force of {name!r:.80}", x, (n, None)) for name, x in self.forces.items()})
+        put("modes", {name: kept_words(name, x, n) for name, x in self.modes.items()})
+        put("points", {name: kept(f"points of {name!r:.80}", x, (n, None, 3), holes=True) for name, x in self.points.items()})
+        forces = {name: (self.point_forces[name], x.shape) for name, x in self.points.items()}
+        put("point_forces", {name: kept(f"point forces of {name!r:.80}", x, shape) for name, (x, shape) in forces.items()})
+        put("events", tuple(self.events))
+        if any(not isinstance(e, Event) for e in self.events):
+            raise InputError("events of a trajectory must be rbd.simulation Events.")
+        for word in ("integrator", "law", "stabilisation", "interrupted"):
+            if not isinstance(getattr(self, word), str):
+                raise InputError(f"{word} of a trajectory is {getattr(self, word)!r:.80}; expected text.")
+        if not a_number(self.step) >= 0.0 or a_number(self.step) == np.inf:
+            raise InputError(f"step of a trajectory is {self.step!r:.80}; expected seconds.")
+
+    @classmethod
+    def of(
+        cls,
+        motion: Motion,
+        moments: Recording | Iterable[Moment],
+        events: Sequence[Event] = (),
+        integrator: Integrator | str = "",
+        step: float = 0.0,
+        interrupted: str = "",
+    ) -> Trajectory:
+        """The trajectory of moments.
+
+        Args:
+            motion: What was simulated.
+            moments: In order of time; a `Recording` of them takes a hundredth of the memory.
+            events: All of them, those between the recorded moments too.
+            integrator: What carried the motion.
+            step: Its step [s].
+            interrupted: Why it ended before its time.
+
+        Raises:
+            InputError: no moments.
+            NoSolution: a number that is not finite.
+        """
+        if isinstance(moments, Recording):
+            recording = moments
+        else:
+            recording = Recording(motion)
+            for moment in moments:
+                recording.add(moment)
+        if not len(recording):
+            raise InputError("a trajectory has one moment or more; none was recorded.")
+        arrays: dict[str, Any] = {**recording.arrays(), **recording.touches()}
+        residuals = {name: arrays.pop(name) for name in RESIDUALS}
+        return cls(
+            robot=motion.robot,
+            **arrays,
+            residuals=residuals,
+            events=tuple(events),
+            integrator=integrator if isinstance(integrator, str) else repr(integrator),
+            law=motion.law,
+            stabilisation="" if motion.stabilisation is None else repr(motion.stabilisation),
+            step=step,
+            interrupted=interrupted,
+        )
+
+    @property
+    def energy(self) -> Array:
+        """Kinetic and potential energy, shape (n,) [J]."""
+        return self.kinetic + self.potential
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all constraints, in order."""
+        return tuple(self.forces)
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of those that touch at points, in order: the order of their colours."""
+        return tuple(self.points)
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    def state(self, i: int) -> State:
+        """The robot at sample i; negative ones count from the end."""
+        i = self._index(i)
+        return State(self.robot, self.q[i], self.v[i])
+
+    def at(self, t: float) -> State:
+        """The robot at any time between the first sample and the last: its recorded state, or one between two.
+
+        Between two samples q goes along the shortest way on its manifold and v from one to the other in proportion to time:
+        second-order accurate in a smooth motion; an impact between them is smeared over the interval.
+
+        Raises:
+            InputError: a time outside the trajectory.
+        """
+        if not self.times[0] <= a_number(t) <= self.times[-1]:
+            raise InputError(f"t is {t!r:.80}; expected a time from {self.times[0]:g} to {self.times[-1]:g} s.")
+        i = int(np.searchsorted(self.times, t, side="right")) - 1
+        if self.times[i] == t:
+            return self.state(i)
+        share = float((t - self.times[i]) / (self.times[i + 1] - self.times[i]))
+        q = pin.interpolate(self.robot.model, self.q[i], self.q[i + 1], share)
+        return State(self.robot, q, (1.0 - share) * self.v[i] + share * self.v[i + 1])
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @overload
+    def __getitem__(self, key: int) -> Sample: ...
+    @overload
+    def __getitem__(self, key: slice) -> Trajectory: ...
+    def __getitem__(self, key: int | slice) -> Sample | Trajectory:
+        """A sample, or the trajectory of some; its events are those from its first time to its last."""
+        return self._slice(key) if isinstance(key, slice) else self._sample(self._index(key))
+
+    def __iter__(self) -> Iterator[Sample]:
+        return (self._sample(i) for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        ended = f", {self.interrupted}" if self.interrupted else ""
+        return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.times[0]:g} to {self.times[-1]:g} s{ended})"
+
+    def __str__(self) -> str:
+        return table(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to a file: .npz, which NumPy alone reads, or .nc, netCDF, with the extra `study`.
+
+        Numbers are kept to the last bit. The robot is written as where it came from, with its inertias and placements, so that
+        a file that has changed since is told on loading. A file that is there stays whole until the new one is.
+
+        Raises:
+            InputError: another ending, a place that cannot be written, or no xarray for .nc.
+        """
+        where = a_trajectory_path(path)
+        if where.suffix == ".nc":
+            write_netcdf(where, *for_netcdf(self))
+        else:
+            write_npz(where, header_of(self), arrays_of(self))
+
+    @staticmethod
+    def load(path: str | os.PathLike[str], robot: CheckedModel | None = None) -> Trajectory:
+        """A trajectory from a file that `save` wrote; its robot is loaded again, unless it is given.
+
+        Raises:
+            InputError: no such file, or not such a one; a robot that was built by hand and is not given, or another one.
+            ModelError: the robot's own file is gone, or has changed.
+        """
+        where = a_trajectory_path(path)
+        try:
+            if where.suffix == ".nc":
+                header, dataset = read_netcdf(where)
+                arrays = arrays_of_netcdf(header, dataset)
+            else:
+                header, arrays = read_npz(where)
+            out = Trajectory(**fields_of(header, arrays, where.parent, robot))
+            for q in out.q:
+                out.robot.check_q(q)
+        except InputError as error:
+            told = str(error) if where.name in str(error) else f"{where.name}: {error}"
+            raise InputError(told) from error
+        return out
+
+    def to_xarray(self) -> xarray.Dataset:
+        """An xarray.Dataset: every array with the names of its dimensions and entries, and units.
+
+        Dimensions are time, position (nq), velocity (nv), motor (nu), axis, spatial, event, and a row and a point of each
+        constraint; variables q, v, a, tau, kinetic, potential, energy, momentum, com, `residual_...`, `force_...`, `mode_...`,
+        `points_...` and `point_forces_...` of each constraint, and `event_...`.
+
+        Raises:
+            InputError: xarray is not installed; names the extra.
+
+        >>> trajectory.to_xarray().tau.sel(motor="leg_left_4_joint").max()
+        """
+        return dataset_of(self)
+
+    def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
+        """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""
+        return _pictures("trajectory_plots").plot_forces(_axes(ax), self, names=names)
+
+    def plot_energy(self, ax: Axes | None = None) -> list[Artist]:
+        """Energies over time, see `rbd.visual.plot_energy`; on axes of a new figure if none are given."""
+        return _pictures("trajectory_plots").plot_energy(_axes(ax), self)
+
+    def plot_joint(self, joint: str | Sequence[str], ax: Axes | None = None, *, what: str = "q") -> list[Artist]:
+        """A joint over time, see `rbd.visual.plot_joint`; on axes of a new figure if none are given."""
+        return _pictures("trajectory_plots").plot_joint(_axes(ax), self, joint, what=what)
+
+    def replay(self, *, speed: float = 1.0, external: External | ExternalAt = None) -> None:
+        """Show it live in the browser, `speed` seconds a second; `external`, as it was simulated, draws pushes.
+
+        See `rbd.visual.replay`, which takes a scene too.
+        """
+        _pictures("animation").replay(self, speed=speed, external=external)
+
+    def export(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fps: float | None = None,
+        speed: float = 1.0,
+        title: str | None = None,
+        external: External | ExternalAt = None,
+    ) -> Path:
+        """Write one HTML page with the motion, a play button and a scrub bar, which needs no network; forces move along.
+
+        See `rbd.visual.export_motion`, which takes more.
+        """
+        return _pictures("animation").export_motion(self, path, fps=fps, speed=speed, title=title, external=external)
+
+    def _index(self, i: int) -> int:
+        if isinstance(i, bool) or not isinstance(i, int | np.integer):
+            raise InputError(f"sample {i!r:.80} of a trajectory; expected a whole number or a slice. `at(t)` takes a time.")
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"sample {i} of a trajectory with {len(self)}.")
+        return int(i) % len(self)
+
+    def _sample(self, i: int) -> Sample:
+        there = {name: ~np.isnan(x[i]).any(axis=1) for name, x in self.points.items()}
+        return Sample(
+            self.robot,
+            float(self.times[i]),
+            self.q[i],
+            self.v[i],
+            self.a[i],
+            self.tau[i],
+            {name: x[i] for name, x in self.forces.items()},
+            {name: x[i][there[name]] for name, x in self.points.items()},
+            {name: x[i][there[name]] for name, x in self.point_forces.items()},
+            {name: str(x[i]) for name, x in self.modes.items()},
+        )
+
+    def _slice(self, key: slice) -> Trajectory:
+        chosen = range(len(self))[key]
+        if not len(chosen) or chosen.step < 0:
+            raise InputError(f"[{key.start}:{key.stop}:{key.step}] of a trajectory has no samples, or goes back in time.")
+        fields: dict[str, Any] = dict(self.__dict__)
+        for name, value in fields.items():
+            if isinstance(value, np.ndarray):
+                fields[name] = value[key]
+            elif isinstance(value, dict):
+                fields[name] = {each: x[key] for each, x in value.items()}
+        first, last = fields["times"][0], fields["times"][-1]
+        fields["events"] = tuple(e for e in self.events if first <= e.t <= last)
+        return Trajectory(**fields)
+
+
+def _pictures(module: str) -> Any:
+    """A module of `rbd.visual`.
+
+    Pictures are drawn from trajectories and stand above them, so nothing here may know them; by name, and only when one is
+    asked for, a trajectory can still offer what everybody looks for on it.
+    """
+    return importlib.import_module(f"rbd.visual.{module}")
+
+
+def _axes(ax: Axes | None) -> Axes:
+    """The axes given, or those of a new figure of pyplot, which `plt.show()` then shows.
+
+    Raises:
+        InputError: Matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise InputError("Matplotlib is not installed here. Install the extra: pip install 'rbd[plot]'") from error
+    return pyplot.subplots(layout="constrained")[1]

@@ -1,0 +1,251 @@
+"""Velocities and impulses of one step or one impact: Gauss's problem at the level of velocity.
+
+    M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p          (an impact: h = 0)
+    u+ = J v+ + offset,        p in h K        u+ and p obey the contact law, as accelerations and forces do in `rbd.solve`
+
+It is a `GaussProblem` whose unknown is v+, and whose multipliers are impulses; sets of bounded forces are scaled by h. With
+M = L L^T, W = L^-1 J^T and y = L^-1 (M v + h (...)),
+
+    u+ = W^T W p + W^T y + offset,        v+ = L^-T (y + W p)
+
+What is tried, in order: the impulses near the last ones that hold every row still; Newton's steps; all that `rbd.ADMM` tries.
+The problem itself is put together only for the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from rbd.arrays import Array, is_finite, largest
+from rbd.cones import Box, Cone, Product
+from rbd.errors import NoSolution
+from rbd.parts import Parts, parts_of
+from rbd.problem import GaussProblem
+from rbd.residuals import USABLE
+from rbd.rows import Rows
+from rbd.simulation.contact_solve import Stillness
+from rbd.simulation.projection import inertia_factor
+from rbd.simulation.snapshot import Layout, Snapshot
+from rbd.solvers.admm import ADMM, holding
+from rbd.solvers.kkt import independent_factor
+from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
+from rbd.solvers.pinocchio_admm import admm
+
+EXACT = 1e-10
+"""Scaled merit below which weights are an answer."""
+STILL = 1e-13
+"""Scaled velocity that is left to rows that are held still."""
+_ROUNDING = 1e-14
+"""Of velocities, times the root of the mass that a point feels [kg^1/2 m/s]."""
+_QUICK = 10
+"""Newton's steps that are tried first; from the step before, two as a rule."""
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityAnswer:
+    """What a step or an impact does.
+
+    Attributes:
+        v: Velocity after it, shape (nv,).
+        impulse: Row impulses, shape (p,) [N s, N m s]; zero of points that do not act.
+        velocity: u+ of all points, shape (p,) [m/s, rad/s].
+        law: How far they are from the law, scaled.
+    """
+
+    v: Array
+    impulse: Array
+    velocity: Array
+    law: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """The rows of the points that act.
+
+    Attributes:
+        index: Which rows.
+        groups: (constraint, its rows among them, their set).
+        parts: Their sets as weights.
+        plain: Whether weights are the row impulses themselves.
+        bilateral: Whether all hold, whatever it takes.
+        stillness: Of plain ones.
+    """
+
+    index: Array | slice
+    groups: tuple[tuple[str, slice, Cone], ...]
+    parts: Parts
+    plain: bool
+    bilateral: bool
+    stillness: Stillness | None
+
+
+class VelocitySolver:
+    """Solves the velocity problems of one run; it keeps the rows it has chosen, and the last forces to start from."""
+
+    def __init__(self, law: str) -> None:
+        self.law = law
+        self.coulomb = law == "coulomb"
+        self._chosen: dict[tuple[int, bytes, float], _Chosen] = {}
+        self._layout: Layout | None = None
+
+    def solve(
+        self, at: Snapshot, active: Array, rhs: Array, offset: Array, h: float, guess: Array, shift: Array | None = None
+    ) -> VelocityAnswer:
+        """Velocity and impulses.
+
+        Args:
+            at: The points, and M.
+            active: Which points act, shape (k,).
+            rhs: M v + h (...), shape (nv,).
+            offset: Of u+ = J v+ + offset, shape (p,).
+            h: Length of the step [s]; 0 for an impact, where bounded forces do nothing.
+            guess: Impulses to start from, shape (p,).
+            shift: Added to u+ where the law looks at it, shape (p,): friction opposes u+ + shift.
+
+        Raises:
+            NoSolution: naming the constraints that act; or what is not finite.
+            SingularInertia: M is not positive definite.
+        """
+        chosen = self._rows(at.layout, active, h)
+        M, index, impulse = at.state.M, chosen.index, np.zeros(len(offset))
+        L = inertia_factor(at.state)
+        y = blas.dtrsv(L, rhs, lower=1)
+        if not is_finite(y):
+            raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")
+        merit = 0.0
+        if chosen.parts.size:
+            J, c = at.J[index], offset[index]
+            W = blas.dtrsm(1.0, L, J.T, lower=1)
+            D, u = W.T @ W, W.T @ y + c
+            if not is_finite(u):
+                raise NoSolution(f"the velocity of {_names(chosen)} is not finite at this state.")
+
+            def problem() -> GaussProblem:
+                rows = [Rows(name, J[span], c[span], cone) for name, span, cone in chosen.groups]
+                return GaussProblem(M, rhs, rows, from_state=True)
+
+            f, merit = self._impulses(chosen, D, u, guess[index], None if shift is None else shift[index], problem)
+            impulse[index] = f
+            y = y + W @ f
+        v = blas.dtrsv(L, y, lower=1, trans=1)
+        return VelocityAnswer(v, impulse, at.J @ v + offset, merit)
+
+    def _impulses(
+        self, chosen: _Chosen, D: Array, u: Array, guess: Array, shift: Array | None, problem: Callable[[], GaussProblem]
+    ) -> tuple[Array, float]:
+        """(row impulses, how far they are from the law)."""
+        if chosen.bilateral:
+            return _held(D, u, problem)
+        if shift is None and chosen.stillness is not None:
+            still = chosen.stillness.impulses(D, u, guess, STILL)
+            if still is not None:
+                return still
+        T = chosen.parts
+        if not chosen.plain:
+            D, u, guess = T.H.T @ D @ T.G, T.H.T @ u, T.project(T.H.T @ guess)
+            shift = None if shift is None else T.H.T @ shift
+        if shift is not None:
+            x, merit, S = self._tried(D, u + shift, T, guess)
+            if merit <= _exact(S):
+                return T.G @ T.project(S.weights(x)), merit
+            # Sole and load may be such that no friction opposes the velocity in the middle: then that at the end.
+        x, merit, S = self._tried(D, u, T, guess)
+        exact = _exact(S)
+        if merit > exact:
+            x, merit = yielding_steps(S, S.guess(T.project(holding(problem()))), coulomb=self.coulomb)
+        if merit > exact:
+            x, merit = yielding_steps(S, np.zeros(T.size), coulomb=self.coulomb)
+        if merit <= exact:
+            return T.G @ T.project(S.weights(x)), merit
+        return self._searched(problem())
+
+    def _tried(self, D: Array, u: Array, T: Parts, guess: Array) -> tuple[Array, float, Scaled]:
+        """(scaled weights, merit, the scaled problem) from a guess."""
+        S = scaled(D, u, T)
+        x, merit, _ = steps_from(S, S.guess(guess), coulomb=self.coulomb, iterations=_QUICK)
+        if merit > _exact(S):  # rows that repeat each other: near by ADMM, then exact
+            near, _ = admm(S, x, coulomb=self.coulomb, iterations=200, tolerance=1e-6)
+            x, merit, _ = steps_from(S, near, coulomb=self.coulomb, iterations=_QUICK)
+        if merit > _exact(S):
+            x, merit = yielding_steps(S, x, coulomb=self.coulomb)
+        return x, merit, S
+
+    def _searched(self, P: GaussProblem) -> tuple[Array, float]:
+        """The long way: all that `rbd.ADMM` tries."""
+        found = ADMM(law=self.law).solve(P)
+        if not found.residuals.within(USABLE):
+            names = ", ".join(r.name for r in P.rows)
+            raise NoSolution(
+                f"no velocity satisfies the contact law together with {names}: {found.reason or found.worst}.",
+                problem=P,
+                result=found,
+            )
+        return found.multipliers, found.residuals.worst
+
+    def _rows(self, layout: Layout, active: Array, h: float) -> _Chosen:
+        if layout is not self._layout:
+            self._layout = layout
+            self._chosen.clear()
+        key = id(layout), active.tobytes(), h if layout.boxed else 0.0
+        known = self._chosen.get(key)
+        if known is None:
+            if len(self._chosen) > 500:
+                self._chosen.clear()
+            known = self._chosen[key] = _choose(layout, active, h)
+        return known
+
+
+def _exact(S: Scaled) -> float:
+    """The merit that will do: where next to nothing moves, rounding is more than `EXACT` of it."""
+    return max(EXACT, _ROUNDING / S.rate)
+
+
+def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
+    points = np.flatnonzero(active)
+    index = slice(None) if active.all() else np.flatnonzero(np.repeat(active, layout.widths))
+    groups: list[tuple[str, slice, Cone]] = []
+    at, i = 0, 0
+    while i < len(points):
+        owner, members = layout.owners[points[i]], []
+        while i < len(points) and layout.owners[points[i]] == owner:
+            members.append(_over(layout.cones[points[i]], h))
+            i += 1
+        cone = members[0] if len(members) == 1 else Product(members)
+        groups.append((owner, slice(at, at + cone.dim), cone))
+        at += cone.dim
+    # Sets alone matter here: rows of zeros stand in for those of a state.
+    parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
+    plain = _plain(parts)
+    bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
+    return _Chosen(index, tuple(groups), parts, plain, bilateral, Stillness(parts) if plain and parts.size else None)
+
+
+def _held(D: Array, u: Array, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:
+    """Impulses that hold rows still, whatever it takes; the least where rows repeat each other."""
+    R = independent_factor(D)
+    if R is not None:
+        f = -lapack.dpotrs(R, u)[0]
+    else:
+        W = problem().whitened
+        f = np.linalg.lstsq(W, -np.linalg.lstsq(W.T, u, rcond=1e-10)[0], rcond=1e-10)[0]
+    return f, largest(D @ f + u)
+
+
+def _names(chosen: _Chosen) -> str:
+    return ", ".join(name for name, _, _ in chosen.groups)
+
+
+def _over(cone: Cone, h: float) -> Cone:
+    """Impulses over a time h of forces in a set; what is a cone stays."""
+    if not isinstance(cone, Box):
+        return cone
+    return Box(*(np.where(np.isfinite(bound), 0.0, bound) if h == 0.0 else h * bound for bound in (cone.lo, cone.hi)))
+
+
+def _plain(parts: Parts) -> bool:
+    """Whether weights are the row forces themselves."""
+    return parts.G.shape[0] == parts.G.shape[1] and bool((parts.G.diagonal() == 1.0).all())

@@ -1,0 +1,273 @@
+// What moves in a scene of rbd: bodies, force arrows, contact points, centre of mass. World is z up.
+class Arrow {
+  constructor(group, color, radius) {
+    const T = MeshCat.THREE;
+    this.radius = radius;
+    this.node = new T.Group();
+    const tube = new T.CylinderGeometry(1, 1, 1, 24).rotateX(Math.PI / 2).translate(0, 0, 0.5);
+    const cone = new T.ConeGeometry(1, 1, 24).rotateX(Math.PI / 2).translate(0, 0, 0.5);
+    this.shaft = twice(tube, color);
+    this.heads = [twice(cone, color), twice(cone, color)];
+    this.node.add(this.shaft, ...this.heads);
+    group.add(this.node);
+  }
+
+  // From `start` along `vector` [m], at most `longest`: a cut arrow has two heads.
+  set(start, vector, longest) {
+    const T = MeshCat.THREE;
+    const v = new T.Vector3(...vector);
+    const wanted = v.length();
+    this.node.visible = Number.isFinite(wanted) && Number.isFinite(start[0]) && wanted > 1e-3 * this.radius;
+    if (!this.node.visible) return;
+    const length = Math.min(wanted, longest), r = this.radius;
+    const head = Math.min(6 * r, 0.5 * length);
+    const wide = 2.6 * r * Math.min(1, head / (6 * r) + 0.25);
+    const thin = Math.min(r, 0.6 * wide);
+    this.node.position.set(...start);
+    this.node.quaternion.setFromUnitVectors(new T.Vector3(0, 0, 1), v.divideScalar(wanted));
+    this.shaft.scale.set(thin, thin, length - head);
+    this.heads.forEach((cone, i) => {
+      cone.scale.set(wide, wide, head);
+      cone.position.z = length - head * (1 + 0.8 * i);
+    });
+    this.heads[1].visible = wanted > longest;
+  }
+}
+
+// A shape in one colour that shines faintly through what hides it; it casts no shadow.
+function twice(geometry, color, opacity = 1, through = 0.5) {
+  const T = MeshCat.THREE;
+  const glow = new T.Color(color).multiplyScalar(0.15);
+  const material = { color, emissive: glow, opacity, transparent: opacity < 1, depthWrite: opacity === 1 };
+  const node = new T.Group();
+  node.add(new T.Mesh(geometry, new T.MeshLambertMaterial(material)));
+  const ghost = { ...material, opacity: through * opacity, transparent: true, depthTest: false, depthWrite: false };
+  if (through) node.add(new T.Mesh(geometry, new T.MeshLambertMaterial(ghost)));
+  return node;
+}
+
+function floats(base64) {
+  return new Float32Array(bytes(base64).buffer);
+}
+
+function bytes(base64) {
+  return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+}
+
+// All that moves. A row has poses of the bodies, centre of mass, then point and force of every point: see Frames.rows.
+class Cast {
+  constructor(stage, motion) {
+    const T = MeshCat.THREE;
+    this.stage = stage;
+    this.motion = motion;
+    const { sizes } = motion;
+    this.group = new T.Group();
+    stage.viewer.set_object(["Motion"], this.group);
+    this.parts = motion.parts.map(({ node, body, at }) => ({
+      object: stage.viewer.scene_tree.find(["meshcat", "robot", String(node)]).object,
+      body,
+      position: new T.Vector3(...at.slice(0, 3)),
+      turn: new T.Quaternion(...at.slice(3)),
+    }));
+    this.start = null;
+    if (motion.com) this.makeCom(sizes);
+    this.halo = twice(new T.SphereGeometry(1, 24, 16), "#000000", 0.5, 0);
+    this.halo.visible = false;
+    this.group.add(this.halo);
+    this.tracks = [...motion.contacts, ...motion.pushes].map((track) => this.makeTrack(track, sizes));
+  }
+
+  makeCom({ body, line }) {
+    const T = MeshCat.THREE;
+    const color = this.motion.com;
+    this.ball = twice(new T.SphereGeometry(0.02 * body, 24, 16), color);
+    this.group.add(this.ball);
+    if (!this.motion.ground) return;
+    this.drop = twice(new T.CylinderGeometry(line, line, 1, 10).rotateX(Math.PI / 2), color);
+    this.foot = new T.Group();
+    const r = 0.028 * body;
+    this.foot.add(twice(new T.TorusGeometry(r, 0.8 * line, 10, 48), color));
+    for (const turn of [0, Math.PI / 2]) {
+      this.foot.add(twice(new T.CylinderGeometry(0.8 * line, 0.8 * line, 3 * r, 10).rotateZ(turn), color));
+    }
+    this.group.add(this.drop, this.foot);
+  }
+
+  makeTrack({ name, color, points }, { shaft }) {
+    const T = MeshCat.THREE;
+    const many = points > 1;
+    const isPush = this.motion.pushes.some((push) => push.name === name);
+    const ball = new T.SphereGeometry((many ? 1.4 : 2) * shaft, 20, 14);
+    const dots = [], thin = [];
+    for (let i = 0; i < points; i++) {
+      if (many) thin.push(new Arrow(this.group, color, 0.45 * shaft));
+      if (isPush) continue;
+      const dot = { closed: twice(ball, color), open: twice(ball, color, 0.3, 0) };
+      this.group.add(dot.closed, dot.open);
+      dots.push(dot);
+    }
+    return { points, dots, thin, big: new Arrow(this.group, color, shaft), force: [0, 0, 0] };
+  }
+
+  // The path of the centre of mass: pale where it goes, dark where it has been.
+  path(points) {
+    const T = MeshCat.THREE;
+    const { body, line } = this.motion.sizes;
+    const kept = [], along = [0];
+    for (const [i, p] of points.entries()) {
+      const here = new T.Vector3(...p);
+      if (!kept.length || here.distanceTo(kept[kept.length - 1]) > 0.004 * body) kept.push(here);
+      if (i) along.push(along[i - 1] + here.distanceTo(new T.Vector3(...points[i - 1])));
+    }
+    const length = along[along.length - 1];
+    if (kept.length < 3 || length < 0.05 * body) return;
+    const segments = Math.min(4 * kept.length, 3000), sides = 6;
+    const curve = new T.CatmullRomCurve3(kept, false, "centripetal");
+    curve.arcLengthDivisions = 2 * segments;
+    const tube = new T.TubeGeometry(curve, segments, 1.2 * line, sides, false);
+    const past = tube.clone();
+    this.group.add(twice(tube, this.motion.com, 0.2, 0.4), twice(past, this.motion.com, 0.9, 0.4));
+    this.been = (position) => {
+      const i = Math.min(Math.floor(position), along.length - 2);
+      const share = (along[i] + (position - i) * (along[i + 1] - along[i])) / length;
+      past.setDrawRange(0, Math.round(share * segments) * sides * 6);
+    };
+  }
+
+  // Shows a row; returns the force of each track [N].
+  set(row) {
+    const T = MeshCat.THREE;
+    const { sizes, bodies } = this.motion;
+    const turn = new T.Quaternion(), at = new T.Vector3();
+    for (const part of this.parts) {
+      const k = 7 * part.body;
+      at.set(row[k], row[k + 1], row[k + 2]);
+      turn.set(row[k + 3], row[k + 4], row[k + 5], row[k + 6]).normalize();
+      part.object.position.copy(part.position).applyQuaternion(turn).add(at);
+      part.object.quaternion.multiplyQuaternions(turn, part.turn);
+    }
+    let k = 7 * bodies;
+    const com = [row[k], row[k + 1], row[k + 2]];
+    if (this.ball) this.showCom(com, sizes);
+    k += 3;
+    for (const track of this.tracks) {
+      const force = [0, 0, 0], centre = [0, 0, 0];
+      let total = 0;
+      for (let i = 0; i < track.points; i++, k += 6) {
+        const p = row.subarray(k, k + 3), f = row.subarray(k + 3, k + 6);
+        const size = Math.hypot(...f);
+        const there = Number.isFinite(p[0]);
+        const closed = there && size * sizes.metresPerNewton > 1e-5 * sizes.body;
+        if (track.dots[i]) this.showDot(track.dots[i], p, there, closed);
+        if (track.thin[i]) track.thin[i].set(p, f.map((x) => x * sizes.metresPerNewton), sizes.longest);
+        if (!there) continue;
+        total += size;
+        for (let j = 0; j < 3; j++) {
+          force[j] += f[j];
+          centre[j] += size * p[j];
+        }
+      }
+      track.big.set(centre.map((x) => x / total), force.map((x) => x * sizes.metresPerNewton), sizes.longest);
+      track.force = force;
+    }
+    if (this.follow && this.ball) {
+      this.start = this.start || com;  // the view was measured for where the robot starts
+      this.stage.carry([com[0] - this.start[0], com[1] - this.start[1], 0]);
+    }
+    this.stage.viewer.set_dirty();
+  }
+
+  // A glow where something touched a moment ago, `age` from 0 to 1; NaN: nothing did.
+  glow(point, age, color) {
+    this.halo.visible = age >= 0 && age < 1 && Number.isFinite(point[0]);
+    if (!this.halo.visible) return;
+    this.halo.position.set(...point);
+    this.halo.scale.setScalar(this.motion.sizes.shaft * (3 + 7 * age));
+    const { material } = this.halo.children[0];
+    material.opacity = 0.6 * (1 - age);
+    material.color.set(color);
+    material.emissive.set(color).multiplyScalar(0.4);
+  }
+
+  showCom(com, { lift }) {
+    this.ball.position.set(...com);
+    if (!this.drop) return;
+    this.drop.position.set(com[0], com[1], com[2] / 2);
+    this.drop.scale.z = Math.max(Math.abs(com[2]), 1e-6);
+    this.foot.position.set(com[0], com[1], lift);
+  }
+
+  showDot(dot, p, there, closed) {
+    for (const ball of [dot.closed, dot.open]) ball.position.set(p[0], p[1], p[2]);
+    dot.closed.visible = there && closed;
+    dot.open.visible = there && !closed;
+  }
+
+  // Follow from where the robot is now, so that the picture does not jump.
+  followFrom(on, row) {
+    const k = 7 * this.motion.bodies;
+    const [x, y, z] = this.stage.carried;
+    this.follow = on;
+    this.start = [row[k] - x, row[k + 1] - y, row[k + 2] - z];
+  }
+
+  remove() {
+    this.stage.viewer.delete_path(["Motion"]);
+    this.stage.viewer.set_dirty();
+  }
+}
+
+// The legend of a motion: who touches, how, and how hard at the present time.
+class Cues {
+  constructor(legend, motion) {
+    this.motion = motion;
+    const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
+    legend.replaceChildren(make("h1", motion.title));
+    const table = make("table", "");
+    const row = (name, color) => {
+      const line = table.insertRow();
+      const swatch = make("i", "");
+      swatch.style.background = color || "none";
+      line.insertCell().append(swatch);
+      line.insertCell().textContent = name;
+      const mode = line.insertCell(), value = line.insertCell();
+      mode.className = "mode";
+      value.className = "value";
+      return { line, mode, value };
+    };
+    this.contacts = motion.contacts.map((c) => row(c.name, c.color));
+    this.others = motion.others.map((name) => row(name, ""));
+    this.pushes = motion.pushes.map((c) => row(c.name, c.color));
+    if (motion.com) row("centre of mass", motion.com);
+    legend.append(table);
+    for (const note of [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
+      if (note) legend.append(make("p", note));
+    }
+    this.happened = make("p", "");
+    this.happened.className = "happened";
+    this.happened.hidden = !(motion.events && motion.events.length);
+    legend.append(this.happened);
+  }
+
+  set(codes, forces) {
+    const n = this.contacts.length;
+    const newtons = (f) => {
+      const size = Math.hypot(...f);
+      return `${size < 5e-4 ? 0 : Number(size.toPrecision(3))} N`;
+    };
+    this.contacts.forEach((cell, i) => {
+      cell.mode.textContent = this.motion.words[codes[i]];
+      cell.value.textContent = newtons(forces[i]);
+      cell.line.className = codes[i] ? "" : "idle";
+    });
+    let shown = 0;
+    this.others.forEach((cell, i) => {
+      cell.mode.textContent = this.motion.words[codes[n + i]];
+      cell.line.hidden = !codes[n + i] || ++shown > 8;
+    });
+    this.pushes.forEach((cell, i) => {
+      cell.value.textContent = newtons(forces[n + i]);
+      cell.line.className = Math.hypot(...forces[n + i]) ? "" : "idle";
+    });
+  }
+}

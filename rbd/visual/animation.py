@@ -1,0 +1,243 @@
+"""A motion as one page with a play button and a scrub bar, as a strip of pictures, or live in the viewer."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+import time
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rbd.arrays import Array, a_number, numbers
+from rbd.errors import InputError, PictureError
+from rbd.state import State
+from rbd.visual.animation_frames import Pushes, PushesAt, checked, frames_of, positive, robot_of
+from rbd.visual.animation_score import Score
+from rbd.visual.arguments import a_count, a_page, a_path
+from rbd.visual.page import write_page
+from rbd.visual.robot_parts import robot_parts
+from rbd.visual.scene import Scene
+from rbd.visual.screenshot import screenshot
+
+if TYPE_CHECKING:
+    from rbd.simulation.trajectory import Trajectory
+
+MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
+MOST_PICTURES = 100
+CAPTION_HEIGHT = 34
+"""Of a picture in a strip, in pixels, as animation.css has it."""
+GAP = 6
+LIVE_FPS = 30.0
+VIEWER_SECONDS = 20.0
+"""How long a replay waits for a browser that it opened itself."""
+FAR = 5.0
+"""The camera follows a robot that goes so many times its own size, unless told otherwise."""
+
+
+def export_motion(
+    trajectory: Trajectory,
+    path: str | PathLike[str],
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    title: str | None = None,
+    start: float | None = None,
+    external: Pushes | PushesAt = None,
+    follow: bool | None = None,
+    trace: bool = True,
+    ground: bool = True,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+) -> Path:
+    """Write a motion as one HTML page that needs no network and no server; returns its path.
+
+    The page has the robot's meshes once and its poses at every frame; between two frames bodies go straight and turn
+    evenly (slerp). An arrow's length is the force times one scale for the whole motion, stated in the legend; what is
+    longer than the robot is cut, and has two heads. Above the bar each contact has a lane: filled while it touches,
+    striped while it slips, with a mark at each event. Keys: space plays, left and right step (shift: ten frames), up and
+    down change the speed, page up and page down go from event to event, f follows the robot. `x.html#t=0.5` opens at 0.5 s.
+
+    Args:
+        trajectory: What `rbd.simulate` returned, two samples at least.
+        path: Of the page, ends in .html.
+        fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast.
+        speed: Seconds of motion a second at first; the page can change it.
+        title: Headline; the robot's name by default.
+        start: Time at which the page opens [s]; the first by default.
+        external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
+        follow: Whether the camera goes with the robot at first; by default where it goes far.
+        trace: Whether to draw the path of the centre of mass.
+        ground: Whether to draw the ground z = 0 as a grid.
+        seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
+        arrow_per_weight: Length of an arrow as large as the robot's weight [m].
+
+    Raises:
+        InputError: no trajectory, fewer than two samples, settings that mean nothing.
+        PictureError: the file cannot be written.
+    """
+    target = a_page(path)
+    shown = checked(trajectory)
+    score, scene = _staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
+    first, last = float(score.frames.times[0]), float(score.frames.times[-1])
+    begin = first if start is None else _a_time("start", start, first, last)
+    follows = score.goes_far(FAR) if follow is None else bool(follow)
+    settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
+    scene.stage_motion(score.whole(shown.events, settings), score.around(follows))
+    write_page(target, scene.page(title))
+    return target
+
+
+def motion_sheet(
+    trajectory: Trajectory,
+    times: Sequence[float] | Array | int,
+    png_path: str | PathLike[str],
+    *,
+    columns: int | None = None,
+    width: int = 360,
+    height: int = 360,
+    external: Pushes | PushesAt = None,
+    follow: bool | None = None,
+    trace: bool = True,
+    ground: bool = True,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+) -> Path:
+    """Draw a motion at some times side by side, all from one camera, with the time under each; returns the picture's path.
+
+    Args:
+        trajectory: What `rbd.simulate` returned, two samples at least.
+        times: When [s], or how many pictures evenly from the first to the last.
+        png_path: Where the picture goes.
+        columns: Pictures in a row; all of them by default.
+        width: Of one picture, in pixels.
+        height: Of one picture without its caption, in pixels.
+        external: As for `export_motion`; so are `follow`, `trace`, `ground`, `seen_from` and `arrow_per_weight`.
+        follow: Whether each picture is centred on the robot.
+        trace: Whether to draw the path of the centre of mass.
+        ground: Whether to draw the ground.
+        seen_from: Direction from the robot to the camera.
+        arrow_per_weight: Length of an arrow as large as the weight [m].
+
+    Raises:
+        InputError: no trajectory, times outside it, sizes that mean nothing.
+        PictureError: no browser, or no picture came of it.
+    """
+    picture = a_path("the picture", png_path)
+    if picture.suffix.lower() != ".png":
+        raise PictureError(f"cannot write the picture {str(picture)!r:.80}: expected a name that ends in .png.")
+    width, height = a_count("width", width, 4000), a_count("height", height, 4000)
+    shown = checked(trajectory)
+    at = _picture_times(times, float(shown.times[0]), float(shown.times[-1]))
+    in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
+    score, scene = _staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
+    follows = score.goes_far(FAR) if follow is None else bool(follow)
+    settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
+    sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
+    scene.stage_motion(score.whole((), {**settings, "sheet": sheet}), score.around(follows))
+    with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
+        page = Path(folder) / "sheet.html"
+        write_page(page, scene.page())
+        across = in_a_row * (width + GAP) - GAP
+        down = math.ceil(len(at) / in_a_row) * (height + CAPTION_HEIGHT + GAP) - GAP
+        return screenshot(page, picture, width=across, height=down)
+
+
+def replay(
+    trajectory: Trajectory, *, speed: float = 1.0, scene: Scene | None = None, external: Pushes | PushesAt = None
+) -> None:
+    """Show a motion live, paced by the clock; returns when it is over. Ctrl-C ends it sooner, and is no error.
+
+    Frames that come too late are left out, so that the motion keeps its time. The picture stays at the last frame shown.
+
+    Args:
+        trajectory: What `rbd.simulate` returned, two samples at least.
+        speed: Seconds of motion a second.
+        scene: The live scene to show it in: `Scene(robot)` of the same robot, with `scene.open()` called. By default a new
+            one is opened in the browser, on 127.0.0.1, and closed afterwards.
+        external: The external forces that were given to `rbd.simulate`.
+
+    Raises:
+        InputError: no trajectory, or a scene of another robot.
+    """
+    shown = checked(trajectory)
+    if scene is not None and not isinstance(scene, Scene):
+        raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
+    score, used = _staged(shown, LIVE_FPS, speed, external, scene=scene)
+    settings = {"title": shown.robot.name, "follow": score.goes_far(FAR), "trace": False}
+    used.stage_motion(score.opening(settings), score.around(bool(settings["follow"])))
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            if scene is None:
+                used.open()
+                used.wait_for_viewer(VIEWER_SECONDS)
+            _pace(score, used, float(speed))
+    finally:
+        if scene is None:
+            used.close()
+
+
+def _pace(score: Score, scene: Scene, speed: float) -> None:
+    times = score.frames.times
+    began = time.monotonic()
+    i = 0
+    while True:
+        scene.stage_moment(score.moment(i))
+        if i == len(times) - 1:
+            return
+        now = times[0] + (time.monotonic() - began) * speed
+        i = max(i + 1, min(int(np.searchsorted(times, now)), len(times) - 1))
+        time.sleep(max(0.0, (times[i] - times[0]) / speed - (time.monotonic() - began)))
+
+
+def _staged(
+    trajectory: Trajectory,
+    fps: float | None,
+    speed: float,
+    external: Pushes | PushesAt,
+    ground: bool = True,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+    scene: Scene | None = None,
+) -> tuple[Score, Scene]:
+    """The score of a motion, and a scene with the robot as it starts."""
+    speed = positive("speed", speed, MOST_SPEED, "")
+    if speed < LEAST_SPEED:
+        raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
+    fps = None if fps is None else positive("fps", fps, MOST_FPS, " frames a second")
+    robot = robot_of(trajectory)
+    if scene is None:
+        scene = Scene(robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False)
+    scene.show(State(robot, np.array(trajectory.q[0], float)))
+    parts = robot_parts(robot)
+    joints = sorted({part.joint for part in parts} - {0})
+    weight = float(robot.mass * np.linalg.norm(robot.gravity))
+    frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
+    return Score(frames, parts, scene.sizes, bool(ground), weight), scene
+
+
+def _a_title(title: str | None, trajectory: Trajectory) -> str:
+    if title is not None and not isinstance(title, str):
+        raise InputError(f"title is {title!r:.80}; expected words.")
+    return title or str(trajectory.robot.name)
+
+
+def _a_time(what: str, value: object, first: float, last: float) -> float:
+    t = a_number(value)
+    # A time that was computed as the end may lie a rounding beyond it.
+    if not first - 1e-9 <= t <= last + 1e-9:
+        raise InputError(f"{what} is {value!r:.80}; the motion runs from {first:g} s to {last:g} s.")
+    return min(max(t, first), last)
+
+
+def _picture_times(times: Sequence[float] | Array | int, first: float, last: float) -> list[float]:
+    if isinstance(times, int | np.integer) and not isinstance(times, bool):
+        return [float(t) for t in np.linspace(first, last, a_count("times", times, MOST_PICTURES))]
+    given = numbers("times", times)
+    if given.ndim != 1 or not 1 <= len(given) <= MOST_PICTURES:
+        raise InputError(f"times have the shape {given.shape}; expected 1 to {MOST_PICTURES} times in a list.")
+    return [_a_time("a time", float(t), first, last) for t in given]

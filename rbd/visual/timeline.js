@@ -1,0 +1,276 @@
+// Plays a motion in time: button, bar with lanes and marks, speed, keys. Reads the frames that the page holds.
+const GLYPHS = { touches: "▼", leaves: "▲", slips: "◆", sticks: "■" };
+const MOST_LANES = 10;
+const GLOW_SECONDS = 0.25;  // of playback
+
+class Player {
+  constructor(stage, motion) {
+    this.motion = motion;
+    this.times = motion.times;
+    this.rows = floats(motion.rows);
+    this.codes = bytes(motion.codes);
+    this.width = this.rows.length / this.times.length;
+    this.names = motion.contacts.length + motion.others.length;
+    this.cast = new Cast(stage, motion);
+    this.cast.follow = motion.follow;
+    this.cues = new Cues(stage.legend, motion);
+    if (motion.com && motion.trace) {
+      const k = 7 * motion.bodies;
+      this.cast.path(this.times.map((_, i) => Array.from(this.row(i).subarray(k, k + 3))));
+    }
+    this.first = this.times[0];
+    // The page frames the robot as it starts; a camera that follows must have seen it there.
+    this.cast.set(this.row(0));
+    this.last = this.times[this.times.length - 1];
+    this.step = (this.last - this.first) / (this.times.length - 1);
+    this.speed = motion.speed;
+    this.playing = false;
+    this.digits = Math.max(2, Math.min(6, 2 - Math.floor(Math.log10(this.last - this.first))));
+    this.build();
+    this.seek(this.asked() ?? motion.start);
+    window.addEventListener("keydown", (event) => this.key(event), { capture: true });
+    window.addEventListener("hashchange", () => this.seek(this.asked() ?? this.t));
+    requestAnimationFrame((now) => this.tick(now));
+  }
+
+  // The time that the address asks for: page.html#t=0.5
+  asked() {
+    const found = /[#&]t=([-+0-9.eE]+)/.exec(window.location.hash);
+    return found && Number.isFinite(Number(found[1])) ? Number(found[1]) : null;
+  }
+
+  row(i) {
+    return this.rows.subarray(i * this.width, (i + 1) * this.width);
+  }
+
+  // Frame number of a time, with its fraction.
+  position(t) {
+    let low = 0, high = this.times.length - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (this.times[middle] <= t) low = middle;
+      else high = middle;
+    }
+    return low + Math.min(1, Math.max(0, (t - this.times[low]) / (this.times[high] - this.times[low])));
+  }
+
+  // The row at a frame number: straight between two frames, quaternions along the shorter arc.
+  between(position) {
+    const T = MeshCat.THREE;
+    const low = Math.min(Math.floor(position), this.times.length - 2), w = position - low;
+    const a = this.row(low), b = this.row(low + 1);
+    if (w === 0 || w === 1) return w ? b : a;
+    // A point that is there in one frame only is shown in the nearer one.
+    const row = a.map((x, i) => {
+      const y = (1 - w) * x + w * b[i];
+      return Number.isFinite(y) ? y : w < 0.5 ? x : b[i];
+    });
+    for (let k = 3; k < 7 * this.motion.bodies; k += 7) {
+      new T.Quaternion().fromArray(a, k).slerp(new T.Quaternion().fromArray(b, k), w).toArray(row, k);
+    }
+    return row;
+  }
+
+  seek(t) {
+    this.t = Math.min(this.last, Math.max(this.first, t));
+    const position = this.position(this.t);
+    const nearest = Math.round(position);
+    const codes = this.codes.subarray(nearest * this.names, (nearest + 1) * this.names);
+    this.cast.set(this.between(position));
+    if (this.cast.been) this.cast.been(position);
+    this.glow();
+    this.cues.set(codes, this.cast.tracks.map((track) => track.force));
+    const share = 100 * (this.t - this.first) / (this.last - this.first);
+    this.done.style.width = `${share}%`;
+    this.knob.style.left = `${share}%`;
+    this.clock.textContent = `${this.t.toFixed(this.digits)} / ${this.last.toFixed(this.digits)} s`;
+    this.bar.setAttribute("aria-valuenow", this.t.toFixed(6));
+    this.bar.setAttribute("aria-valuetext", `${this.t.toFixed(this.digits)} seconds`);
+    const past = this.motion.events.filter((event) => event.t <= this.t + 1e-9);
+    this.cues.happened.textContent = past.length ? past[past.length - 1].words[0] : "";
+  }
+
+  // A touch may last no longer than a step: it glows for a moment, at the point that touched.
+  glow() {
+    const { events, contacts, bodies } = this.motion;
+    const window = GLOW_SECONDS * this.speed;
+    const touched = events.filter((e) => e.kind === "touches" && e.t <= this.t + 1e-9 && e.t > this.t - window).pop();
+    const c = touched ? contacts.findIndex((contact) => contact.name === touched.name) : -1;
+    if (c < 0 || touched.point >= contacts[c].points) {
+      this.cast.glow([NaN], NaN, "");
+      return;
+    }
+    const before = contacts.slice(0, c).reduce((sum, contact) => sum + contact.points, 0);
+    const k = 7 * bodies + 3 + 6 * (before + touched.point);
+    const where = this.row(Math.round(this.position(touched.t))).subarray(k, k + 3);
+    this.cast.glow(where, (this.t - touched.t) / window, contacts[c].color);
+  }
+
+  tick(now) {
+    requestAnimationFrame((later) => this.tick(later));
+    // A tab that was hidden does not jump ahead.
+    const passed = Math.min(0.2, (now - (this.before ?? now)) / 1000);
+    this.before = now;
+    if (!this.playing) return;
+    this.seek(this.t + passed * this.speed);
+    if (this.t >= this.last) this.play(false);
+  }
+
+  play(on) {
+    if (on && this.t >= this.last) this.seek(this.first);
+    this.playing = on;
+    this.button.textContent = on ? "❚❚" : "▶";
+    this.button.title = on ? "Pause (space)" : "Play (space)";
+    this.button.setAttribute("aria-label", on ? "Pause" : "Play");
+  }
+
+  go(t) {
+    this.play(false);
+    this.seek(t);
+  }
+
+  setSpeed(speed) {
+    this.speed = speed;
+    this.choice.value = String(speed);
+  }
+
+  setFollow(on) {
+    this.cast.followFrom(on, this.row(Math.round(this.position(this.t))));
+    this.following.checked = on;
+    this.seek(this.t);
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const step = this.step * (event.shiftKey ? 10 : 1);
+    const { speeds, events } = this.motion;
+    const faster = (by) => this.setSpeed(speeds[Math.min(speeds.length - 1, Math.max(0, speeds.indexOf(this.speed) + by))]);
+    const near = 1e-6 * (this.last - this.first);
+    const actions = {
+      " ": () => this.play(!this.playing),
+      ArrowLeft: () => this.go(this.t - step),
+      ArrowRight: () => this.go(this.t + step),
+      ArrowUp: () => faster(1),
+      ArrowDown: () => faster(-1),
+      Home: () => this.go(this.first),
+      End: () => this.go(this.last),
+      PageUp: () => this.go(events.filter((e) => e.t < this.t - near).pop()?.t ?? this.first),
+      PageDown: () => this.go(events.find((e) => e.t > this.t + near)?.t ?? this.last),
+      f: () => this.setFollow(!this.cast.follow),
+    };
+    if (!actions[event.key]) return;
+    event.preventDefault();
+    event.stopPropagation();
+    actions[event.key]();
+  }
+
+  build() {
+    const make = (tag, kind, parent, text = "") => {
+      const element = Object.assign(document.createElement(tag), { className: kind, textContent: text });
+      parent.append(element);
+      return element;
+    };
+    const footer = make("footer", "player", document.body);
+    this.footer = footer;
+    this.button = make("button", "play", footer);
+    this.button.onclick = () => { this.play(!this.playing); this.button.blur(); };
+    const middle = make("div", "middle", footer);
+    this.lanes(middle, make);
+    this.bar = make("div", "bar", middle);
+    this.bar.tabIndex = 0;
+    for (const [name, value] of [["role", "slider"], ["aria-label", "Time"], ["aria-valuemin", this.first], ["aria-valuemax", this.last]]) {
+      this.bar.setAttribute(name, value);
+    }
+    this.done = make("div", "done", this.bar);
+    this.knob = make("div", "knob", this.bar);
+    const scrub = (event) => {
+      const box = this.bar.getBoundingClientRect();
+      this.seek(this.first + (this.last - this.first) * (event.clientX - box.left) / box.width);
+    };
+    middle.onpointerdown = (event) => {
+      if (event.target.classList.contains("event")) return;
+      middle.setPointerCapture(event.pointerId);
+      this.held = true;
+      this.play(false);
+      scrub(event);
+    };
+    middle.onpointermove = (event) => { if (this.held) scrub(event); };
+    middle.onpointerup = middle.onpointercancel = () => { this.held = false; };
+    this.clock = make("output", "clock", footer);
+    this.choice = make("select", "speed", footer);
+    this.choice.title = "Speed (up, down)";
+    this.choice.setAttribute("aria-label", "Speed");
+    for (const speed of this.motion.speeds) make("option", "", this.choice, `${speed}×`).value = String(speed);
+    this.choice.onchange = () => { this.setSpeed(Number(this.choice.value)); this.choice.blur(); };
+    this.setSpeed(this.speed);
+    const label = make("label", "follow", footer);
+    this.following = make("input", "", label);
+    this.following.type = "checkbox";
+    this.following.checked = this.cast.follow;
+    this.following.onchange = () => { this.setFollow(this.following.checked); this.following.blur(); };
+    label.append("follow");
+    label.title = "The camera goes with the robot (f)";
+    label.hidden = !this.motion.com;
+    this.play(false);
+  }
+
+  // A lane for each contact: filled while it touches, striped while it slips; its events as marks on it.
+  lanes(parent, make) {
+    const percent = (t) => 100 * (t - this.first) / (this.last - this.first);
+    const hint = make("div", "hint", parent);
+    hint.hidden = true;
+    const lanes = make("div", "lanes", parent);
+    const where = new Map();
+    this.motion.contacts.slice(0, MOST_LANES).forEach(({ name, color, stretches }) => {
+      const lane = make("div", "lane", lanes);
+      lane.title = name;
+      where.set(name, { lane, color });
+      for (const [from, to, code] of stretches) {
+        const stretch = make("div", this.motion.words[code], lane);
+        stretch.style.color = color;
+        stretch.style.left = `${percent(from)}%`;
+        stretch.style.width = `${percent(to) - percent(from)}%`;
+      }
+    });
+    const rest = this.motion.events.some((event) => !where.has(event.name)) ? make("div", "lane", lanes) : null;
+    for (const event of this.motion.events) {
+      const { lane, color } = where.get(event.name) || { lane: rest, color: "#1f2933" };
+      const mark = make("button", "event", lane, GLYPHS[event.kind] || "●");
+      mark.tabIndex = -1;
+      mark.style.left = `${percent(event.t)}%`;
+      mark.style.color = color;
+      mark.setAttribute("aria-label", event.words.join("; "));
+      mark.onclick = () => { this.go(event.t); mark.blur(); };
+      mark.onpointerenter = () => {
+        hint.hidden = false;
+        hint.replaceChildren(...event.words.map((words) => Object.assign(document.createElement("div"), { textContent: words })));
+        const box = parent.getBoundingClientRect();
+        const free = Math.max(0, box.width - hint.offsetWidth);
+        hint.style.left = `${Math.min(free, Math.max(0, mark.getBoundingClientRect().left - box.left - hint.offsetWidth / 2))}px`;
+      };
+      mark.onpointerleave = () => { hint.hidden = true; };
+    }
+  }
+
+  // Many times side by side, in place of the page.
+  sheet({ times, columns, width, height, gap }) {
+    const { viewer } = this.cast.stage;
+    const figures = times.map((t) => {
+      this.seek(t);
+      viewer.controls.update();
+      viewer.camera.updateProjectionMatrix();
+      viewer.renderer.render(viewer.scene, viewer.camera);
+      const figure = document.createElement("figure");
+      const image = Object.assign(new Image(width, height), { src: viewer.renderer.domElement.toDataURL() });
+      const caption = Object.assign(document.createElement("figcaption"), { textContent: `${t.toFixed(this.digits)} s` });
+      figure.append(image, caption);
+      return figure;
+    });
+    const main = document.createElement("main");
+    main.className = "sheet";
+    main.style.gridTemplateColumns = `repeat(${columns}, ${width}px)`;
+    main.append(...figures);
+    main.style.gap = `${gap}px`;
+    document.body.replaceChildren(main);
+  }
+}

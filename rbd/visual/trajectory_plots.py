@@ -1,0 +1,286 @@
+"""Motions on axes that are given: forces with what each contact does, energies, joints with their limits.
+
+Axes first, artists out, no window, no global state. Colours of contacts are those of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError, nearest
+from rbd.simulation.moment import HOLDS, OPEN, PUSHES, SLIPS, STICKS
+from rbd.simulation.trajectory import Trajectory
+from rbd.visual.colors import CONTACT_COLORS, contact_colors
+from rbd.visual.joint_curves import Curve, joint_curves
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+_BOLD, _FINE, _HAIR = 1.7, 0.9, 0.6
+"""Line widths of what is looked at first, of its companions, of marks [points]."""
+_GREY = "0.45"
+_ROW = 0.045
+"""Height of a contact's band, as a share of the axes' height."""
+_MODES: dict[str, dict[str, Any]] = {
+    STICKS: {"alpha": 0.85, "linewidth": 0.0},
+    HOLDS: {"alpha": 0.85, "linewidth": 0.0},
+    PUSHES: {"alpha": 0.45, "linewidth": 0.0},
+    SLIPS: {"hatch": "//////", "linewidth": _HAIR},
+}
+"""How each mode is filled; what is open is left empty."""
+_BURST, _OFTEN = 3.0, 98.0
+"""A peak of so many times what is passed in so many per cent of the samples is cut off."""
+
+
+def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None = None) -> list[Artist]:
+    """Forces over time, and below them what each contact does: sticks, slips, or nothing.
+
+    Of a contact the vertical force is a bold line and the size of the horizontal one a fine one (world axes, on the robot); of
+    any other constraint each row is a line. Hairlines mark beginnings and ends of contact, the dotted line the weight of a
+    floating robot, where a force comes near it. A peak that would flatten all else is cut off, and told. The impulse of an
+    impact is no force: it is in `trajectory.events`.
+
+    Args:
+        ax: Matplotlib axes, empty. The band is a child of them and carries the time axis.
+        trajectory: What `rbd.simulate` returns.
+        names: Which constraints; all contacts by default, or all constraints if nothing is a contact.
+
+    Returns:
+        What was drawn: two lines a contact and one a row of what is none, then bands, hairlines and notes.
+
+    Raises:
+        InputError: if `ax` are no axes, or a name is unknown.
+    """
+    _check(ax, trajectory)
+    chosen = _chosen(trajectory, names)
+    colors = contact_colors((*trajectory.contacts, *trajectory.names))
+    t, curves = trajectory.times, list[Array]()
+    drawn: list[Artist] = []
+    notes: list[Artist] = []
+    for name in chosen:
+        force, color = trajectory.forces[name], colors[name]
+        if name in trajectory.points:
+            horizontal = np.hypot(force[:, 0], force[:, 1])
+            drawn += ax.plot(t, force[:, 2], color=color, lw=_BOLD, label=name, zorder=3)
+            drawn += ax.plot(t, horizontal, color=color, lw=_FINE, alpha=0.8, zorder=2)
+            curves += [force[:, 2], horizontal]
+            continue
+        for k, row in enumerate(force.T):
+            label = name if force.shape[1] == 1 else f"{name}, row {k + 1}"
+            drawn += ax.plot(t, row, color=color, lw=_BOLD if k == 0 else _FINE, label=label, alpha=0.5 ** (k / 3), zorder=3)
+            curves.append(row)
+    notes += _cut_peaks(ax, t, curves)
+    weight = trajectory.robot.mass * float(np.linalg.norm(trajectory.robot.gravity))
+    carried = max((np.abs(trajectory.forces[x][:, :3]).max(initial=0.0) for x in chosen if x in trajectory.points), default=0.0)
+    if trajectory.robot.floating and carried > 0.4 * weight:
+        notes.append(ax.axhline(weight, color=_GREY, lw=_HAIR + 0.2, ls=":", zorder=1, label=f"weight {weight:.4g} N"))
+    notes += _event_marks(ax, trajectory, chosen, colors)
+    _dress(ax, trajectory, "force [N]" if all(name in trajectory.points for name in chosen) else "force [N, N m]")
+    bands = _bands(ax, trajectory, chosen, colors)
+    _legend(ax, _keys(trajectory, chosen))
+    return drawn + bands + notes
+
+
+def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
+    """Kinetic, potential and total energy over time; potential from what it is at the start.
+
+    Args:
+        ax: Matplotlib axes, empty.
+        trajectory: What `rbd.simulate` returns.
+
+    Returns:
+        The lines of kinetic, potential and total energy, then hairlines at contact events.
+
+    Raises:
+        InputError: if `ax` are no axes.
+    """
+    _check(ax, trajectory)
+    t, potential = trajectory.times, trajectory.potential - trajectory.potential[0]
+    total = trajectory.kinetic + potential
+    told = f"total, changes by {total[-1] - total[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
+    drawn = [
+        *ax.plot(t, trajectory.kinetic, color=CONTACT_COLORS[0], lw=_BOLD, label="kinetic", zorder=3),
+        *ax.plot(t, potential, color=CONTACT_COLORS[2], lw=_BOLD, label="potential, from its start", zorder=3),
+        *ax.plot(t, total, color="0.1", lw=_BOLD, label=told, zorder=4),
+    ]
+    marks = _event_marks(ax, trajectory, trajectory.contacts)
+    _dress(ax, trajectory, "energy [J]")
+    _legend(ax, [])
+    return drawn + marks
+
+
+def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, what: str = "q") -> list[Artist]:
+    """A joint's position, velocity, acceleration or torque over time, its limits dashed.
+
+    A limit far away from all values is named in the legend and not drawn: it would flatten the motion.
+
+    Args:
+        ax: Matplotlib axes, empty.
+        trajectory: What `rbd.simulate` returns.
+        joint: A joint's name, or several; of a joint with several freedoms one of its coordinates, as "root_joint.z".
+        what: "q" (a continuous joint's angle goes on beyond a turn), "v", "a" or "tau".
+
+    Returns:
+        A line a joint, then the dashed limits that are in sight, then hairlines at contact events.
+
+    Raises:
+        InputError: if `ax` are no axes; an unknown joint; joints whose values have different units.
+    """
+    _check(ax, trajectory)
+    curves = joint_curves(trajectory, joint, what)
+    drawn: list[Artist] = []
+    limits: list[Artist] = []
+    low, high = min(float(c.values.min()) for c in curves), max(float(c.values.max()) for c in curves)
+    span = high - low or max(abs(high), 1.0) * 0.1
+    for i, curve in enumerate(curves):
+        color = CONTACT_COLORS[i % len(CONTACT_COLORS)]
+        near = [x for x in curve.limits if low - 0.6 * span <= x <= high + 0.6 * span]
+        far = [x for x in curve.limits if x not in near]
+        drawn += ax.plot(trajectory.times, curve.values, color=color, lw=_BOLD, label=_label(curve, far), zorder=3)
+        limits += [ax.axhline(x, color=color, lw=1.1, ls=(0, (5, 3)), zorder=2) for x in near]
+    marks = _event_marks(ax, trajectory, trajectory.contacts)
+    _dress(ax, trajectory, f"{curves[0].quantity} [{curves[0].unit}]")
+    _legend(ax, [_line("limit", color=_GREY, lw=1.1, ls=(0, (5, 3)))] if limits else [])
+    return drawn + limits + marks
+
+
+def _check(ax: Axes, trajectory: Trajectory) -> None:
+    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
+        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
+    if not isinstance(trajectory, Trajectory):
+        raise InputError(f"trajectory is {trajectory!r:.80}; expected what rbd.simulate returns.")
+
+
+def _chosen(trajectory: Trajectory, names: Sequence[str] | None) -> tuple[str, ...]:
+    if names is None:
+        return trajectory.contacts or trajectory.names
+    if isinstance(names, str) or not np.iterable(names):
+        raise InputError(f"names are {names!r:.80}; expected a list of constraints' names.")
+    if not len(list(names)):
+        raise InputError("names are empty; expected some of the constraints' names, or None for all contacts.")
+    for name in names:
+        if not isinstance(name, str) or name not in trajectory.names:
+            raise InputError(f"no constraint {name!r:.80} in this trajectory; {nearest(name, trajectory.names)}.")
+    return tuple(dict.fromkeys(names))
+
+
+def _dress(ax: Axes, trajectory: Trajectory, label: str) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(axis="y", color="0.92", lw=0.7, zorder=0)
+    ax.set_axisbelow(True)
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel(label)
+    if len(trajectory) > 1:
+        ax.set_xlim(trajectory.times[0], trajectory.times[-1])
+
+
+def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
+    """Limits of the axis, and a note where a peak goes beyond them."""
+    size = np.max(np.abs(curves), axis=0) if curves else np.zeros(1)
+    peak, usual = float(size.max()), float(np.percentile(size, _OFTEN))
+    if not usual or peak <= _BURST * usual:
+        return []
+    seen = np.array([curve[size <= usual] for curve in curves])
+    room = 0.25 * max(float(np.ptp(seen)), usual)
+    ax.set_ylim(min(0.0, float(seen.min())) - 0.2 * room, float(seen.max()) + room)
+    told = f"peak, cut off: {peak:.4g} N at {t[int(size.argmax())]:.4g} s"
+    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
+    style: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": "small", "color": "0.3", "bbox": ground, "zorder": 5}
+    return [ax.text(0.995, 0.985, told, transform=ax.transAxes, **style)]
+
+
+def _event_marks(
+    ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None
+) -> list[Artist]:
+    """A hairline for each time at which a contact begins or ends, in its colour or grey; fainter where there are many."""
+    out: list[Artist] = []
+    for name in names:
+        times = sorted({e.t for e in trajectory.events if e.name == name and e.kind in ("touches", "leaves")})
+        if times:
+            faint, color = min(0.55, 10.0 / len(times)), colors[name] if colors else "0.6"
+            across = ax.get_xaxis_transform()
+            out.append(ax.vlines(times, 0.0, 1.0, transform=across, color=color, lw=_HAIR, alpha=faint, zorder=1))
+    return out
+
+
+def _bands(ax: Axes, trajectory: Trajectory, names: Sequence[str], colors: dict[str, str]) -> list[Artist]:
+    """One row a constraint below the axes, filled by its mode; the time axis moves below them."""
+    height = _ROW * len(names)
+    below = ax.inset_axes((0.0, -0.03 - height, 1.0, height), sharex=ax)
+    below.set_xlabel(ax.get_xlabel())
+    ax.set_xlabel("")
+    ax.tick_params(axis="x", labelbottom=False, length=0)
+    below.set_ylim(len(names) - 0.5, -0.5)
+    below.set_yticks([])
+    below.spines[["top", "right", "left"]].set_visible(False)
+    out: list[Artist] = []
+    for y, name in enumerate(names):
+        out.append(below.axhline(y, color=colors[name], lw=_HAIR, alpha=0.6))
+        for mode, style in _MODES.items():
+            spans = _spans(trajectory.times, trajectory.modes[name] == mode)
+            if spans:
+                out.append(below.broken_barh(spans, (y - 0.36, 0.72), zorder=2, **_filled(colors[name], style)))
+    return out
+
+
+def _spans(t: Array, there: Array) -> list[tuple[float, float]]:
+    """(begin, length) of each run of samples; a sample stands for the time till the next one."""
+    edges = np.flatnonzero(np.diff(np.r_[False, there, False]))
+    ends = np.r_[t, t[-1]]
+    return [(t[a], ends[b] - t[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _filled(color: str, style: dict[str, Any]) -> dict[str, Any]:
+    return {"facecolor": "white" if "hatch" in style else color, "edgecolor": color, **style}
+
+
+def _keys(trajectory: Trajectory, names: Sequence[str]) -> list[Artist]:
+    """What bold, fine and each filling mean, in grey."""
+    from matplotlib.patches import Patch
+
+    out: list[Artist] = []
+    if any(name in trajectory.points for name in names):
+        out += [_line("vertical", color=_GREY, lw=_BOLD), _line("horizontal", color=_GREY, lw=_FINE, alpha=0.8)]
+    shown = {str(mode) for name in names for mode in np.unique(trajectory.modes[name])} - {OPEN}
+    out += [Patch(label=mode, **_filled(_GREY, style)) for mode, style in _MODES.items() if mode in shown]
+    ends = any(e.name in names and e.kind in ("touches", "leaves") for e in trajectory.events)
+    return out + [_line("touches, leaves", color=_GREY, lw=0.0, marker="|", ms=9.0, mew=_HAIR)] * ends
+
+
+def _line(label: str, **style: Any) -> Artist:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)
+
+
+def _legend(ax: Axes, more: list[Artist]) -> None:
+    """Above the axes, where no curve runs."""
+    handles = [*ax.get_legend_handles_labels()[0], *more]
+    longest = max((len(str(h.get_label())) for h in handles), default=0)
+    letters = 15.0 * ax.figure.get_figure(root=True).get_figwidth()  # that small print has room for in a line
+    columns = max(1, min(len(handles), 5, int(letters / (longest + 8))))
+    ax.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+        borderaxespad=0.2,
+        handlelength=1.6,
+        columnspacing=1.4,
+    )
+
+
+def _label(curve: Curve, far: Sequence[float]) -> str:
+    """The joint's name, with the limits that are out of sight."""
+    if not far:
+        return curve.name
+    both = len(far) == 2 and far[0] == -far[1]
+    told = f"±{far[1]:.4g}" if both else " and ".join(f"{x:.4g}" for x in far)
+    return f"{curve.name} (limit {told} {curve.unit})"

@@ -1,0 +1,61 @@
+"""Small models and starts for tests of smooth motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+import rbd
+from rbd.model import CheckedModel
+
+URDF = Path(__file__).parents[2] / "urdf"
+
+
+def bar(model: pin.Model, parent: int, name: str, at: float, mass: float, com: float, inertia: float) -> int:
+    """A bar in the x-z plane that turns counter-clockwise as seen from -y, its mass `com` along it."""
+    placement = pin.SE3(np.eye(3), np.array([at, 0.0, 0.0]))
+    joint = model.addJoint(parent, pin.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), placement, name)
+    spread = np.diag([0.0, inertia, inertia])
+    model.appendBodyToJoint(joint, pin.Inertia(mass, np.array([com, 0.0, 0.0]), spread), pin.SE3.Identity())
+    return joint
+
+
+def chain(links: int, *, mass: float = 1.0, com: float = 1.0, inertia: float = 0.0) -> CheckedModel:
+    """Bars of 1 m in a row, hung from the world."""
+    model, joint = pin.Model(), 0
+    for i in range(links):
+        joint = bar(model, joint, f"bar_{i}", 1.0 if i else 0.0, mass, com, inertia)
+    return CheckedModel(model, name="chain")
+
+
+def body(joint: pin.JointModel, inertia: pin.Inertia, gravity: tuple[float, float, float]) -> CheckedModel:
+    """One body on one joint."""
+    model = pin.Model()
+    model.addJoint(0, joint, pin.SE3.Identity(), "joint")
+    model.appendBodyToJoint(1, inertia, pin.SE3.Identity())
+    model.addFrame(pin.Frame("body", 1, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model.gravity.linear = np.array(gravity)
+    return CheckedModel(model, name="body", passive=["joint"])
+
+
+def along(state: rbd.State, constraints: object, drive: np.ndarray) -> rbd.State:
+    """The state with the velocity nearest to `drive`, plainly, that the constraints allow."""
+    rows = [c.rows(state) for c in constraints]  # type: ignore[attr-defined]
+    J = np.vstack([r.J for r in rows])
+    return rbd.State(state.robot, state.q, drive - np.linalg.pinv(J) @ (J @ drive))
+
+
+def swinging(robot: rbd.Robot, posture: str, rate: float) -> rbd.State:
+    """A mechanism of one freedom whose first joint turns at a rate."""
+    state = robot.at(posture)
+    J = np.vstack([c.rows(state).J for c in robot.loops])
+    _, _, Vt = np.linalg.svd(J)
+    return rbd.State(robot, state.q, rate * Vt[-1] / Vt[-1][0])
+
+
+def off(one: rbd.State, other: rbd.State) -> float:
+    """How far two states are from each other, the largest entry of both differences."""
+    model = one.robot.model
+    return float(max(np.abs(pin.difference(model, one.q, other.q)).max(), np.abs(one.v - other.v).max()))

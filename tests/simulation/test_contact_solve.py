@@ -1,0 +1,70 @@
+"""Impulses that hold rows still, and velocities of a step beside the accelerations of `rbd.solve`."""
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.parts import parts_of
+from rbd.rows import Rows
+from rbd.simulation.contact_solve import Stillness
+from rbd.simulation.snapshot import Points
+from rbd.simulation.sources import sources_of
+from rbd.simulation.velocity_problem import VelocitySolver
+
+Array = np.ndarray
+EXACT = 1e-13
+
+
+def corners(mu: float, k: int) -> Stillness:
+    """Of k points with friction."""
+    cone = rbd.FrictionCone(mu, 4)
+    return Stillness(parts_of([Rows(str(i), np.zeros((3, 1)), np.zeros(3), cone) for i in range(k)]))
+
+
+def four_points(rng: np.random.Generator) -> Array:
+    """D of four points on one rigid body: twelve rows of rank six."""
+    J = rng.normal(size=(6, 12))
+    return J.T @ J
+
+
+def test_of_impulses_that_hold_it_takes_those_nearest_to_the_guess():
+    """Least squares in closed form: w = guess - D^+ (D guess + u), where the points are pressed hard enough."""
+    rng = np.random.default_rng(0)
+    D = four_points(rng)
+    pressed = np.tile([0.0, 0.0, 10.0], 4)
+    u, guess = -D @ (pressed + 0.1 * rng.normal(size=12)), pressed + rng.normal(size=12)
+    found = corners(5.0, 4).impulses(D, u, guess, EXACT)
+    assert found is not None
+    w, merit = found
+    assert merit <= EXACT
+    assert np.abs(D @ w + u).max() < 1e-11 * np.abs(u).max()
+    assert np.abs(w - (guess - np.linalg.pinv(D, rcond=1e-10) @ (D @ guess + u))).max() < 1e-6  # damping, over D's spread
+
+
+@pytest.mark.parametrize("pressed", [[3.0, 0.0, 1.0], [0.0, 0.0, -1.0]], ids=["must slip", "must part"])
+def test_what_cannot_hold_is_left_to_others(pressed: list[float]):
+    """The only impulse that holds the point lies outside its cone."""
+    D = np.diag([1.0, 2.0, 3.0])
+    assert corners(0.5, 1).impulses(D, -D @ pressed, np.zeros(3), EXACT) is None
+
+
+@pytest.mark.parametrize("name", ["talos", "solo12"])
+@pytest.mark.parametrize("noise", [0.01, 0.3], ids=["sticks", "slips"])
+def test_a_step_from_rest_gains_the_acceleration_of_solve_times_its_length(name: str, noise: float):
+    """From rest J_dot v is zero: the velocity problem is the acceleration problem times h, and v+ = h a."""
+    robot, h = rbd.load_robot(name), 1e-3
+    standing, feet = robot.standing(), robot.feet(0.6)
+    points = Points(sources_of(feet, standing))
+    at = points.at(standing, 0.0)
+    solver, everything, nothing = VelocitySolver("coulomb"), np.ones(len(at.gap), bool), np.zeros(len(at.velocity))
+    hold = rbd.hold(standing, feet).tau
+    scale, rng = np.abs(hold).max(), np.random.default_rng(1)
+    for _ in range(5):
+        tau = np.clip(hold + noise * scale * rng.normal(size=robot.nu), -robot.effort_limit, robot.effort_limit)
+        solution = rbd.solve(standing, tau, feet, solver=rbd.ADMM())
+        if solution.reason:
+            continue  # one of a family of motions
+        force = robot.actuation.T @ tau - standing.h
+        answer = solver.solve(at, everything, h * force, nothing, h, nothing)
+        assert answer.law < 1e-10
+        assert np.abs(answer.v - h * solution.a).max() < 1e-8 * h * max(1.0, np.abs(solution.a).max())

@@ -1,0 +1,61 @@
+"""Contacts with the ground, measured together and one by one."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.simulation.grounds import Grounds, OnGround
+from rbd.simulation.sources import FromRows, sources_of
+
+ROUNDING = 1e-13  # of entries of order one
+
+
+def moving(robot: rbd.Robot, seed: int) -> rbd.State:
+    """The robot off its feet, every joint moving."""
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(robot.model, robot.standing().q, 0.3 * rng.normal(size=robot.nv))
+    return rbd.State(robot, q, rng.normal(size=robot.nv))
+
+
+def contacts(name: str) -> tuple[rbd.Robot, list]:
+    """Soles; toes; toes of which one has no friction, two stand on one body, and the ground is tilted."""
+    if name != "tilted":
+        robot = rbd.load_robot(name)
+        return robot, robot.feet(0.7)
+    robot = rbd.load_robot("bolt")
+    one, other = robot.feet(0.7)
+    tilted = rbd.PointContact(
+        "ice", other.frame, offset=(0.1, 0.2, 0.3), normal=(0.0, 0.6, 0.8), anchor=(0, 0, 1), friction=0.0
+    )
+    return robot, [one, tilted, other]
+
+
+@pytest.mark.parametrize("name", ["talos", "solo12", "tilted"])
+def test_contacts_together_are_the_same_as_each_alone(name: str):
+    """Rows, velocities, J_dot v, gaps, places and arms are those of `OnGround`, which goes through the frame's own Jacobian."""
+    robot, feet = contacts(name)
+    alone = [OnGround(foot, robot.standing()) for foot in feet]
+    together = Grounds(alone, robot.standing())
+    for seed in range(3):
+        state = moving(robot, seed)
+        found, each = together.at(state, 0.0), [one.at(state, 0.0) for one in alone]
+        for what in ("J", "velocity", "bias", "gap", "error", "points"):
+            assert np.abs(getattr(found, what) - np.concatenate([getattr(m, what) for m in each])).max() < ROUNDING, what
+        if found.arms is not None:
+            assert np.abs(found.arms - np.concatenate([m.arms for m in each])).max() < ROUNDING
+        assert (found.axes == np.concatenate([np.tile(m.axes, (len(m.gap), 1, 1)) for m in each])).all()
+        assert found.structure.owners == tuple(owner for m in each for owner in m.structure.owners)
+        assert np.abs(together.gaps(state, 0.0) - found.gap).max() < ROUNDING
+        assert max(np.abs(one.gaps(state, 0.0) - m.gap).max() for one, m in zip(alone, each, strict=True)) < ROUNDING
+
+
+def test_what_stands_on_ground_at_rest_is_measured_together_and_nothing_else_is():
+    """Soles and toes apart, as a sole has moments; a moving ground, a held contact and a lone toe are measured each alone."""
+    robot = rbd.load_robot("talos")
+    soles = robot.soles(0.7)
+    toe = rbd.PointContact("toe", soles[0].frame, offset=(0.1, 0.0, 0.0), friction=0.5)
+    band = rbd.PointContact("band", soles[1].frame, offset=(0.1, 0.0, 0.0), friction=0.5, velocity=(0.1, 0.0, 0.0))
+    held = rbd.PointContact("hand", "torso_2_link", friction=None)
+    kinds = [type(s) for s in sources_of([toe, soles[0], band, held, soles[1]], robot.standing())]
+    assert kinds == [OnGround, Grounds, OnGround, FromRows]

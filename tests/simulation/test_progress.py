@@ -1,0 +1,101 @@
+"""The progress bar: silent where nobody watches, gone when it is over."""
+
+from __future__ import annotations
+
+import io
+import time
+from contextlib import redirect_stderr
+
+import numpy as np
+import pytest
+
+from rbd.simulation import progress
+from rbd.simulation.progress import progress_of
+
+TIMES = np.linspace(0.0, 10.0, 1001).tolist()
+SHOW, HIDE = "\x1b[?25h", "\x1b[?25l"
+"""What shows and hides the cursor of a terminal."""
+
+
+class Terminal(io.StringIO):
+    """A stderr that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is."""
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch) -> Terminal:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "PACE", 0.0)
+    return Terminal()
+
+
+def run(stderr: io.StringIO | None, shown: bool = True, stop: BaseException | None = None) -> None:
+    with redirect_stderr(stderr), progress_of(TIMES, shown=shown) as told:
+        for t in TIMES[:20]:
+            told(t)
+            time.sleep(0.002)
+        if stop is not None:
+            raise stop
+
+
+def test_a_short_run_shows_nothing(terminal: Terminal):
+    """Patience is a second."""
+    run(terminal)
+    assert terminal.getvalue() == ""
+
+
+def test_a_long_run_shows_a_bar_that_goes_away(terminal: Terminal, monkeypatch):
+    """It tells the simulated time; at the end the line is erased and the cursor is there."""
+    monkeypatch.setattr(progress, "PATIENCE", 0.01)
+    run(terminal)
+    text = terminal.getvalue()
+    assert "of 10 s" in text and "x real time" in text
+    assert text.rfind(SHOW) > text.rfind(HIDE) >= 0 and "\x1b[2K" in text[text.rfind("real time") :]
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("broken")])
+def test_the_terminal_is_whole_after_ctrl_c_and_errors(terminal: Terminal, monkeypatch, stop: BaseException):
+    """The cursor comes back, and the exception goes on."""
+    monkeypatch.setattr(progress, "PATIENCE", 0.01)
+    with pytest.raises(type(stop)):
+        run(terminal, stop=stop)
+    assert terminal.getvalue().rfind(SHOW) > terminal.getvalue().rfind(HIDE) >= 0
+
+
+def test_who_does_not_watch_sees_nothing(monkeypatch, terminal: Terminal):
+    """No terminal, a dumb one, a closed one, none at all, or a user who said so."""
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    run(terminal, shown=False)
+    monkeypatch.setenv("TERM", "dumb")
+    run(terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    file, closed = io.StringIO(), io.StringIO()
+    closed.close()
+    for other in (file, closed, None):
+        run(other)
+    assert terminal.getvalue() == file.getvalue() == ""
+
+
+def test_one_time_has_no_progress(terminal: Terminal, monkeypatch):
+    """Nothing to wait for."""
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with redirect_stderr(terminal), progress_of([0.0]) as told:
+        told(0.0)
+    assert terminal.getvalue() == ""
+
+
+def test_a_step_costs_next_to_nothing(terminal: Terminal):
+    """Below 2 us a call where it draws nothing; a step of the smallest robot takes 50."""
+    with redirect_stderr(terminal), progress_of(TIMES) as told:
+        best = min(_seconds(told) for _ in range(5))
+    assert best < 2e-6 * 2000
+
+
+def _seconds(told) -> float:
+    began = time.perf_counter()
+    for _ in range(2000):
+        told(1.0)
+    return time.perf_counter() - began

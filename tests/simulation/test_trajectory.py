@@ -1,0 +1,218 @@
+"""What a trajectory keeps of a motion that is known in closed form."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
+
+import rbd
+from rbd.simulation.joint_names import motors, positions, velocities
+from rbd.simulation.moment import Touch
+from rbd.simulation.recording import Recording
+from rbd.simulation.sample import Sample
+from rbd.simulation.trajectory import Trajectory
+
+
+@pytest.fixture(scope="module")
+def fall() -> Trajectory:
+    motion, moments, events = falling()
+    return Trajectory.of(motion, moments, events, "ByHand()", 0.09)
+
+
+def test_a_fall_keeps_its_energy_and_gains_momentum(fall: Trajectory):
+    """Until it lands, T + V = m g z0 and p = -m g t; after it, V = m g z alone."""
+    falls = fall.times < fall.times[-1] / 2.0
+    t = fall.times[falls]
+    assert fall.energy[falls] == pytest.approx(MASS * GRAVITY * (1.0 + HALF), abs=1e-12 * 100)
+    assert fall.kinetic[falls] == pytest.approx(0.5 * MASS * (GRAVITY * t) ** 2, abs=1e-12)
+    assert fall.momentum[falls, 2] == pytest.approx(-WEIGHT * t, abs=1e-12) and not fall.momentum[:, [0, 1, 3, 4, 5]].any()
+    assert fall.com[falls, 2] == pytest.approx(1.0 + HALF - 0.5 * GRAVITY * t**2, abs=1e-14)
+    assert fall.energy[~falls] == pytest.approx(WEIGHT * HALF, abs=1e-12) and not fall.momentum[~falls].any()
+
+
+def test_what_changes_its_number_of_points_is_padded(fall: Trajectory):
+    """No point while it falls, four when it lies: NaN and zero force where there is none; a sample has those that are there."""
+    assert fall.points["floor"].shape == fall.point_forces["floor"].shape == (11, 4, 3)
+    assert np.isnan(fall.points["floor"][:5]).all() and not fall.point_forces["floor"][:5].any()
+    np.testing.assert_array_equal(fall.points["floor"][-1], CORNERS)
+    assert fall[0].points["floor"].shape == (0, 3) and fall[-1].points["floor"].shape == (4, 3)
+    assert fall[-1].point_forces["floor"].sum(axis=0) == pytest.approx([0.0, 0.0, WEIGHT])
+    assert fall.contacts == ("floor", ODD_NAME)
+
+
+def test_what_never_acts_has_an_entry(fall: Trajectory):
+    """Zero rows, always open; a constraint with less rows at one time than at another has zeros there."""
+    assert fall.names == ("floor", "stop", ODD_NAME)
+    assert fall.forces["stop"].shape == (11, 0) and set(fall.modes["stop"]) == {"open"}
+    assert fall.forces[ODD_NAME][0] == pytest.approx([0, 1, 2]) and not fall.forces[ODD_NAME][-1].any()
+    assert list(fall.modes["floor"]) == ["open"] * 5 + ["sticks"] * 6
+
+
+def test_rows_that_come_and_go_are_padded_with_zeros():
+    """A limit with one row, then two, then none."""
+    motion, moments, _ = falling(n=3)
+    rows = [np.array([1.0]), np.array([2.0, 3.0]), np.zeros(0)]
+    for i, force in enumerate(rows):
+        moments[i] = dataclasses.replace(moments[i], touches=lambda force=force: {"stop": Touch(force, "pushes")})
+    kept = Trajectory.of(motion, moments)
+    np.testing.assert_array_equal(kept.forces["stop"], [[1, 0], [2, 3], [0, 0]])
+    assert kept.contacts == () and list(kept.modes["floor"]) == ["open"] * 3
+
+
+def test_touches_are_asked_once_a_moment():
+    """They are dear."""
+    motion, moments, _ = falling(n=4)
+    asked = []
+    moments = [dataclasses.replace(m, touches=lambda m=m: asked.append(m.t) or m.touches()) for m in moments]
+    Trajectory.of(motion, moments)
+    assert asked == [m.t for m in moments]
+
+
+def test_what_is_not_finite_stops_the_recording():
+    """A NaN in the acceleration, in a force, in a residual: NoSolution, and the moments before it are kept."""
+    motion, moments, _ = falling(n=4)
+    for bad in (
+        {"a": np.full(6, np.nan)},
+        {"law": math.nan},
+        {"touches": lambda: {"floor": Touch(np.array([0.0, 0.0, np.inf]), "sticks")}},
+    ):
+        recording = Recording(motion)
+        recording.add(moments[0])
+        with pytest.raises(rbd.NoSolution, match=r"t = 0\.3.* not finite"):
+            recording.add(dataclasses.replace(moments[1], **bad))
+        recording.add(moments[1])
+        kept = Trajectory.of(motion, recording)
+        assert len(kept) == 2 and kept.forces["floor"].shape == (2, 3)
+
+
+def test_an_integrator_may_use_its_arrays_again():
+    """What was recorded does not change with them."""
+    motion, moments, _ = falling(n=2)
+    force, a = np.array([0.0, 0.0, 5.0]), np.zeros(6)
+    recording = Recording(motion)
+    recording.add(dataclasses.replace(moments[0], a=a, touches=lambda: {"floor": Touch(force, "sticks")}))
+    force[:], a[:] = 7.0, 7.0
+    kept = Trajectory.of(motion, recording)
+    assert kept.forces["floor"][0] == pytest.approx([0, 0, 5]) and not kept.a.any()
+
+
+def test_indexing_and_slicing(fall: Trajectory):
+    """As a list of samples; a slice is a trajectory, with the events between its ends."""
+    assert len(fall) == 11 and len(list(fall)) == 11
+    last = fall[-1]
+    assert isinstance(last, Sample) and last.t == fall.times[-1] and last.modes["floor"] == "sticks"
+    np.testing.assert_array_equal(last.state.q, fall.q[-1])
+    part = fall[3:9:2]
+    assert isinstance(part, Trajectory) and len(part) == 3 and part.events == fall.events and part.step == fall.step
+    np.testing.assert_array_equal(part.times, fall.times[3:9:2])
+    np.testing.assert_array_equal(part.points["floor"], fall.points["floor"][3:9:2])
+    np.testing.assert_array_equal(part.residuals["penetration"], fall.residuals["penetration"][3:9:2])
+    assert fall[:3].events == () and part.forces["floor"].base is not None  # no copy
+    for wrong in (11, -12):
+        with pytest.raises(IndexError, match="with 11"):
+            fall[wrong]
+    for wrong in (1.5, "floor", True, None):
+        with pytest.raises(rbd.InputError, match="whole number or a slice"):
+            fall[wrong]
+    for wrong in (slice(5, 5), slice(None, None, -1)):
+        with pytest.raises(rbd.InputError, match="no samples, or goes back"):
+            fall[wrong]
+
+
+def test_between_two_samples_it_is_interpolated(fall: Trajectory):
+    """Between them q goes along its manifold, v linearly: exact in v in free fall, and in q to 1/8 g dt^2."""
+    for i in (0, 4, 10):
+        np.testing.assert_array_equal(fall.at(fall.times[i]).q, fall.q[i])
+    dt = fall.times[1]
+    middle = fall.at(1.5 * dt)
+    assert middle.v[2] == pytest.approx(-GRAVITY * 1.5 * dt, rel=1e-14)
+    exact = 1.0 + HALF - 0.5 * GRAVITY * (1.5 * dt) ** 2
+    assert exact - middle.q[2] == pytest.approx(GRAVITY * dt**2 / 8.0, rel=1e-10)
+    for wrong in (-0.1, 2.0, math.nan, "now"):
+        with pytest.raises(rbd.InputError, match=r"from 0 to 0\.903"):
+            fall.at(wrong)
+
+
+def test_half_way_of_a_turn_is_half_the_angle():
+    """The base turns by 1 rad about z between two samples: half-way it is at 0.5 rad, its quaternion of unit length."""
+    motion, moments, _ = falling(n=2)
+    turned = np.array([0, 0, HALF, 0, 0, math.sin(0.5), math.cos(0.5)])
+    moments = [moments[0], dataclasses.replace(moments[1], state=rbd.State(motion.robot, turned))]
+    kept = Trajectory.of(motion, moments)
+    assert kept.at(kept.times[1] / 2.0).q[3:] == pytest.approx([0, 0, math.sin(0.25), math.cos(0.25)], abs=1e-14)
+
+
+def test_nobody_writes_into_it(fall: Trajectory):
+    """All arrays are read-only, those of slices too; the fields cannot be set."""
+    for array in (fall.q, fall.times, fall.forces["floor"], fall.modes["floor"], fall[2:4].q, fall[2].v, fall.residuals["law"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        fall.step = 1.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [
+        ("times", np.zeros(11), "increasing"),
+        ("times", np.zeros(0), "one or more"),
+        ("q", np.zeros((11, 6)), r"shape \(11, 6\)"),
+        ("a", np.full((11, 6), np.nan), "not finite in sample 0"),
+        ("com", None, "expected real numbers"),
+        ("residuals", {"law": np.zeros(11)}, "expected law, drift"),
+        ("forces", {"floor": np.zeros((11, 3))}, "same constraints"),
+        ("events", ("bounce",), "Events"),
+        ("law", None, "expected text"),
+        ("step", math.nan, "expected seconds"),
+        ("robot", "talos", "expected a robot"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(fall: Trajectory, field: str, value: object, told: str):
+    """In words."""
+    with pytest.raises(rbd.InputError, match=told):
+        dataclasses.replace(fall, **{field: value})
+
+
+def test_no_moments_make_no_trajectory():
+    """Nothing to keep."""
+    with pytest.raises(rbd.InputError, match="none was recorded"):
+        Trajectory.of(falling()[0], [])
+
+
+def test_it_prints_its_certificate(fall: Trajectory):
+    """How it was made, what it kept, its worst residuals with units, modes and events; on one screen."""
+    text = str(dataclasses.replace(fall, interrupted="interrupted at t = 0.9 s"))
+    for part in (
+        "box: 0 to 0.903047 s by steps of 90 ms, 11 samples; interrupted at t = 0.9 s",
+        "ByHand()",
+        "107.91 J -> 9.81 J, change -98.1 J",
+        "law 1.0e-12 (scaled) at 0 s",
+        "penetration 1.0e-05 m or rad at 0.45",
+        "floor    sticks at the end, at most 98.1 N at 0.4515 s",
+        "stop     open at the end, no force",
+        "4 events        0.451524 s: floor[0] touches at 4.43 m/s, impulse 11.1 N s",
+    ):
+        assert part in text
+    assert max(map(len, text.splitlines())) < 120 and len(text.splitlines()) < 30
+    assert repr(fall) == "Trajectory('box', 11 samples, 0 to 0.903047 s)" and repr(fall[0]) == "Sample('box', t=0)"
+
+
+def test_long_lists_of_events_are_cut(fall: Trajectory):
+    """Eight, and how many more."""
+    text = str(dataclasses.replace(fall, events=fall.events * 10))
+    assert "40 events" in text and text.endswith("and 32 more")
+
+
+def test_coordinates_have_names_and_units(talos: rbd.Robot):
+    """One each for q, v and the motors; one-jointed ones are called like the joint."""
+    q, v, tau = positions(talos), velocities(talos), motors(talos)
+    assert (len(q), len(v), len(tau)) == (talos.nq, talos.nv, talos.nu)
+    assert [c.name for c in q[:8]] == [*(f"root_joint.{x}" for x in ("x", "y", "z", "qx", "qy", "qz", "qw")), q[7].joint]
+    assert [c.unit for c in v[:7]] == ["m"] * 3 + ["rad"] * 4 and tuple(c.name for c in tau) == talos.actuated_names
+    planar = rbd.load_robot("tiago", root="planar")
+    assert [c.name for c in positions(planar)[:4]] == [f"root_joint.{x}" for x in ("x", "y", "cos", "sin")]
+    assert len(positions(planar)) == planar.nq and len({c.name for c in velocities(planar)}) == planar.nv

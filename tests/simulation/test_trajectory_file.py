@@ -1,0 +1,322 @@
+"""Trajectories in files: to the last bit, whole or refused."""
+
+from __future__ import annotations
+
+import builtins
+import dataclasses
+import json
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from falling import ODD_NAME, Force, falling
+
+import rbd
+from rbd.simulation import trajectory_file
+from rbd.simulation.moment import Moment, Touch
+from rbd.simulation.motion import Motion
+from rbd.simulation.trajectory import Trajectory
+
+URDF = Path(__file__).parents[2] / "urdf"
+ENDINGS = ("npz", "nc")
+
+
+@pytest.fixture(scope="module")
+def fall() -> Trajectory:
+    motion, moments, events = falling(n=7)
+    return Trajectory.of(motion, moments, events, "ByHand()", 0.09, "interrupted at t = 0.9 s")
+
+
+def moved(robot: rbd.Robot, n: int = 3) -> Trajectory:
+    """A robot that moves at random, seeded; numbers with all their bits."""
+    rng = np.random.default_rng(6)
+    q, moments = robot.neutral(), []
+    for k in range(n):
+        state = rbd.State(robot, q, rng.normal(size=robot.nv))
+        touch = Touch(rng.normal(size=6), "holds")
+        a, tau = rng.normal(size=robot.nv), rng.normal(size=robot.nu)
+        moments.append(Moment(0.1 * k, state, a, tau, lambda touch=touch: {"grip": touch}))
+        q = pin.integrate(robot.model, q, 0.1 * state.v)
+    return Trajectory.of(Motion(robot, (Force("grip"),)), moments)
+
+
+def assert_same(one: Trajectory, other: Trajectory) -> None:
+    """Field by field, to the last bit."""
+    for field in dataclasses.fields(Trajectory):
+        x, y = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "robot":
+            assert x.joints() == y.joints()
+        elif isinstance(x, dict):
+            assert list(x) == list(y)
+            for key in x:
+                np.testing.assert_array_equal(x[key], y[key], strict=True)
+        elif isinstance(x, np.ndarray):
+            np.testing.assert_array_equal(x, y, strict=True)
+        else:
+            assert x == y
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_what_is_read_is_what_was_written(fall: Trajectory, tmp_path: Path, ending: str):
+    """Every number to the last bit, holes, empty arrays, odd names and events too; nothing else is left in the folder."""
+    path = tmp_path / f"fall.{ending}"
+    fall.save(path)
+    back = Trajectory.load(path, fall.robot)
+    assert_same(fall, back)
+    assert not back.q.flags.writeable and back.names[-1] == ODD_NAME
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert path.stat().st_mode & 0o777 == 0o666 & ~_umask()
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize(("name", "root"), [("talos", None), ("ur5", "fixed"), ("tiago", "planar")])
+def test_a_robot_of_the_catalogue_is_loaded_again(name: str, root: str, ending: str, tmp_path: Path):
+    """By its name, with its root: the same joints and motors."""
+    there = moved(rbd.load_robot(name, root=root, passive=[] if root else ["torso_1_joint"]))
+    there.save(tmp_path / f"x.{ending}")
+    back = Trajectory.load(tmp_path / f"x.{ending}")
+    assert_same(there, back)
+    assert back.robot.actuated_names == there.robot.actuated_names and back.robot.root == there.robot.root
+
+
+def copied(folder: Path, change: str = "", to: str = "") -> Path:
+    """The four-bar's files in a folder, perhaps changed."""
+    for name in ("four_bar.urdf", "four_bar.loops.yaml"):
+        text = (URDF / name).read_text()
+        assert change in text or name.endswith("yaml")
+        (folder / name).write_text(text.replace(change, to, 1) if change else text)
+    return folder / "four_bar.urdf"
+
+
+@pytest.mark.parametrize("loops", [True, None])
+def test_a_mechanism_is_loaded_with_its_loops(loops: bool | None, tmp_path: Path):
+    """Closed where it was closed, with the same passive joints; open where it was open."""
+    there = moved(rbd.load_robot(copied(tmp_path), loops=loops))
+    there.save(tmp_path / "x.npz")
+    back = Trajectory.load(tmp_path / "x.npz")
+    assert bool(back.robot.loops) == bool(loops)
+    assert [x.name for x in back.robot.loops] == [x.name for x in there.robot.loops]
+    assert back.robot.passive == there.robot.passive
+
+
+def test_a_folder_may_move(tmp_path: Path):
+    """Robot and trajectory side by side, both moved: the robot is found beside the trajectory."""
+    (tmp_path / "old").mkdir()
+    there = moved(rbd.load_robot(copied(tmp_path / "old")))
+    there.save(tmp_path / "old" / "x.npz")
+    (tmp_path / "old").rename(tmp_path / "new")
+    assert_same(there, Trajectory.load(tmp_path / "new" / "x.npz"))
+
+
+def test_a_changed_robot_is_told(tmp_path: Path):
+    """A mass in the file, another number of joints: ModelError that says what, and what it was; given by hand, a warning."""
+    path = copied(tmp_path)
+    there = moved(rbd.load_robot(path))
+    there.save(tmp_path / "x.npz")
+    mass = f'mass value="{_first_mass(path)}"'
+    changed = copied(tmp_path, mass, 'mass value="1.2345"')
+    with pytest.raises(rbd.ModelError, match=r"has changed since .* mass at joint '\w+' was [\d.]+ and is 1\.2345"):
+        Trajectory.load(tmp_path / "x.npz")
+    with pytest.warns(rbd.ModelWarning, match="not as it was"):
+        assert_same(there, Trajectory.load(tmp_path / "x.npz", rbd.load_robot(changed)))
+    path.unlink()
+    with pytest.raises(rbd.ModelError, match="cannot be loaded again.*no file"):
+        Trajectory.load(tmp_path / "x.npz")
+    with pytest.raises(rbd.InputError, match="of 'four_bar' with joints"):
+        Trajectory.load(tmp_path / "x.npz", rbd.load_robot("ur5", root="fixed"))
+    with pytest.raises(rbd.InputError, match="expected a robot"):
+        Trajectory.load(tmp_path / "x.npz", "ur5")
+
+
+def _first_mass(path: Path) -> str:
+    found = path.read_text().split('mass value="')[2:]  # after that of the root link, which is welded
+    return found[0].split('"')[0]
+
+
+def test_what_was_built_by_hand_wants_its_robot(fall: Trajectory, tmp_path: Path):
+    """No file says what it is."""
+    fall.save(tmp_path / "x.npz")
+    with pytest.raises(rbd.InputError, match="built by hand"):
+        Trajectory.load(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_file_that_was_cut_or_changed_is_refused(fall: Trajectory, tmp_path: Path, ending: str):
+    """Cut at forty places, a byte flipped at a hundred: refused in words, or, in what no reader looks at, the same numbers."""
+    path = tmp_path / f"x.{ending}"
+    fall.save(path)
+    data = path.read_bytes()
+    spoilt = [data[:k] for k in np.linspace(0, len(data) - 1, 40).astype(int)]
+    rng = np.random.default_rng(2)
+    for k in rng.integers(0, len(data), 100):
+        spoilt.append(data[:k] + bytes([data[k] ^ int(rng.integers(1, 256))]) + data[k + 1 :])
+    refused = 0
+    for each in spoilt:
+        path.write_bytes(each)
+        try:
+            back = Trajectory.load(path, fall.robot)
+        except (rbd.InputError, rbd.ModelError) as error:
+            refused += 1
+            assert len(str(error)) < 1500 and path.name in str(error)
+        except rbd.ModelWarning:  # a number of the robot was hit
+            refused += 1
+        else:
+            assert_same(fall, back)
+    assert refused > 60
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_what_is_no_trajectory_is_refused(fall: Trajectory, tmp_path: Path, ending: str):
+    """Nothing, text, a folder, no file, another ending, other arrays, pickles, a header of tomorrow."""
+    path = tmp_path / f"x.{ending}"
+    with pytest.raises(rbd.InputError, match="cannot be read"):
+        Trajectory.load(path)
+    for content in (b"", b"hello", b"PK\x03\x04", b"CDF\x02" + bytes(40)):
+        path.write_bytes(content)
+        with pytest.raises(rbd.InputError, match="no trajectory"):
+            Trajectory.load(path)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(rbd.InputError, match="cannot be read"):
+        Trajectory.load(path)
+    with pytest.raises(rbd.InputError, match="cannot be written"):
+        fall.save(path)
+    for wrong in ("x.csv", "", 7, None, "x\0.npz"):
+        for call in (fall.save, Trajectory.load):
+            with pytest.raises(rbd.InputError, match="path is"):
+                call(wrong)
+    with pytest.raises(rbd.InputError, match="cannot be written"):
+        fall.save(tmp_path / "nowhere" / f"x.{ending}")
+
+
+def test_an_archive_of_something_else_is_refused(fall: Trajectory, tmp_path: Path):
+    """Other arrays, objects, a header that is none, a part that is missing or of another size."""
+    path = tmp_path / "x.npz"
+    np.savez(path, a=np.zeros(3))
+    with pytest.raises(rbd.InputError, match="it holds a"):
+        Trajectory.load(path)
+    fall.save(path)
+    with np.load(path) as found:
+        whole = dict(found)
+    header = json.loads(str(whole["header"]))
+
+    def refused(told: str, **changes: object) -> None:
+        np.savez(path, **{k: v for k, v in (whole | changes).items() if v is not None})
+        with pytest.raises(rbd.InputError, match=told):
+            Trajectory.load(path, fall.robot)
+
+    def changed(**entries: object) -> np.ndarray:
+        return np.array(json.dumps({k: v for k, v in (header | entries).items() if v is not None}))
+
+    refused("says that it is object", header=np.array({"format": 1}, dtype=object))
+    refused("its header is", header=np.array("{"))
+    refused("its header is", header=np.array("[" * 100_000))
+    refused("format 2; this rbd reads format 1", header=changed(version=2))
+    refused("holds no 'q'", q=None)
+    refused("shape", q=np.zeros((7, 3)))
+    refused("norm", q=np.zeros((7, 7)))
+    refused("not finite", v=np.full((7, 6), np.nan))
+    refused("words", mode_floor=np.zeros(7))
+    refused("complex", kinetic=np.zeros(7, complex))
+    refused("numbers", tau=np.array(["a"]))
+    refused("constraints", header=changed(constraints=["floor", "floor"]))
+    refused("contacts", header=changed(contacts=["sky"]))
+    refused("expected a list", header=changed(events=None))
+    refused("an event", header=changed(events=[[0.0, "floor"]]))
+    refused("no robot", header=changed(robot=None))
+    refused("expected text", header=changed(law=3))
+    refused("expected seconds", header=changed(step="fast"))
+    refused("with joints", header=changed(robot={}))
+    refused("numbers of box", robot_numbers=np.zeros((2, 2)))
+
+
+def test_a_size_that_lies_takes_no_memory(fall: Trajectory, tmp_path: Path):
+    """An array said to have 10^15 entries is refused before it is made."""
+    path = tmp_path / "x.npz"
+    fall.save(path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    members["times.npy"] = members["times.npy"].replace(b"(7,)", b"(9" + b"9" * 14 + b",)", 1)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    with pytest.raises(rbd.InputError, match="no trajectory"):
+        Trajectory.load(path, fall.robot)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_ctrl_c_while_writing_leaves_the_old_file(fall: Trajectory, tmp_path: Path, ending: str, monkeypatch):
+    """The new one is written beside it and moved there when it is whole."""
+    path = tmp_path / f"x.{ending}"
+    fall.save(path)
+    before = path.read_bytes()
+
+    def interrupted(fd: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(trajectory_file.os, "fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fall[:2].save(path)
+    assert path.read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+
+
+def test_numpy_alone_reads_it(fall: Trajectory, tmp_path: Path):
+    """Arrays by their names, without pickles."""
+    fall.save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz", allow_pickle=False) as found:
+        np.testing.assert_array_equal(found["force_floor"], fall.forces["floor"])
+        assert json.loads(str(found["header"]))["law"] == "coulomb"
+
+
+def test_netcdf_is_read_by_others(fall: Trajectory, tmp_path: Path):
+    """SciPy's reader finds named dimensions, units, and modes as CF's flags."""
+    from scipy.io import netcdf_file
+
+    fall.save(tmp_path / "x.nc")
+    with netcdf_file(tmp_path / "x.nc", mmap=False) as found:
+        assert found.variables["q"].dimensions == ("time", "position") and found.variables["com"].units == b"m"
+        mode = found.variables["mode_floor"]
+        words = mode.flag_meanings.decode().split()
+        assert [words[k] for k in mode.data] == list(fall.modes["floor"])
+        np.testing.assert_array_equal(found.variables["kinetic"].data, fall.kinetic)
+
+
+def test_an_xarray_dataset_has_names_and_units(talos: rbd.Robot, fall: Trajectory):
+    """Joints are asked for by name; forces by axis; every variable says what it is."""
+    there = moved(talos)
+    data = there.to_xarray()
+    motor = talos.actuated_names.index("leg_left_4_joint")
+    np.testing.assert_array_equal(data.tau.sel(motor="leg_left_4_joint"), there.tau[:, motor])
+    np.testing.assert_array_equal(data.q.sel(position="root_joint.z"), there.q[:, 2])
+    assert data.velocity_unit.sel(velocity="root_joint.wx") == "rad/s" and data.time.units == "s"
+    assert data.motor_unit.sel(motor="leg_left_4_joint") == "N m"
+    fallen = fall.to_xarray()
+    assert fallen.force_floor.sel(floor_row="z")[-1] == pytest.approx(98.1) and fallen.force_floor.units == "N"
+    assert list(fallen.event_kind.values) == ["touches"] * 4 and fallen.attrs["interrupted"] == fall.interrupted
+    np.testing.assert_array_equal(fallen.energy, fall.energy)
+    assert all("long_name" in v.attrs for name, v in fallen.data_vars.items() if not name.startswith("event_"))
+
+
+def test_without_xarray_the_extra_is_named(fall: Trajectory, tmp_path: Path, monkeypatch):
+    """Not an ImportError from deep inside."""
+    real = builtins.__import__
+
+    def without(name: str, *args: object, **kwargs: object) -> object:
+        if name == "xarray":
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    for call in (fall.to_xarray, lambda: fall.save(tmp_path / "x.nc"), lambda: Trajectory.load(tmp_path / "x.nc")):
+        with pytest.raises(rbd.InputError, match=r"rbd\[study\]"):
+            call()
+    fall.save(tmp_path / "x.npz")

@@ -1,0 +1,209 @@
+"""`rbd simulate`: what it simulates by itself, what it prints and writes, and how it refuses."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import rbd
+from rbd.cli import app
+from rbd.errors import SimulationStopped
+from rbd.simulate_setup import loaded, pushes, setup
+
+runner = CliRunner()
+
+
+def run(*arguments: str) -> tuple[int, str, str]:
+    """(exit code, what is printed, what is complained)."""
+    answer = runner.invoke(app, ["simulate", *arguments])
+    if answer.exception is not None and not isinstance(answer.exception, SystemExit):
+        raise answer.exception
+    return answer.exit_code, answer.stdout, answer.stderr
+
+
+def test_a_pushed_robot_is_told_from_push_to_proof(tmp_path):
+    """Solo12 holds its posture on its feet against two pushes; the tables, and the same numbers in the files."""
+    code, out, _ = run(
+        "solo12", "--duration", "0.2", "--push", "2,0,0", "--push", "-2,1,0", "--at", "base_link", "--from", "0.05",
+        "--from", "0.1", "--for", "0.05", "--json", str(tmp_path / "out.json"), "--save", str(tmp_path / "out.npz"),
+    )  # fmt: skip
+    assert code == 0
+    for word in ("on front_left, front_right, hind_left, hind_right, holding its posture",
+                 "(2, 0, 0) N at base_link from 0.05 to 0.1 s", "(-2, 1, 0) N at base_link from 0.1 to 0.15 s",
+                 "0 to 0.2 s, 200 steps of 1 ms", "it stands on front_left", "sticks", "energy", "worst penetration",
+                 "m or rad", "only its feet touch the ground", "steps/s", "trajectory:"):  # fmt: skip
+        assert word in out, word
+    data = json.loads((tmp_path / "out.json").read_text())
+    trajectory = rbd.Trajectory.load(tmp_path / "out.npz")
+    assert data["steps"] == 200 and len(trajectory) == 201
+    assert data["pushes"][1] == {"force": [-2.0, 1.0, 0.0], "frame": "base_link", "from": 0.1, "for": 0.05}
+    assert np.array_equal(data["q"], trajectory.q[-1]) and np.array_equal(data["v"], trajectory.v[-1])
+    assert data["energy"]["change"] == trajectory.energy[-1] - trajectory.energy[0]
+    assert all(c["mode"] == "sticks" for c in data["constraints"].values())
+    weight = sum(c["force"][2] for c in data["constraints"].values())
+    assert weight == pytest.approx(trajectory.robot.mass * 9.81, rel=0.05)
+
+
+def test_a_mechanism_swings_with_its_loop_closed(tmp_path):
+    """The four-bar of the repository, assembled, without torque: energy stays, and the loop is closed to rounding."""
+    code, out, _ = run("urdf/four_bar.urdf", "--duration", "0.1", "--json", str(tmp_path / "out.json"))
+    assert code == 0
+    for word in ("on coupler_pin, motors without torque", "RungeKutta4", "crank_joint", "rad/s", "worst drift", "holds"):
+        assert word in out, word
+    assert "worst penetration" not in out and "it stands" not in out  # it has neither contacts nor feet
+    data = json.loads((tmp_path / "out.json").read_text())
+    assert abs(data["energy"]["change"]) < 1e-8 and data["residuals"]["drift"]["value"] < 1e-10
+    assert data["energy"]["largest_kinetic"] > 1e-3  # it does move
+
+
+@pytest.mark.parametrize(("option", "moves"), [("--hold", False), ("--free", True)])
+def test_an_arm_is_bolted_down_and_held_or_let_go(tmp_path, option, moves):
+    """UR5 in its neutral posture: held it stays, free it swings without loss."""
+    code, out, _ = run("ur5", option, "--duration", "0.05", "--json", str(tmp_path / "out.json"))
+    assert code == 0 and ("fixed, holding its posture" in out) is not moves
+    data = json.loads((tmp_path / "out.json").read_text())
+    assert (max(map(abs, data["v"])) > 0.1) is moves
+    assert abs(data["energy"]["change"]) < 1e-7
+
+
+def test_the_pictures_are_written(tmp_path):
+    """--html is one page, --plot one picture, of a motion with a contact and of one without."""
+    for robot, name in (("solo12", "stand"), ("ur5", "arm")):
+        page, plot = tmp_path / f"{name}.html", tmp_path / f"{name}.png"
+        code, out, _ = run(robot, "--duration", "0.02", "--html", str(page), "--plot", str(plot))
+        assert code == 0 and "picture:" in out and "plot:" in out
+        assert robot in page.read_text()[:2000] or robot in page.read_text()
+        assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["talso"], ["'talso'", "'talos'"]),
+        (["solo12", "--duration", "-1"], ["duration", "-1"]),
+        (["solo12", "--step", "0"], ["step", "0.0"]),
+        (["solo12", "--duration", "nan"], ["duration", "nan"]),
+        (["solo12", "--friction", "-1"], ["friction", "-1"]),
+        (["solo12", "--law", "newton"], ["'newton'", "coulomb"]),
+        (["solo12", "--posture", "siting"], ["'siting'", "standing"]),
+        (["solo12", "--root", "welded"], ["welded", "free_flyer"]),
+        (["solo12", "--push", "0,1,0"], ["--at"]),
+        (["solo12", "--at", "base_link"], ["--push"]),
+        (["solo12", "--from", "1"], ["--push"]),
+        (["solo12", "--push", "0,one,0", "--at", "base_link"], ["0,one,0", "newtons"]),
+        (["solo12", "--push", "0,1", "--at", "base_link"], ["three numbers"]),
+        (["solo12", "--push", "0,1,0", "--at", "base_lnk"], ["'base_link'"]),
+        (["solo12", "--push", "0,1,0", "--at", "base_link", "--for", "0"], ["duration"]),
+        (["solo12", "--push", "0,1,0", "--at", "base_link", "--from", "0", "--from", "1"], ["--from came 2 times with 1"]),
+        (["solo12", "--html", "nowhere/out.html"], ["nowhere"]),
+        (["solo12", "--json", "nowhere/out.json"], ["nowhere"]),
+        (["solo12", "--save", "out.txt"], [".npz"]),
+        (["solo12", "--plot", "out.txt"], [".png"]),
+        (["solo12", "--pull", "0,1,0"], ["--pull"]),
+    ],
+)
+def test_bad_input_ends_with_code_2_before_anything_is_computed(arguments, words):
+    """What came, or what to try, is in the message; nothing is printed as if it were an answer."""
+    code, out, complaint = run(*arguments)
+    assert code == 2 and "steps/s" not in out
+    for word in words:
+        assert word in complaint + out
+
+
+def test_a_posture_that_cannot_be_held_ends_with_code_1(monkeypatch):
+    """Motors of a tenth of their strength cannot hold Talos: `hold` says so, and nothing is simulated."""
+
+    def weak(name, **options):
+        robot = rbd.load_robot(name, **options)
+        robot.effort_limit = 0.1 * robot.effort_limit
+        return robot
+
+    monkeypatch.setattr("rbd.simulate_setup.load_robot", weak)
+    code, out, complaint = run("talos")
+    assert code == 1 and "torque limit is in the way" in complaint and "steps/s" not in out
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Lets a test change what `rbd.simulate` does inside the command."""
+    original = rbd.cli.run
+
+    def change(make) -> None:
+        monkeypatch.setattr("rbd.cli.run", lambda *a, **k: make(original(*a, **k)))
+
+    return change
+
+
+def test_a_step_without_a_solution_is_told_with_all_that_was_computed(computed, tmp_path):
+    """Code 1, the reason at the end, the tables and files till there."""
+
+    def stop(trajectory):
+        raise SimulationStopped(
+            "the step after t = 0.02 s has no solution", state=trajectory.state(-1), t=0.02, names=("front_left",),
+            trajectory=trajectory, cause=ValueError(),
+        )  # fmt: skip
+
+    computed(stop)
+    code, out, complaint = run("solo12", "--duration", "0.02", "--json", str(tmp_path / "out.json"))
+    assert code == 1 and "20 steps of 1 ms" in out and "has no solution" in complaint
+    assert json.loads((tmp_path / "out.json").read_text())["steps"] == 20
+
+
+def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
+    """A controller that presses Ctrl-C at 10 ms: the tables say so, and the exit code is 0."""
+    original = rbd.cli.run
+
+    def interrupted(*args, **settings):
+        held = settings["controller"]
+
+        def controller(state, t):
+            if t > 0.01:
+                raise KeyboardInterrupt
+            return held(state, t)
+
+        return original(*args, **{**settings, "controller": controller})
+
+    monkeypatch.setattr("rbd.cli.run", interrupted)
+    code, out, _ = run("solo12", "--duration", "1")
+    assert code == 0 and "ended early" in out and "interrupted at t = 0.01" in out
+
+
+def test_what_is_set_up_by_itself():
+    """Feet are frictional and held; a mechanism swings; a floating arm falls free; a box too."""
+    solo = setup(loaded("solo12"), friction=0.4)
+    assert [c.friction for c in solo.constraints] == [0.4] * 4 and solo.controller is not None
+    assert setup(loaded("solo12"), hold=False).controller is None
+    assert setup(loaded("urdf/four_bar.urdf")).controller is None
+    assert loaded("ur5").root == "fixed" and loaded("ur5", root="free_flyer").root == "free_flyer"
+    floating = setup(loaded("ur5", root="free_flyer"))
+    assert floating.controller is None and "touches nothing" in floating.limits[0]
+    box = setup(loaded("urdf/box.urdf"))
+    assert not box.constraints and box.words == "free, without motors"
+
+
+def test_a_fall_is_called_a_fall(tmp_path):
+    """Solo12 without torque collapses; the verdict says how high its centre of mass still is."""
+    code, out, _ = run("solo12", "--free", "--duration", "0.4", "--step", "2e-3", "--json", str(tmp_path / "out.json"))
+    assert code == 0 and "it has fallen" in out
+    assert json.loads((tmp_path / "out.json").read_text())["verdict"].startswith("it has fallen")
+
+
+def test_options_of_several_pushes_go_together():
+    """One of each a push, or one for all; defaults from 0 s, for 0.1 s."""
+    one, two = pushes(["0,1,0", "2,0,0"], ["a"], [0.5, 1.0], [])
+    assert (one.frame, two.frame, one.start, two.start, one.duration) == ("a", "a", 0.5, 1.0, 0.1)
+    assert pushes([], [], [], []) == ()
+
+
+def test_bodies_are_laid_on_the_ground_and_joints_stop_where_they_are_told_to():
+    """--bodies: a box without feet starts on the ground and stays; --stops: each joint that has a limit gets one."""
+    box = setup(loaded("urdf/box.urdf"), bodies=True)
+    assert box.state.com[2] == pytest.approx(0.1, abs=1e-9)  # half its height
+    trajectory = rbd.simulate(box.state, box.constraints, duration=0.02, step=2e-3, progress=False)
+    assert np.abs(trajectory.com[-1] - trajectory.com[0]).max() < 1e-9
+    assert "through it" not in " ".join(setup(loaded("solo12"), bodies=True).limits)
+    arm = setup(loaded("ur5"), stops=True)
+    assert len(arm.constraints) == 6 and "stop at their limits" not in " ".join(arm.limits)
