@@ -182,7 +182,9 @@ def simulate(
     hold_: Annotated[
         bool | None, typer.Option("--hold/--free", help="Motors hold the posture, or do nothing; --free of mechanisms.")
     ] = None,
-    bodies: Annotated[bool, typer.Option("--bodies", help="Let all collision shapes touch the ground.")] = False,
+    bodies: Annotated[
+        bool | None, typer.Option("--bodies/--feet-only", help="All collision shapes touch the ground, as of a robot on feet.")
+    ] = None,
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,

@@ -66,7 +66,7 @@ def setup(
     posture: str | None = None,
     friction: float = 0.7,
     hold: bool | None = None,
-    bodies: bool = False,
+    bodies: bool | None = None,
     stops: bool = False,
 ) -> Setup:
     """What to simulate of a robot.
@@ -80,7 +80,7 @@ def setup(
         friction: Coulomb's coefficient of its feet.
         hold: Whether its motors hold the posture; None: as said above.
         bodies: Whether all other collision shapes of its file may touch the ground z = 0 too; what has no feet and floats is
-            then laid on it.
+            then laid on it. None: where a robot on feet has such shapes, so that one that falls ends on the ground.
         stops: Whether its joints stop at the limits of its file.
 
     Raises:
@@ -95,6 +95,8 @@ def setup(
     else:
         name = posture or robot.source.posture or next(iter(robot.postures), None)
         state = _assembled(robot, held, robot.at(name))
+    if bodies is None:
+        bodies = bool(feet) and robot.collision_model.ngeoms > 0
     constraints = (*feet, *held)
     holds = bool(feet) or not (held or robot.floating) if hold is None else hold
     controller = HoldPosture(state, constraints) if holds and robot.nu else None
