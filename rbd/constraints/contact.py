@@ -257,9 +257,12 @@ class SurfaceContact:
         if type(state) is not State:  # one call less on the hot path
             check_state(state, self.name)
         error = None
-        if self._touched is None:
+        if self._touched is None or self._touched.still:
             X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
             R = X_WP.rotation
+            if self.anchor is not None:
+                X_0P = self.anchor.actInv(X_WP)
+                error = np.concatenate([X_0P.rotation.T @ X_0P.translation, pin.log3(X_0P.rotation)])
         else:
             motion = self._touched.motion(state, self.frame, self.placement)
             X_WP, R = motion.X_WP, motion.X_WP.rotation

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, numbers, three
+from rbd.arrays import Array, check_finite, lazy, numbers, three
 from rbd.cones import cross_matrix
 from rbd.constraints.contact_geometry import rigid_placement
 from rbd.errors import InputError
@@ -73,6 +73,11 @@ class Counterpart:
     about: Array | None
     anchor: pin.SE3 | None
 
+    @lazy
+    def still(self) -> bool:
+        """Whether it is the ground at rest, with an anchor on it."""
+        return self.against is None and not (self.velocity.any() or self.acceleration.any())
+
     def motion(self, state: State, frame: str, X_FP: pin.SE3) -> RelativeMotion:
         """Motion of a pose P fixed to a frame, relative to what it touches.
 
@@ -81,6 +86,8 @@ class Counterpart:
             InputError: if both frames are of one body.
         """
         X_WP, J, v, bias = state.moving(frame, X_FP, pin.LOCAL_WORLD_ALIGNED)
+        if self.still:
+            return RelativeMotion(X_WP, _HERE, J, v, bias)
         p, X_WS, u, s = X_WP.translation, _HERE, self.velocity, self.acceleration
         r = np.zeros(3) if self.about is None else p - self.about
         if self.against is not None:
