@@ -14,13 +14,16 @@ class Carry:
     Args:
         old: The layout that arrays are in.
         new: The layout that they are wanted in.
+
+    Attributes:
+        known: Which points were there before, shape (k,).
     """
 
     def __init__(self, old: Layout, new: Layout) -> None:
         at = {key: i for i, key in enumerate(zip(old.owners, old.numbers, strict=True))}
         self.same = old is new
         self._from = np.array([at.get(key, -1) for key in zip(new.owners, new.numbers, strict=True)], int)
-        self._known = self._from >= 0
+        self.known = self._from >= 0
         firsts, widths = old.normals + 1 - old.widths, new.widths
         rows = [firsts[i] + np.arange(w) if i >= 0 else np.full(w, -1) for i, w in zip(self._from, widths, strict=True)]
         self._rows = np.concatenate([np.zeros(0, int), *rows])
@@ -30,7 +33,7 @@ class Carry:
         if self.same:
             return values
         out = np.full(len(self._from), otherwise, dtype=values.dtype)
-        out[self._known] = values[self._from[self._known]]
+        out[self.known] = values[self._from[self.known]]
         return out
 
     def rows(self, values: Array) -> Array:

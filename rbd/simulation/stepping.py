@@ -247,8 +247,14 @@ class _Run:
             begun = self._begin(t, h, more)
 
     def _through(self, begun: _Begun, end: Snapshot) -> Array:
-        """Which points have come through their surface without acting, shape (k,) of the end's layout."""
-        return ~begun.seen_in(end.layout).active & (end.gap < -TOUCHES)
+        """Which points have come through their surface without acting, shape (k,) of the end's layout.
+
+        One that comes into sight below the surface and moves away, as another corner of a hull may, has not come through it.
+        """
+        deep: Array = ~begun.seen_in(end.layout).active & (end.gap < -TOUCHES)
+        if end.layout is not begun.at.layout and deep.any():
+            deep &= Carry(begun.at.layout, end.layout).known | (end.approach < -_STILL)
+        return deep
 
     def _stop(self, t: float, begun: _Begun, answer: VelocityAnswer, h: float) -> float:
         """When within the step what slides stops, or turns back, and friction jumps; zero if nothing does."""
