@@ -12,6 +12,8 @@ from rbd.parts import Parts
 
 _DAMPING = 1e-7
 """Over the largest diagonal entry of D: what lets rows repeat each other. A round leaves so much of what was missed."""
+_TO_AND_FRO = 4
+"""Rounds that are tried; what slips goes no farther."""
 _ROUNDS = 4
 
 
@@ -55,12 +57,31 @@ class Stillness:
         unit = math.sqrt(top / least) / rate  # an upper bound: of the scaled error, over the largest entry of `missed`
         for i in range(_ROUNDS):
             w = w - lapack.dpotrs(R, missed)[0]
-            if i == 0 and not self._allow(w):  # near enough to tell; most that slip go no farther
-                return None
+            if i == 0 and not self._allow(w):  # near enough to tell
+                w = self._allowed(w, R, D, u)
+                if w is None:
+                    return None
             missed = D @ w + u
             merit = unit * largest(missed)
             if merit <= exact:
                 return (w, merit) if i == 0 or self._allow(w) else None
+        return None
+
+    def _allowed(self, w: Array, R: Array, D: Array, u: Array) -> Array | None:
+        """Other impulses that hold all rows still, in their sets, by going to and fro between both; None if none is found soon.
+
+        Four corners carry what three could: where the nearest choice makes one pull, another does not.
+        """
+        if not self._all_cones:
+            return None
+        for _ in range(_TO_AND_FRO):
+            x, y, n = w.reshape(-1, 3).T
+            pushes = np.maximum(n, 0.01 * np.abs(n).mean())
+            shrink = np.minimum(0.99 * self._mu * pushes / np.maximum(np.hypot(x, y), 1e-300), 1.0)
+            inside = np.column_stack([shrink * x, shrink * y, pushes]).ravel()
+            w = inside - lapack.dpotrs(R, D @ inside + u)[0]
+            if self._allow(w):
+                return w
         return None
 
     def _allow(self, w: Array) -> bool:
