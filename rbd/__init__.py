@@ -1,5 +1,7 @@
 """Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof."""
 
+from importlib import import_module as _import_module
+
 from rbd import engine as _engine  # noqa: F401  first: another Pinocchio than ours is named before anything breaks
 
 # isort: split
@@ -192,3 +194,10 @@ __all__ = [
     "contradiction",
     "nearest_motion",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """`rbd.planar` when it is first asked for: it needs SymPy, an extra."""
+    if name == "planar":
+        return _import_module("rbd.planar")
+    raise AttributeError(f"module 'rbd' has no attribute {name!r}")

@@ -244,6 +244,50 @@ def simulate(
             raise stopped
 
 
+@app.command()
+def plane(
+    from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Where the end point begins, in metres.")],
+    to: Annotated[str, typer.Option(metavar="X,Y", help="Where it ends, in metres.")],
+    links: Annotated[int | None, typer.Option(help="How many links; as many as lengths, or two.")] = None,
+    lengths: Annotated[str | None, typer.Option(metavar="L1,L2,..", help="Of the links, in metres; together 1 m.")] = None,
+    angles: Annotated[str, typer.Option(help="How angles are measured: joint, segment or vertical.")] = "joint",
+    duration: Annotated[float, typer.Option(help="Seconds from rest to rest.")] = 1.0,
+    branch: Annotated[int, typer.Option(help="Of two links: 0 bends counterclockwise, 1 clockwise.")] = 0,
+    space: Annotated[str | None, typer.Option(help="Where the path is straight: endpoint, or joint (of one link).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the motion, .png, .svg or .pdf.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+) -> None:
+    """Move a planar chain from point to point with the least jerk: reach, branches, singular poses, peaks, a picture.
+
+    The base is at the origin. For example: rbd plane --links 2 --from 1,0 --to 0.5,0.5 --out plane.png
+    """
+    from rbd.simulate_report import writable
+
+    console = _console()
+    with _answering(console):
+        try:
+            from rbd.plane_report import PlaneReport, check_picture, draw, plane_task
+        except ImportError as error:  # SymPy is an extra
+            raise InputError(str(error)) from None
+        writable({"--out": out, "--html": html, "--json": json_})
+        check_picture(out)
+        task = plane_task(
+            from_, to, links=links, lengths=lengths, angles=angles, duration=duration, branch=branch, space=space
+        )  # fmt: skip
+        console.print(task)
+        motion = task.motion()
+        report = PlaneReport(task, motion)
+        console.print(report)
+        _write_json(json_, report)
+        if out is not None:
+            console.print(f"picture: {draw(motion, out)}", soft_wrap=True)
+        if html is not None:
+            from rbd.visual.planar_scene import export_planar
+
+            console.print(f"page: {export_planar(motion, html)}", soft_wrap=True)
+
+
 def _every(duration: float, step: float) -> int:
     """Every how many steps are recorded; one where there is no such motion, which `simulate` refuses."""
     if not (0.0 < step < math.inf and 0.0 < duration < math.inf):

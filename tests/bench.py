@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from bench_planar import planar_tables
 from bench_simulation import simulation_tables
 from rich.console import Console
 from rich.table import Table
@@ -247,7 +248,7 @@ def main() -> None:
                 table.add_row(f"  {kind}: {label}", f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", "")
         console.print(table)
     console.print(mechanisms())
-    for simulated in simulation_tables():
+    for simulated in [*simulation_tables(), *planar_tables()]:
         console.print(simulated)
 
 

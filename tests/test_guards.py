@@ -29,12 +29,19 @@ from rbd.visual import (
     contact_colors,
     contact_sheet,
     export_motion,
+    export_planar,
     motion_sheet,
+    plot_ellipses,
     plot_energy,
     plot_forces,
     plot_joint,
+    plot_panels,
+    plot_paths,
     plot_ranges,
+    plot_split,
+    plot_sticks,
     replay,
+    replay_planar,
     screenshot,
 )
 
@@ -158,6 +165,8 @@ def use_plot(ax: Any, uniqueness: Any) -> Any:
 
 FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5)]
 TRAJECTORY = rbd.simulate(BOX.at(), FLOOR, duration=0.003, step=1e-3)
+LINKS = rbd.planar.Chain(2, lengths=[0.5, 0.4])
+PLANAR = rbd.planar.endpoint_motion(LINKS, rbd.planar.minimum_jerk([0.6, 0.3], [0.2, 0.6], 1.0))
 HOLD_BOLT = rbd.HoldPosture(STATE, FEET)
 
 
@@ -491,6 +500,29 @@ CASES: dict[str, Case] = {
         {"ax": Figure().subplots(), "trajectory": TRAJECTORY, "joint": "root_joint.x", "what": "q"},
         20,
     ),
+    "visual.plot_panels": Case(
+        lambda **given: use_plots(plot_panels, **given), {"axes": Figure().subplots(2, 4).tolist(), "motion": PLANAR}, 20
+    ),
+    "visual.plot_paths": Case(
+        lambda **given: use_plots(plot_paths, **given), {"axes": Figure().subplots(1, 2).tolist(), "motion": PLANAR}, 20
+    ),
+    "visual.plot_split": Case(
+        lambda **given: use_plots(plot_split, **given), {"axes": Figure().subplots(1, 3).tolist(), "motion": PLANAR}, 20
+    ),
+    "visual.plot_sticks": Case(
+        lambda **given: use_plots(plot_sticks, **given),
+        {"ax": Figure().subplots(), "chain": LINKS, "q_samples": PLANAR.q[::20], "count": 3},
+        20,
+    ),
+    "visual.plot_ellipses": Case(
+        lambda **given: use_plots(plot_ellipses, **given),
+        {"ax": Figure().subplots(), "chain": LINKS, "q_samples": PLANAR.q[::20], "kind": "manipulability", "count": 3},
+        20,
+    ),
+    "visual.export_planar": Case(
+        export_planar, {"motion": PLANAR, "path": "/nowhere/x.html", "title": "x", "speed": 0.5, "start": 0.0}, 10
+    ),
+    "visual.replay_planar": Case(replay_planar, {"motion": "none", "speed": 0.5}, 10),
     "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
     "visual.contact_sheet": Case(
         contact_sheet,
@@ -674,7 +706,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     """The law above can fail: arguments that work are not refused, but for pages that cannot be written."""
     answer = ask(CASES[name], CASES[name].good)
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
-    refused |= {"visual.export_motion", "visual.motion_sheet", "visual.replay"}
+    refused |= {"visual.export_motion", "visual.motion_sheet", "visual.replay", "visual.export_planar", "visual.replay_planar"}
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 

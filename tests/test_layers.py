@@ -114,6 +114,7 @@ BESIDE: set[tuple[str, str]] = {
     ("cli", "simulate_report"),
     ("cli", "simulate_setup"),
     ("cli", "plane_report"),
+    ("plane_report", "visual"),  # its picture, imported where it is drawn
     ("simulate_report", "simulate_setup"),
     ("cli", "mechanism_report"),
     ("cli", "report"),  # the command line prints it

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import planar_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -125,5 +126,6 @@ def _example(name: str) -> ModuleType:
 
 
 if __name__ == "__main__":
-    for made in itertools.chain((make() for make in (talos, fists, mechanisms, robots)), plots(), strips()):
+    scenes = (make() for make in (talos, fists, mechanisms, robots))
+    for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
         print(made.relative_to(TOP))

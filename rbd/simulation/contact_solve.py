@@ -58,9 +58,10 @@ class Stillness:
         for i in range(_ROUNDS):
             w = w - lapack.dpotrs(R, missed)[0]
             if i == 0 and not self._allow(w):  # near enough to tell
-                w = self._allowed(w, R, D, u)
-                if w is None:
+                other = self._allowed(w, R, D, u)
+                if other is None:
                     return None
+                w = other
             missed = D @ w + u
             merit = unit * largest(missed)
             if merit <= exact:

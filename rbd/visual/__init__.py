@@ -3,6 +3,9 @@
 from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.colors import contact_colors
 from rbd.visual.contact_sheet import contact_sheet
+from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
+from rbd.visual.planar_scene import export_planar, replay_planar
+from rbd.visual.planar_sticks import plot_ellipses, plot_sticks
 from rbd.visual.plots import plot_ranges
 from rbd.visual.scene import Scene
 from rbd.visual.screenshot import find_browser, screenshot
@@ -13,12 +16,19 @@ __all__ = [
     "contact_colors",
     "contact_sheet",
     "export_motion",
+    "export_planar",
     "find_browser",
     "motion_sheet",
+    "plot_ellipses",
     "plot_energy",
     "plot_forces",
     "plot_joint",
+    "plot_panels",
+    "plot_paths",
     "plot_ranges",
+    "plot_split",
+    "plot_sticks",
     "replay",
+    "replay_planar",
     "screenshot",
 ]

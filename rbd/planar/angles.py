@@ -1,0 +1,131 @@
+"""Three ways to measure the angles of a planar chain, and the maps between them.
+
+Every way is affine in the absolute angles: phi = A q + b, where phi_k is the angle of segment k from x, counterclockwise.
+
+====================  =======================================================  ======================  ============
+word                  theta_i is measured                                      A                       b
+====================  =======================================================  ======================  ============
+"joint"               from the previous link (the first one from x)            lower triangle of ones  0
+"segment"             from x                                                   identity                0
+"vertical"            from the downward vertical; zero hangs                   identity                -pi/2
+====================  =======================================================  ======================  ============
+
+Source: [Duarte2021], "Joint and segment angles" and problems 4 and 5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import sympy
+
+from rbd.arrays import Array, check_finite, numbers
+from rbd.errors import InputError, nearest
+
+JOINT, SEGMENT, VERTICAL = "joint", "segment", "vertical"
+CONVENTIONS = (JOINT, SEGMENT, VERTICAL)
+Symbols: TypeAlias = sympy.MatrixBase
+
+
+def check_convention(angles: object) -> str:
+    """One of the three words.
+
+    Raises:
+        InputError: on any other, with the nearest one.
+    """
+    if isinstance(angles, str) and angles in CONVENTIONS:
+        return angles
+    raise InputError(f"no way to measure angles is called {angles!r:.80}; {nearest(angles, CONVENTIONS)}.")
+
+
+def to_segments(n: int, angles: str) -> tuple[Symbols, Symbols]:
+    """A (n, n) and b (n, 1) of phi = A q + b, as exact numbers."""
+    matrix = sympy.Matrix([[int(i <= k) for i in range(n)] for k in range(n)]) if angles == JOINT else sympy.eye(n)
+    offset = sympy.ones(n, 1) * (-sympy.pi / 2 if angles == VERTICAL else 0)
+    return matrix, offset
+
+
+def _from_segments(n: int, angles: str) -> Symbols:
+    """The inverse of A: differences of neighbours, or the identity."""
+    if angles != JOINT:
+        return sympy.eye(n)
+    return sympy.Matrix([[int(i == k) - int(i == k - 1) for i in range(n)] for k in range(n)])
+
+
+@dataclass(frozen=True)
+class AngleMap:
+    """q_to = matrix q_from + offset. Nothing is wrapped: turns are kept, so that motions stay continuous.
+
+    Attributes:
+        source: The convention of what goes in.
+        to: The convention of what comes out.
+        matrix: Shape (n, n), whole numbers.
+        offset: Shape (n, 1) [rad], multiples of pi/2.
+    """
+
+    source: str
+    to: str
+    matrix: Symbols
+    offset: Symbols
+
+    def __call__(self, values: Any) -> Any:
+        """The angles in the other convention [rad], in the shape that came.
+
+        Args:
+            values: Angles, shape (n,) or (samples, n) [rad]; or n expressions in a SymPy matrix.
+
+        Raises:
+            InputError: on another shape, or what is not finite.
+        """
+        if isinstance(values, sympy.MatrixBase):
+            return self.matrix * self._column(values) + self.offset
+        offset = np.array(self.offset, dtype=float).ravel()
+        return self.rates(values) + offset
+
+    def rates(self, values: Any) -> Any:
+        """Angular velocities in the other convention, or accelerations, or jerks: the offset falls out.
+
+        Args:
+            values: Rates, shape (n,) or (samples, n); or n expressions in a SymPy matrix.
+
+        Raises:
+            InputError: on another shape, or what is not finite.
+        """
+        if isinstance(values, sympy.MatrixBase):
+            return self.matrix * self._column(values)
+        given = samples("angles", values, self.matrix.rows)
+        return given @ np.array(self.matrix, dtype=float).T
+
+    def _column(self, values: Symbols) -> Symbols:
+        n = self.matrix.rows
+        if values.shape not in ((n, 1), (1, n)):
+            raise InputError(f"angles came as a matrix of shape {values.shape}; expected one per link, ({n}, 1).")
+        return values.reshape(n, 1)
+
+
+def angle_map(n: int, source: str, to: str) -> AngleMap:
+    """The map from one convention to another, for n links.
+
+    Raises:
+        InputError: if `to` is none of "joint", "segment", "vertical".
+    """
+    to = check_convention(to)
+    forward, shift = to_segments(n, source)
+    _, back = to_segments(n, to)
+    inverse = _from_segments(n, to)
+    return AngleMap(source, to, (inverse * forward).as_immutable(), (inverse * (shift - back)).as_immutable())
+
+
+def samples(what: str, values: object, n: int) -> Array:
+    """Finite numbers of shape (n,) or (samples, n), as floats; not copied where they are already.
+
+    Raises:
+        InputError: on anything else.
+    """
+    given = values if type(values) is np.ndarray and values.dtype == float else numbers(what, values)
+    if given.ndim not in (1, 2) or given.shape[-1] != n:
+        raise InputError(f"{what} came with shape {given.shape}; expected one number per link, ({n},), or (samples, {n}).")
+    check_finite(what, given.ravel())
+    return given

@@ -1,0 +1,180 @@
+"""Fast NumPy functions out of a chain's symbols.
+
+Common subexpressions are computed once, so that a sine occurs once however often it is printed; samples are taken in blocks
+that stay in the cache, which halves the time of 100,000 of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy
+from sympy.core.function import AppliedUndef
+from sympy.printing.numpy import NumPyPrinter
+
+from rbd.arrays import Array, a_number
+from rbd.errors import InputError
+from rbd.planar.angles import samples
+
+if TYPE_CHECKING:
+    from rbd.planar.chain import Chain
+
+BLOCK = 4096
+"""Samples per block: a dozen temporaries of them fit into 512 kB."""
+CUBE, FOURTH = 3, 4
+RATES = ("q", "qd", "qdd", "qddd")
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """A numeric function of (q, qd, qdd, qddd); see `Chain.function`.
+
+    Attributes:
+        n: Number of angles.
+        shape: Shape of one sample's value; () is a number.
+        needs: How many of the four arguments occur in the expression, 0 to 4.
+    """
+
+    n: int
+    shape: tuple[int, ...]
+    needs: int
+    _entries: Any = field(repr=False)
+
+    def __call__(self, q: Any, qd: Any = None, qdd: Any = None, qddd: Any = None) -> Array:
+        """The value at one sample or at many.
+
+        Args:
+            q: Angles, shape (n,) or (samples, n) [rad].
+            qd: Angular velocities, the same shape [rad/s]; like the next two, it may be left out where it does not occur.
+            qdd: Angular accelerations, the same shape [rad/s^2].
+            qddd: Angular jerks, the same shape [rad/s^3].
+
+        Returns:
+            Shape `shape`, or (samples, *shape).
+
+        Raises:
+            InputError: on missing arguments, other shapes or numbers that are not finite; or where the value is not.
+        """
+        given = check_motion(self.n, (q, qd, qdd, qddd), max(self.needs, 1))
+        rows = given[0].reshape(-1, self.n).shape[0]
+        flat = np.empty((rows, math.prod(self.shape)))
+        with np.errstate(all="ignore"):
+            for start in range(0, rows, BLOCK):
+                block = slice(start, start + BLOCK)
+                columns = [np.ascontiguousarray(x.reshape(-1, self.n)[block].T) for x in given[: self.needs]]
+                for k, entry in enumerate(self._evaluated(columns)):
+                    flat[block, k] = entry
+        if not np.isfinite(flat).all():
+            at = int(np.argwhere(~np.isfinite(flat))[0, 0])
+            raise InputError(f"the expression has no finite value at sample {at}: it divides by zero, or takes a root of less.")
+        return flat.reshape(given[0].shape[:-1] + self.shape)
+
+    def _evaluated(self, columns: list[Array]) -> list[Any]:
+        """The entries over one block.
+
+        Raises:
+            InputError: on functions that NumPy has not, and on complex values.
+        """
+        try:
+            entries = self._entries(*(row for x in columns for row in x))
+        except (NameError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            raise InputError(f"the expression cannot be computed in NumPy: {error}. Only elementary functions can.") from None
+        if any(np.iscomplexobj(entry) for entry in entries):
+            raise InputError("the expression has complex values; expected real ones.")
+        return list(entries)
+
+
+class _Printer(NumPyPrinter):
+    """NumPy's code, with cubes and fourth powers as products: its x**3 takes fifty times as long as x * x * x."""
+
+    def _print_Pow(self, expr: sympy.Pow, **settings: Any) -> str:
+        if expr.exp not in (CUBE, FOURTH):
+            return super()._print_Pow(expr, **settings)
+        product = "b * b * b" if expr.exp == CUBE else "(b * b) * (b * b)"
+        return f"(lambda b: {product})({self._print(expr.base)})"
+
+
+def check_motion(n: int, given: tuple[Any, ...], needs: int) -> list[Array]:
+    """The first `needs` of q, qd, qdd, qddd as finite arrays of one shape, (n,) or (samples, n).
+
+    Raises:
+        InputError: if one is missing, or another shape, or not finite.
+    """
+    out: list[Array] = []
+    for name, value in list(zip(RATES, given, strict=False))[:needs]:
+        if value is None:
+            raise InputError(f"{name} is missing; expected {', '.join(RATES[:needs])}, each of shape ({n},) or (samples, {n}).")
+        out.append(samples(name, value, n))
+        if out[-1].shape != out[0].shape:
+            raise InputError(f"{name} has shape {out[-1].shape}, q has {out[0].shape}; expected the same.")
+    return out
+
+
+def compile_expression(chain: Chain, expr: Any, parameters: Mapping[Any, float]) -> Compiled:
+    """A function of (q, qd, qdd, qddd) that computes an expression; see `Chain.function`.
+
+    Raises:
+        InputError: if it is no expression, or symbols are left without a number.
+    """
+    shape, entries = _entries(expr)
+    dummies = [sympy.symbols(f"{name}_1:{chain.n + 1}", cls=sympy.Dummy) for name in RATES]
+    rates = [chain.q, chain.qd, chain.qdd, chain.qddd]
+    # One exact replacement from the outside in: a derivative is replaced before the angle inside it is seen.
+    known = {old: new for olds, news in zip(rates, dummies, strict=True) for old, new in zip(olds, news, strict=True)}
+    plain = [entry.xreplace(known) for entry in entries]
+    used = set().union(*(entry.free_symbols for entry in plain))
+    numbers = _numbers(used.difference(*dummies), parameters)
+    unknown = used.difference(*dummies, numbers).union(*(entry.atoms(AppliedUndef, sympy.Derivative) for entry in plain))
+    if unknown:
+        names = ", ".join(sorted(str(symbol) for symbol in unknown)[:6])
+        raise InputError(
+            f"no numbers are known for {names:.200}; give them as parameters={{symbol: number}}, or lengths to the chain "
+            "(chain.with_lengths). Only its own angles and their first three derivatives may vary."
+        )
+    needs = max((k + 1 for k, row in enumerate(dummies) if used & set(row)), default=0)
+    arguments = [*numbers, *(symbol for row in dummies[:needs] for symbol in row)]
+    try:
+        compute = sympy.lambdify(arguments, plain, "numpy", cse=True, printer=_Printer)
+    except (NotImplementedError, TypeError, ValueError, SyntaxError, KeyError) as error:
+        raise InputError(f"the expression cannot be computed in NumPy: {str(error).splitlines()[0]:.200}") from None
+    return Compiled(chain.n, shape, needs, partial(compute, *numbers.values()))
+
+
+def _entries(expr: Any) -> tuple[tuple[int, ...], list[sympy.Expr]]:
+    """Shape of a sample, and the entries in row order."""
+    if isinstance(expr, sympy.MatrixBase):
+        shape = (expr.rows,) if expr.cols == 1 else expr.shape
+        return shape, [sympy.sympify(entry) for entry in expr]
+    if isinstance(expr, sympy.NDimArray):
+        return tuple(expr.shape), list(sympy.flatten(expr.tolist())) if expr.shape else [expr[()]]
+    if isinstance(expr, sympy.Expr):
+        return (), [expr]
+    number = a_number(expr)
+    if not math.isfinite(number):
+        raise InputError(f"{expr!r:.80} is no expression; expected SymPy's, or a matrix of them, as chain.acceleration().")
+    return (), [sympy.Float(number)]
+
+
+def _numbers(free: set[sympy.Symbol], parameters: Mapping[Any, float]) -> dict[sympy.Symbol, float]:
+    """{symbol: number} of what was given by symbol or by name; what the expression has not is passed over.
+
+    Raises:
+        InputError: on keys that are no symbols, or values that are not finite real numbers.
+    """
+    if not isinstance(parameters, Mapping):
+        raise InputError(f"parameters is {parameters!r:.80}; expected {{symbol: number}}.")
+    out = {}
+    for key, value in parameters.items():
+        if not isinstance(key, str | sympy.Symbol):
+            raise InputError(f"a parameter is called {key!r:.80}; expected a symbol, or its name.")
+        exact = isinstance(value, sympy.Expr) and value.is_number and value.is_real
+        number = float(value) if exact else a_number(value)
+        if not math.isfinite(number):
+            raise InputError(f"parameter {key} is {value!r:.80}; expected a finite number.")
+        out.update({symbol: number for symbol in free if str(symbol) == str(key)})
+    return out

@@ -1,0 +1,271 @@
+"""A planar chain as a URDF file and as a robot of `rbd`: the way from two links on paper to `rbd.solve` and `rbd.simulate`.
+
+The chain's plane is put into the world W in one of two ways. Either way a joint's axis points at who looks at the plane, so
+that angles are counter-clockwise as on paper:
+
+    plane="xz"   upright: x to the right, y of the chain is z of W, up; seen from -y, joints turn about -y, as the linkages of
+                 `rbd.mechanism` do. Gravity acts along -y of the chain.
+    plane="xy"   flat on the ground: x and y are those of W, joints turn about z, and gravity is not felt.
+
+The robot has links `base`, `link_1` .. `link_n`, joints `joint_1` .. `joint_n` with a motor each, and the frame `end` at the
+end point. Its joints are revolute with limits far away, not continuous, so that its q are plain angles, measured from the
+previous link whatever the chain's own convention is: `robot_coordinates` goes from one to the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import re
+import tempfile
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from rbd import catalogue
+from rbd.arrays import Array
+from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.planar.angles import JOINT, AngleMap, samples
+from rbd.planar.bodies import Shapes, bodies_of, checked_chain, refuse_symbols
+from rbd.robot import Robot, load_robot
+
+if TYPE_CHECKING:
+    from rbd.planar.chain import Chain
+
+Plane = Literal["xz", "xy"]
+END = "end"
+"""The frame at the end point."""
+FARTHEST_TURN = 1e4
+"""Limits of the joints [rad]: 1,591 turns."""
+_AXES = {"xz": "0 -1 0", "xy": "0 0 1"}
+_DISCS = {"xz": f"{math.pi / 2:.12g} 0 0", "xy": "0 0 0"}  # turns a cylinder's axis z into the joint's
+_COLORS = {"grey": "0.35 0.37 0.40 1", "steel": "0.75 0.77 0.80 1", "orange": "0.90 0.45 0.10 1", "blue": "0.16 0.42 0.66 1",
+           "green": "0.24 0.58 0.36 1", "red": "0.75 0.22 0.20 1", "violet": "0.48 0.36 0.66 1"}  # fmt: skip
+_LINKS = ("orange", "blue", "green", "red", "violet")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotCoordinates:
+    """Between a chain's angles and those of its robot, which are measured from the previous link: q_robot = A q + b.
+
+    Rates and accelerations go with A; forces the other way, tau = A^T tau_robot, so that their power is the same.
+
+    Attributes:
+        map: A and b.
+    """
+
+    map: AngleMap
+
+    def to_robot(self, q: Sequence[float] | Array) -> Array:
+        """The robot's q [rad], of the chain's, shape (n,) or (samples, n).
+
+        Raises:
+            InputError: another shape, numbers that are not finite.
+        """
+        return self.map(q)
+
+    def rates_to_robot(self, qd: Sequence[float] | Array) -> Array:
+        """The robot's v [rad/s], or its accelerations, of the chain's, shape (n,) or (samples, n); raises as `to_robot`."""
+        return self.map.rates(qd)
+
+    def torques_to_robot(self, tau: Sequence[float] | Array) -> Array:
+        """Motor torques [N m] that are the forces tau of the chain's own angles, A^-T tau; raises as `to_robot`."""
+        return samples("tau", tau, len(self._matrix)) @ self._inverse
+
+    def from_robot(self, q: Sequence[float] | Array) -> Array:
+        """Angles of the chain [rad], of the robot's q; raises as `to_robot`."""
+        offset = np.array(self.map.offset, dtype=float).ravel()
+        return (samples("q", q, len(self._matrix)) - offset) @ self._inverse.T
+
+    def rates_from_robot(self, v: Sequence[float] | Array) -> Array:
+        """Rates of the chain [rad/s], or its accelerations, of the robot's; raises as `to_robot`."""
+        return samples("v", v, len(self._matrix)) @ self._inverse.T
+
+    def torques_from_robot(self, tau: Sequence[float] | Array) -> Array:
+        """Forces of the chain's own angles [N m] of motor torques, A^T tau; raises as `to_robot`."""
+        return samples("tau", tau, len(self._matrix)) @ self._matrix
+
+    @property
+    def _matrix(self) -> Array:
+        return np.array(self.map.matrix, dtype=float)
+
+    @property
+    def _inverse(self) -> Array:
+        return np.linalg.inv(self._matrix).round()  # of whole numbers with determinant 1
+
+
+def robot_coordinates(chain: Chain) -> RobotCoordinates:
+    """The maps between a chain's angles and those of its robot.
+
+    Raises:
+        InputError: what is no chain.
+
+    >>> robot_coordinates(Chain(2, angles="vertical")).to_robot([0.0, 0.0])  # hangs down
+    array([-1.57079633,  0.        ])
+    """
+    return RobotCoordinates(checked_chain(chain).angle_map(JOINT))
+
+
+def to_urdf(
+    chain: Chain,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    masses: Iterable[Any] | None = None,
+    lengths: Iterable[Any] | None = None,
+    centres: Iterable[Any] | None = None,
+    inertias: Iterable[Any] | None = None,
+    bodies: Shapes | None = None,
+    plane: Plane = "xz",
+    values: Mapping[Any, Any] | None = None,
+    name: str = "chain",
+) -> str:
+    """The text of a URDF file of a chain, all its numbers with all digits.
+
+    Links weigh m_i, at d_i along the link, with I_i across the plane; about their length they have the inertia of a thin
+    cylinder, which no motion in the plane feels. They are drawn as rods, with a ball at the centre of mass.
+
+    Args:
+        chain: The chain.
+        path: Where to write it too, a name that ends in .urdf; None for nowhere.
+        masses: m_i [kg].
+        lengths: ell_i [m], in place of the chain's own.
+        centres: d_i [m].
+        inertias: I_i about the centres of mass [kg m2].
+        bodies: "points" or "rods", see `rbd.planar.dynamics`; rods where neither centres nor inertias are given.
+        plane: "xz" (upright) or "xy" (flat on the ground).
+        values: {symbol or its name: number} for symbols in what is given.
+        name: Of the robot: letters, digits, _ and -.
+
+    Raises:
+        InputError: symbols left, by their names; numbers that no body has; an unknown plane.
+        ModelError: a file that cannot be written.
+    """
+    if not isinstance(plane, str) or plane not in _AXES:
+        raise InputError(f"plane is {plane!r:.80}; expected 'xz' (upright) or 'xy' (flat on the ground).")
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][\w-]{0,79}", name, re.ASCII):
+        raise InputError(f"name is {name!r:.80}; expected letters, digits, _ and -, at most 80 of them.")
+    if bodies is None and centres is None and inertias is None:
+        bodies = "rods"
+    known = bodies_of(chain, bodies=bodies, lengths=lengths, masses=masses, centres=centres, inertias=inertias).subs(values)
+    refuse_symbols(known.unknowns, "a URDF file", how="values=")
+    text = _urdf(name, plane, *known.numbers())
+    if path is not None:
+        _write(catalogue.file_path(path, "the path"), text)
+    return text
+
+
+def robot(
+    chain: Chain,
+    *,
+    masses: Iterable[Any] | None = None,
+    lengths: Iterable[Any] | None = None,
+    centres: Iterable[Any] | None = None,
+    inertias: Iterable[Any] | None = None,
+    bodies: Shapes | None = None,
+    plane: Plane = "xz",
+    values: Mapping[Any, Any] | None = None,
+    name: str = "chain",
+) -> Robot:
+    """The chain as a robot on a fixed base; arguments as `to_urdf`.
+
+    Its file is kept as long as the process runs: `robot.urdf`. Gravity is that of all robots, 9.81 m/s2 along -z of W.
+
+    Raises:
+        InputError: as `to_urdf`.
+        ModelError: a chain without inertia, whose M is singular.
+
+    >>> robot = rbd.planar.Chain(2, lengths=[1.0, 1.0]).robot(masses=[1.0, 1.0])
+    >>> robot.nq, robot.nv, robot.nu
+    (2, 2, 2)
+    """
+    text = to_urdf(
+        chain, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies, plane=plane, values=values,
+        name=name,
+    )  # fmt: skip
+    file = _new_folder() / f"{name}.urdf"
+    _write(file, text)
+    with warnings.catch_warnings():
+        # Point masses are what was asked for: that no body is one need not be said again.
+        warnings.filterwarnings("ignore", ".*inertias? that no body has", ModelWarning)
+        return load_robot(file, root="fixed")
+
+
+def _urdf(name: str, plane: str, lengths: Array, masses: Array, centres: Array, inertias: Array) -> str:
+    r = 0.03 * float(lengths.mean())  # of the rods as drawn
+    effort = 100.0 * 9.81 * float(masses.sum()) * float(lengths.sum())  # far beyond what holds it stretched out
+    head = f"A planar chain of {len(lengths)} links in the {plane} plane of W, its base at the origin."
+    out = [f'<?xml version="1.0"?>\n<!-- {head} Written by rbd.planar. -->\n<robot name="{name}">\n']
+    out += [f'  <material name="{color}"><color rgba="{rgba}"/></material>\n' for color, rgba in _COLORS.items()]
+    disc = f'<cylinder radius="{2.0 * r:.5g}" length="{1.6 * r:.5g}"/>'
+    out.append(f'  <link name="base">\n{_shape("0 0 0", _DISCS[plane], disc, "grey")}  </link>\n')
+    parent, at = "base", 0.0
+    for i, (ell, m, d, inertia) in enumerate(zip(lengths, masses, centres, inertias, strict=True), start=1):
+        out.append(_link(i, plane, float(ell), float(m), float(d), float(inertia), r))
+        out.append(
+            f'  <joint name="joint_{i}" type="revolute">\n    <parent link="{parent}"/>\n    <child link="link_{i}"/>\n'
+            f'    <origin xyz="{at!r} 0 0"/>\n    <axis xyz="{_AXES[plane]}"/>\n'
+            f'    <limit lower="{-FARTHEST_TURN}" upper="{FARTHEST_TURN}" effort="{effort:.4g}" velocity="1000"/>\n  </joint>\n'
+        )
+        parent, at = f"link_{i}", float(ell)
+    out.append(
+        f'  <link name="{END}"/>\n  <joint name="{END}_joint" type="fixed">\n    <parent link="{parent}"/>\n'
+        f'    <child link="{END}"/>\n    <origin xyz="{at!r} 0 0"/>\n  </joint>\n</robot>\n'
+    )
+    return "".join(out)
+
+
+def _link(i: int, plane: str, ell: float, m: float, d: float, inertia: float, r: float) -> str:
+    color = _LINKS[(i - 1) % len(_LINKS)]
+    # Not above I_i, so that the largest principal moment is never more than the sum of the others.
+    along = min(m * r**2 / 2.0, inertia)
+    shapes = [
+        _rod(0.0, ell, r, color),
+        ("0 0 0", _DISCS[plane], f'<cylinder radius="{1.6 * r:.5g}" length="{2.4 * r:.5g}"/>', "steel"),
+        (f"{d:.8g} 0 0", "0 0 0", f'<sphere radius="{1.8 * r:.5g}"/>', color),
+    ]
+    if not 0.0 <= d <= ell:  # a counterweight is held by something
+        shapes.append(_rod(min(0.0, d), max(0.0, d), r / 2.0, "grey"))
+    return (
+        f'  <link name="link_{i}">\n    <inertial>\n      <origin xyz="{d!r} 0 0"/>\n      <mass value="{m!r}"/>\n'
+        f'      <inertia ixx="{along!r}" ixy="0" ixz="0" iyy="{inertia!r}" iyz="0" izz="{inertia!r}"/>\n    </inertial>\n'
+        f"{''.join(_shape(*shape) for shape in shapes)}  </link>\n"
+    )
+
+
+def _rod(start: float, end: float, r: float, color: str) -> tuple[str, str, str, str]:
+    rod = f'<cylinder radius="{r:.5g}" length="{end - start:.8g}"/>'
+    return f"{(start + end) / 2.0:.8g} 0 0", f"0 {math.pi / 2:.12g} 0", rod, color
+
+
+def _shape(xyz: str, rpy: str, geometry: str, color: str) -> str:
+    origin = f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+    return f'    <visual>{origin}<geometry>{geometry}</geometry><material name="{color}"/></visual>\n'
+
+
+def _write(path: Path, text: str) -> None:
+    if path.suffix != ".urdf":
+        raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf.")
+    try:
+        path.write_text(text, encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{path.name:.120} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
+
+
+@cache
+def _temporary() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="rbd-chains-")  # taken away when the process ends
+
+
+def _new_folder() -> Path:
+    folder = Path(_temporary().name) / f"{next(_numbers)}"
+    folder.mkdir()
+    return folder
+
+
+_numbers = itertools.count(1)

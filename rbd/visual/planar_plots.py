@@ -1,0 +1,270 @@
+"""Motions of planar chains on axes that are given: curves over time, paths, and the parts of the acceleration.
+
+Axes first, artists out, no window, no global state. Angles are drawn in degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.visual.colors import CONTACT_COLORS
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+    from rbd.planar.motion import PlanarMotion
+
+X_COLOR, Y_COLOR = CONTACT_COLORS[0], CONTACT_COLORS[1]
+ANGLE_COLORS = tuple(CONTACT_COLORS[k] for k in (2, 6, 4, 3, 5, 7))
+PATH_COLOR = CONTACT_COLORS[1]
+BOLD, PALE = 1.9, 5.0
+"""Line widths of a curve, and of the total behind its parts [points]."""
+_STROKES = ("-", "--", ":", "-.")
+"""Of the angles; the next one where the colours begin again."""
+SPACES = ("endpoint", "joint")
+ROWS = {
+    "endpoint": ("position [m]", "velocity [m/s]", "acceleration [m/s²]", "jerk [m/s³]"),
+    "joint": ("angle [°]", "velocity [°/s]", "acceleration [°/s²]", "jerk [°/s³]"),
+}
+PARTS = ("tangential", "centripetal", "coriolis")
+ANGLES = {"joint": "joint angles", "segment": "segment angles", "vertical": "angles from the vertical"}
+_BURST, _OFTEN = 4.0, 92.0
+"""A curve that goes beyond so many times what it keeps within in so many per cent of the samples is cut off, and told."""
+_BEATS = 21
+"""Dots along a path, evenly in time: close together where it is slow."""
+
+
+def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) -> list[Artist]:
+    """Displacement, velocity, acceleration and jerk over time, of the end point and of the angles: the text's 2 x 4 panels.
+
+    The space in which the motion was planned is the upper row, what follows from it the lower one. Where a curve shoots up
+    beside a singular pose the axis is cut off, and the panel says how far the curve goes.
+
+    Args:
+        axes: Eight empty Matplotlib axes, shape (2, 4), as `Figure().subplots(2, 4, sharex=True)` gives them.
+        motion: What `endpoint_motion` or `joint_motion` returned.
+
+    Returns:
+        The lines, row by row and panel by panel: x and y of the end point, or one line an angle; then the notes.
+
+    Raises:
+        InputError: other axes, or no motion.
+    """
+    grid = some_axes(axes, (2, 4))
+    check_motion(motion)
+    drawn: list[Artist] = []
+    notes: list[Artist] = []
+    spaces = SPACES if motion.space == "endpoint" else SPACES[::-1]
+    for row, space in enumerate(spaces):
+        names, colors = _curves(motion, space)
+        kinds = ("x", "v", "a", "j") if space == "endpoint" else ("q", "qd", "qdd", "qddd")
+        for column, (kind, title) in enumerate(zip(kinds, ROWS[space], strict=True)):
+            ax, values = grid[row, column], getattr(motion, kind)
+            values = values if space == "endpoint" else np.degrees(values)
+            for k, (curve, name, color) in enumerate(zip(values.T, names, colors, strict=True)):
+                style: dict[str, Any] = {"ls": _STROKES[k // len(ANGLE_COLORS) % len(_STROKES)], "zorder": 3}
+                drawn += ax.plot(motion.times, curve, color=color, lw=BOLD, label=name, **style)
+            notes += _cut(ax, motion.times, values, title)
+            _dress(ax, motion, title)
+            if row == 1:
+                ax.set_xlabel("time [s]")
+        first = grid[row, 0]
+        first.set_ylabel("end point" if space == "endpoint" else ANGLES.get(motion.chain.angles, "angles"))
+        _legend(first, ncols=-(-len(names) // 6))
+    return drawn + notes
+
+
+def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artist]:
+    """The path in the plane, and the path in the space of the angles: what is straight in one is bent in the other.
+
+    Dots lie evenly in time, close together where the motion is slow. Of two links the second angle is drawn over the first,
+    of more links each further one; the one angle of one link over time.
+
+    Args:
+        axes: Two empty Matplotlib axes, shape (2,).
+        motion: What `endpoint_motion` or `joint_motion` returned.
+
+    Returns:
+        For each curve its line, its dots, and its marks of beginning and end.
+
+    Raises:
+        InputError: other axes, or no motion.
+    """
+    plane, joints = some_axes(axes, (2,))
+    check_motion(motion)
+    drawn = _path(plane, motion, motion.x[:, 0], motion.x[:, 1], PATH_COLOR, "end point")
+    plane.set_xlabel("x [m]")
+    plane.set_ylabel("y [m]")
+    plane.set_title("end-point space", loc="left")
+    plane.set_aspect("equal", adjustable="datalim")
+    names, colors = _curves(motion, "joint")
+    q = np.degrees(motion.q)
+    if motion.chain.n == 1:
+        drawn += _path(joints, motion, motion.times, q[:, 0], colors[0], names[0])
+        joints.set_xlabel("time [s]")
+        joints.set_ylabel(f"{names[0]} [°]")
+    else:
+        for k in range(1, motion.chain.n):
+            drawn += _path(joints, motion, q[:, 0], q[:, k], colors[k if motion.chain.n > 2 else 0], names[k])
+        joints.set_xlabel(f"{names[0]} [°]")
+        joints.set_ylabel(f"{names[1]} [°]" if motion.chain.n == 2 else "further angles [°]")
+        if motion.chain.n > 2:
+            _legend(joints)
+    space = "joint space" if motion.chain.angles == "joint" else f"space of the {ANGLES[motion.chain.angles]}"
+    joints.set_title(space, loc="left")
+    for ax in (plane, joints):
+        _frame(ax)
+        ax.grid(color="0.92", lw=0.7, zorder=0)
+        ax.margins(0.08)
+    return drawn
+
+
+def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artist]:
+    """The three parts of the end point's acceleration, each before the whole, which stands thick and pale behind it.
+
+    Tangential: what angular accelerations give; centripetal: what squares of angular velocities give; Coriolis: what products
+    of two different ones give. Which is which depends on the chain's angles; their sum does not.
+
+    Args:
+        axes: Three empty Matplotlib axes, shape (3,).
+        motion: What `endpoint_motion` or `joint_motion` returned.
+
+    Returns:
+        Panel by panel: x and y of the whole, then x and y of the part.
+
+    Raises:
+        InputError: other axes, or no motion.
+    """
+    panels = some_axes(axes, (3,))
+    check_motion(motion)
+    parts = [np.asarray(getattr(motion.split, part), float) for part in PARTS]
+    everything = np.hstack([motion.a, *parts])
+    low, high = float(everything.min()), float(everything.max())
+    room = 0.06 * (high - low) or 1.0
+    drawn: list[Artist] = []
+    for ax, title, part in zip(panels, ("tangential", "centripetal", "Coriolis"), parts, strict=True):
+        for values, style in ((motion.a, {"lw": PALE, "alpha": 0.25}), (part, {"lw": BOLD})):
+            told = ", whole" if values is motion.a else ""
+            for curve, name, color in zip(values.T, "xy", (X_COLOR, Y_COLOR), strict=True):
+                drawn += ax.plot(motion.times, curve, color=color, label=name + told, zorder=3, **style)
+        _dress(ax, motion, title)
+        ax.axhline(0.0, color="0.75", lw=0.8, zorder=1)
+        ax.set_xlabel("time [s]")
+        ax.set_ylim(low - room, high + 4.0 * room)  # with room for the legend
+    panels[0].set_ylabel("acceleration of the end point [m/s²]")
+    _legend(panels[0], loc="upper left", ncols=2)
+    return drawn
+
+
+def some_axes(axes: object, shape: tuple[int, ...]) -> Array:
+    """Matplotlib axes in an array of a shape.
+
+    Raises:
+        InputError: if they are others.
+    """
+    grid = np.array(axes, dtype=object)
+    if grid.shape != shape:
+        came = "one" if grid.shape == () else f"an array of shape {grid.shape}"
+        how = f"Figure().subplots({', '.join(map(str, shape if len(shape) > 1 else (1, *shape)))})"
+        raise InputError(f"axes are {came}; expected {' x '.join(map(str, shape))} Matplotlib axes, e.g. {how}.")
+    for ax in grid.flat:
+        an_axis(ax)
+    return grid
+
+
+def an_axis(ax: object) -> None:
+    """Refuse what is no axes.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
+        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
+
+
+def check_motion(motion: object) -> None:
+    """Refuse what is no motion of a planar chain.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if isinstance(motion, type) or not all(hasattr(motion, name) for name in ("chain", "times", "x", "q", "qddd", "split")):
+        raise InputError(f"motion is {motion!r:.80}; expected what rbd.planar.endpoint_motion or joint_motion returns.")
+
+
+def angle_names(count: int) -> list[str]:
+    """Names of the angles in plots."""
+    return ["$\\theta$"] if count == 1 else [f"$\\theta_{{{k + 1}}}$" for k in range(count)]
+
+
+def _curves(motion: PlanarMotion, space: str) -> tuple[list[str], list[str]]:
+    """Names and colours of the curves of a row."""
+    if space == "endpoint":
+        return ["x", "y"], [X_COLOR, Y_COLOR]
+    return angle_names(motion.chain.n), [ANGLE_COLORS[k % len(ANGLE_COLORS)] for k in range(motion.chain.n)]
+
+
+def _path(ax: Axes, motion: PlanarMotion, across: Array, up: Array, color: str, name: str) -> list[Artist]:
+    beats = np.linspace(motion.times[0], motion.times[-1], _BEATS)
+    x, y = (np.interp(beats, motion.times, values) for values in (across, up))
+    return [
+        *ax.plot(across, up, color=color, lw=BOLD, label=name, zorder=3),
+        *ax.plot(x, y, "o", color=color, ms=4.0, mew=0.0, zorder=4),
+        *ax.plot(across[:1], up[:1], "o", color="white", mec=color, ms=8.0, mew=1.6, zorder=5),
+        *ax.plot(across[-1:], up[-1:], "o", color=color, mec="white", ms=9.0, mew=1.2, zorder=5),
+    ]
+
+
+def _window(values: Array) -> tuple[float, float]:
+    """The part of an axis that shows most samples of all columns well, and everything where nothing shoots up."""
+    low, high = float(values.min()), float(values.max())
+    usual = [float(np.percentile(values, p)) for p in (100.0 - _OFTEN, _OFTEN)]
+    within = values[(np.abs(values) <= _BURST * max(map(abs, usual)))]
+    seen = (float(within.min()), float(within.max())) if len(within) else (low, high)
+    room = 0.08 * max(seen[1] - seen[0], 1e-9 * max(abs(seen[0]), abs(seen[1])), 1e-12)
+    return seen[0] - room, seen[1] + room
+
+
+def _cut(ax: Axes, t: Array, values: Array, title: str) -> list[Artist]:
+    """Limits of the axis, and a note where a curve goes beyond them."""
+    low, high = _window(values)
+    flat = values.min() == values.max()
+    if not flat:
+        ax.set_ylim(low, high)
+    worst = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+    peak = float(values[worst])
+    if flat or low <= peak <= high:
+        return []
+    unit = title[title.index("[") + 1 : -1]
+    size = float(f"{peak:.3g}")
+    told = f"cut off: {size:,.0f} {unit}" if abs(size) >= 1000.0 else f"cut off: {size:g} {unit}"
+    told = f"{told}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
+    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    style: dict[str, Any] = {"ha": "right", "fontsize": "x-small", "color": "0.3", "bbox": ground, "zorder": 5}
+    y, va = (0.97, "top") if peak > high else (0.03, "bottom")
+    return [ax.text(0.97, y, told, transform=ax.transAxes, va=va, **style)]
+
+
+def _dress(ax: Axes, motion: PlanarMotion, title: str) -> None:
+    _frame(ax)
+    ax.grid(axis="y", color="0.92", lw=0.7, zorder=0)
+    ax.set_title(title, loc="left", fontsize="medium")
+    ax.locator_params(nbins=5)
+    if len(motion.times) > 1:
+        ax.set_xlim(min(0.0, motion.times[0]), motion.times[-1])
+
+
+def _frame(ax: Axes) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_axisbelow(True)
+
+
+def _legend(ax: Axes, loc: str = "best", ncols: int = 1) -> None:
+    style: dict[str, Any] = {"handlelength": 1.4, "columnspacing": 1.0, "borderaxespad": 0.2}
+    ax.legend(loc=loc, frameon=False, fontsize="small", ncols=ncols, **style)  # type: ignore[call-overload]
