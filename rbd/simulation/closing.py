@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, largest
 from rbd.simulation.motion import Motion
-from rbd.simulation.projection import Projection, correction, inertia_factor, shortened
+from rbd.simulation.projection import Projection, project_position
 from rbd.simulation.snapshot import Points, Snapshot
 from rbd.state import State
 
@@ -37,21 +36,18 @@ class Closing:
         layout = at.layout
         held = layout.held if self.holds else np.zeros(len(at.error), bool)
         pressed = layout.pushes & (closed | (at.gap < -CLOSED))
+        if largest(at.error[held]) <= self.projection.tolerance and largest(at.gap[pressed]) <= CLOSED:
+            return at
         rows = np.concatenate([np.flatnonzero(held), layout.normals[pressed]])
-        for _ in range(self.projection.iterations):
-            error, gap = at.error[held], at.gap[pressed]
-            if largest(error) <= self.projection.tolerance and largest(gap) <= CLOSED:
-                break
-            state = at.state
-            move = correction(inertia_factor(state), at.J[rows], np.concatenate([error, gap]))
-            q = pin.integrate(state.robot.model, state.q, -shortened(move))
-            nearer = self.points.at(State(state.robot, q, state.v), t)
-            if nearer.layout is not layout:
-                return nearer
-            if max(largest(nearer.error[held]), largest(nearer.gap[pressed])) > 0.9 * max(largest(error), largest(gap)):
-                break  # rounding, or rows that contradict each other
-            at = nearer
-        return at
+        seen = {id(at.state): at}
+
+        def equations(state: State) -> tuple[Array, Array]:
+            now = seen[id(state)] = seen.get(id(state)) or self.points.at(state, t)
+            if now.layout is not layout:  # points have come into sight or gone: the rest is the next step's
+                return at.J[:0], at.error[:0]
+            return now.J[rows], np.concatenate([now.error[held], now.gap[pressed]])
+
+        return seen[id(project_position(at.state, equations, self.projection))]
 
 
 def first_crossing(gap: Array, rate: Array, gap_end: Array, rate_end: Array, h: float) -> float:

@@ -29,7 +29,6 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, a_number, largest
 from rbd.errors import InputError, SingularInertia
-from rbd.model import CheckedModel
 from rbd.solvers.kkt import independent_factor
 from rbd.state import State
 
@@ -66,18 +65,17 @@ class Projection:
             raise InputError(f"iterations of Projection is {n!r:.80}; expected a whole number from 1 to 1000.")
 
 
-def project_position(robot: CheckedModel, q: Array, equations: Equations, projection: Projection) -> State:
-    """The state at rest at the configuration nearest to q, in the inertia metric, that meets the equations.
+def project_position(state: State, equations: Equations, projection: Projection) -> State:
+    """The state whose configuration is the nearest, in the inertia metric, that meets the equations; its v is kept.
 
     It stops where no step comes nearer; look at the errors of the state it returns. Rows may repeat each other.
 
     Args:
-        robot: The robot.
-        q: Start, shape (nq,).
+        state: Start.
         equations: J (m, nv) and error (m,) [m, rad] of a state; m may change from state to state.
         projection: How near, and how many steps.
     """
-    state = State(robot, q)
+    robot = state.robot
     J, error = equations(state)
     for _ in range(projection.iterations):
         size = largest(error)
@@ -85,7 +83,7 @@ def project_position(robot: CheckedModel, q: Array, equations: Equations, projec
             break
         step = shortened(-correction(inertia_factor(state), J, error, damping=size))
         for _ in range(HALVINGS):
-            nearer = State(robot, pin.integrate(robot.model, state.q, step))
+            nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v)
             J_there, error_there = equations(nearer)
             if largest(error_there) < size:
                 break
@@ -94,17 +92,6 @@ def project_position(robot: CheckedModel, q: Array, equations: Equations, projec
             break  # rounding, or a true minimum of the distance
         state, J, error = nearer, J_there, error_there
     return state
-
-
-def project_velocity(state: State, J: Array, velocity_error: Array) -> Array:
-    """The velocity nearest to the state's, in the inertia metric, whose rows move as they should, shape (nv,).
-
-    Args:
-        state: Configuration and velocity.
-        J: Shape (m, nv).
-        velocity_error: J v less what it should be, shape (m,), as `Rows.velocity` gives it [m/s, rad/s].
-    """
-    return state.v - correction(inertia_factor(state), J, velocity_error)
 
 
 def inertia_factor(state: State) -> Array:
