@@ -106,17 +106,17 @@ class StandReport:
             table.add_column(escape(heading), justify="right")
         for name, c in self.solution.contacts.items():
             used = "-" if c.friction_used is None else f"{100 * c.friction_used:.1f} %"
-            cop = "-" if c.centre_of_pressure is None else _numbers(c.centre_of_pressure, 3)
-            table.add_row(escape(name), _numbers(c.force, 2), f"{c.normal:.2f}", f"{c.tangential:.2f}", used, cop)
+            cop = "-" if c.centre_of_pressure is None else rounded(c.centre_of_pressure, 3)
+            table.add_row(escape(name), rounded(c.force, 2), f"{c.normal:.2f}", f"{c.tangential:.2f}", used, cop)
         total = sum((c.force for c in self.solution.contacts.values()), np.zeros(3))
         table.add_section()
-        table.add_row("sum", _numbers(total, 2), "", "", "", "")
+        table.add_row("sum", rounded(total, 2), "", "", "", "")
         return table
 
     def _headline(self) -> str:
         robot = self.held.state.robot
         weight = robot.mass * float(np.linalg.norm(robot.gravity))
-        pushed = "" if self.push is None else f", pushed with ({_numbers(self.push, 1)}) N at {self.at}"
+        pushed = "" if self.push is None else f", pushed with ({rounded(self.push, 1)}) N at {self.at}"
         return f"{robot.name}: {robot.mass:.3f} kg, weight {weight:.2f} N{pushed}"
 
     def _torques_table(self) -> Table:
@@ -141,9 +141,9 @@ class StandReport:
         table.add_column("what")
         table.add_column("value")
         table.add_row("status", f"{s.status} by {s.solver}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")
-        table.add_row("centre of mass", f"({_numbers(self.held.state.com, 3)}) m")
-        table.add_row("its acceleration", f"({_numbers(with_contacts, 3)}) m/s2")
-        table.add_row("without contacts", f"({_numbers(without, 3)}) m/s2")
+        table.add_row("centre of mass", f"({rounded(self.held.state.com, 3)}) m")
+        table.add_row("its acceleration", f"({rounded(with_contacts, 3)}) m/s2")
+        table.add_row("without contacts", f"({rounded(without, 3)}) m/s2")
         table.add_row("|a - a_free| in M", f"{self.distance:.4f} sqrt(N m)/s, 1/2 of its square: {float(s.gauss):.4f} N m/s2")
         for name, scaled in s.residuals.scaled.items():
             table.add_row(f"residual: {name}", f"{float(getattr(s.residuals, name)):.1e} {UNITS[name]} (scaled {scaled:.1e})")
@@ -151,7 +151,8 @@ class StandReport:
         return table
 
 
-def _numbers(values: Array, digits: int) -> str:
+def rounded(values: Array, digits: int) -> str:
+    """Numbers with so many digits, separated by commas."""
     # Rounding before adding zero turns -0.00 into 0.00
     return ", ".join(f"{x:.{digits}f}" for x in np.round(values, digits) + 0.0)
 

@@ -17,6 +17,7 @@ from rich.table import Table
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model import CheckedModel
+from rbd.report import rounded
 from rbd.simulate_setup import Setup
 from rbd.simulation.moment import HOLDS, OPEN, SLIPS
 from rbd.simulation.pushes import Push
@@ -170,7 +171,7 @@ class SimulateReport:
                 idle += 1
                 continue
             contact = name in x.points and x.forces[name].shape[1]
-            force = _numbers(x.forces[name][-1, :3], 2) if contact else "-"
+            force = rounded(x.forces[name][-1, :3], 2) if contact else "-"
             largest = known["largest"]
             table.add_row(
                 escape(name), known["mode"], force, f"{largest['value']:.2f}", f"{largest['at']:.3f}",
@@ -211,12 +212,12 @@ class SimulateReport:
     def _places(self) -> list[tuple[str, str]]:
         x = self.trajectory
         robot = x.robot
-        out = [("centre of mass", f"({_numbers(x.com[-1], 4)}) m, moved by ({_numbers(x.com[-1] - x.com[0], 4)}) m")]
+        out = [("centre of mass", f"({rounded(x.com[-1], 4)}) m, moved by ({rounded(x.com[-1] - x.com[0], 4)}) m")]
         if robot.floating:
             first, last = x.state(0).base_pose(), x.state(-1).base_pose()
             turned = np.degrees(np.arccos(np.clip((np.trace(first.rotation.T @ last.rotation) - 1.0) / 2.0, -1.0, 1.0)))
-            moved = _numbers(last.translation - first.translation, 4)
-            out.append(("base", f"({_numbers(last.translation, 4)}) m, moved by ({moved}) m, turned by {turned:.2f} deg"))
+            moved = rounded(last.translation - first.translation, 4)
+            out.append(("base", f"({rounded(last.translation, 4)}) m, moved by ({moved}) m, turned by {turned:.2f} deg"))
         else:
             out += _joints(x.state(0), x.state(-1))
         return out
@@ -332,8 +333,3 @@ def _busiest_motor(x: Trajectory) -> str:
 
 def _count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
-
-
-def _numbers(values: Array, digits: int) -> str:
-    # Rounding before adding zero turns -0.00 into 0.00
-    return ", ".join(f"{x:.{digits}f}" for x in np.round(values, digits) + 0.0)

@@ -19,6 +19,7 @@ LAYERS: dict[str, int] = {
     "cones": 0,
     "rays": 0,
     "polygon": 0,
+    "kept_files": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
@@ -116,6 +117,7 @@ BESIDE: set[tuple[str, str]] = {
     ("cli", "plane_report"),
     ("plane_report", "visual"),  # its picture, imported where it is drawn
     ("simulate_report", "simulate_setup"),
+    ("simulate_report", "report"),  # numbers are printed alike
     ("cli", "mechanism_report"),
     ("cli", "report"),  # the command line prints it
     ("cli", "visual"),  # imported where the page is written, so that the table alone needs no viewer

@@ -172,7 +172,7 @@ class _Modes:
         t = u[:, :2] / length[:, None]
         C = on.C[self.edge]
         slope = np.einsum("ki,kiz->kz", t, C[:, :2]) - on.mu[self.edge, None] * C[:, 2]
-        apex = on.C[self.apex].reshape(int(np.size(on.C[self.apex])) // max(n, 1), n)
+        apex = on.C[self.apex].reshape(on.at[self.apex].size, n)
         g = np.concatenate(
             [on.A[self.rows] @ z - on.b[self.rows], length - on.mu[self.edge] * u[:, 2], apex @ z + on.at[self.apex].ravel()]
         )

@@ -10,17 +10,15 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from rbd import catalogue
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError, ModelError
+from rbd.kept_files import new_folder
 from rbd.loop_file import ENDING
 from rbd.robot import Robot, load_robot
 from rbd.state import State
@@ -143,7 +141,7 @@ class Linkage:
             InputError: a path that does not end in .urdf.
             ModelError: files that cannot be written.
         """
-        urdf = _new_folder() / f"{self.name}.urdf" if path is None else catalogue.file_path(path, "the path")
+        urdf = new_folder() / f"{self.name}.urdf" if path is None else catalogue.file_path(path, "the path")
         if urdf.suffix != ".urdf":
             raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf, the loop file goes beside it.")
         try:
@@ -300,19 +298,6 @@ def bar_masses(what: str, sizes: Mapping[str, float], masses: Sequence[float] | 
         raise InputError(f"masses of {what} is {masses!r:.80}; expected {len(sizes)} numbers [kg]: {', '.join(sizes)}.")
     return lengths(what, **{f"mass of the {name}": mass for name, mass in zip(sizes, given, strict=True)})
 
-
-@cache
-def _temporary() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="rbd-mechanisms-")  # taken away when the process ends
-
-
-def _new_folder() -> Path:
-    folder = Path(_temporary().name) / f"{next(_numbers)}"
-    folder.mkdir()
-    return folder
-
-
-_numbers = itertools.count(1)
 
 
 def _tip(end: str) -> str:

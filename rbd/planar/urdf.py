@@ -14,15 +14,12 @@ previous link whatever the chain's own convention is: `robot_coordinates` goes f
 
 from __future__ import annotations
 
-import itertools
 import math
 import os
 import re
-import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -31,6 +28,7 @@ import numpy as np
 from rbd import catalogue
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.kept_files import new_folder
 from rbd.planar.angles import JOINT, AngleMap, samples
 from rbd.planar.bodies import Shapes, bodies_of, checked_chain, refuse_symbols
 from rbd.robot import Robot, load_robot
@@ -188,7 +186,7 @@ def robot(
         chain, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies, plane=plane, values=values,
         name=name,
     )  # fmt: skip
-    file = _new_folder() / f"{name}.urdf"
+    file = new_folder() / f"{name}.urdf"
     _write(file, text)
     with warnings.catch_warnings():
         # Point masses are what was asked for: that no body is one need not be said again.
@@ -256,16 +254,3 @@ def _write(path: Path, text: str) -> None:
     except (OSError, ValueError) as error:
         raise ModelError(f"{path.name:.120} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
 
-
-@cache
-def _temporary() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="rbd-chains-")  # taken away when the process ends
-
-
-def _new_folder() -> Path:
-    folder = Path(_temporary().name) / f"{next(_numbers)}"
-    folder.mkdir()
-    return folder
-
-
-_numbers = itertools.count(1)
