@@ -20,8 +20,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.cones import Cone, HalfLine, Interval, Line, LineCone, Part, Product, SecondOrderCone, WrenchCone
+from rbd.rays import column_reach
 from rbd.rows import Rows
 
 REST_SPEED = 1e-6
@@ -87,6 +88,11 @@ class Parts:
     def size(self) -> int:
         """Number of columns p."""
         return self.G.shape[1]
+
+    @lazy
+    def reach(self) -> tuple[float, float]:
+        """(smallest sum of absolute entries of a column of H, 1 at most; largest of one of G, at least 1)."""
+        return column_reach(self.H, self.G)
 
     @property
     def cone_columns(self) -> Array:

@@ -164,6 +164,13 @@ class GaussProblem:
         return self.bias + np.concatenate([r.feedback for r in self.rows])
 
     @lazy
+    def offset_size(self) -> Array:
+        """|bias| + |feedback|, shape (m,): what the offset is made of."""
+        if not any(r.stabilised for r in self.rows):
+            return np.abs(self.bias)
+        return np.abs(self.bias) + np.abs(np.concatenate([r.feedback for r in self.rows]))
+
+    @lazy
     def cone(self) -> Cone:
         """The product of the rows' sets."""
         return Product([r.cone for r in self.rows])
@@ -226,6 +233,17 @@ class GaussProblem:
         return lapack.dpotrs(self.factor, b, lower=1)[0]
 
     @lazy
+    def least_inertia(self) -> float:
+        """Smallest diagonal entry of M, 1 at most: a lower bound of the scales of the equations of motion."""
+        return min(1.0, float(self.M.diagonal().min()))
+
+    @lazy
+    def least_momentum(self) -> float:
+        """Momentum rate that some coordinate's unit acceleration makes in every component, 1 at most; of a balance."""
+        assert self.balance is not None
+        return min(1.0, float(np.abs(self.balance.A_g).max(axis=1).min()))
+
+    @lazy
     def a_free(self) -> Array:
         """Acceleration without constraints, M^-1 rhs, shape (nv,)."""
         return self.solve_M(self.rhs)
@@ -262,7 +280,7 @@ def _decided(rows: Sequence[Rows], at_rest: Rays) -> Rays:
                     lower[columns] = upper[columns] = against
             elif not isinstance(part, Line) and u > REST_SPEED:
                 upper[columns] = 0.0
-    return Rays(at_rest.G, lower, upper, at_rest.facets)
+    return Rays(at_rest.G, lower, upper, at_rest.starts, at_rest.facets)
 
 
 def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:

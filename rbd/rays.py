@@ -24,13 +24,36 @@ class Rays:
         G: Columns, shape (dim, r).
         lower: Lower bounds of the weights, shape (r,): -inf for a line, 0 for a ray.
         upper: Upper bounds of the weights, shape (r,).
+        starts: First columns of the points, shape (k,): a pyramid's rays are of one point, any other column is of its own.
         facets: Facets of the pyramids that stand for second-order cones; empty where there are none.
     """
 
     G: Array
     lower: Array
     upper: Array
+    starts: Array
     facets: frozenset[int] = field(default=frozenset())
+
+    @cached_property
+    def widths(self) -> Array:
+        """Numbers of columns of the points, shape (k,)."""
+        return np.diff(self.starts, append=self.G.shape[1])
+
+    @cached_property
+    def normals(self) -> Array:
+        """Columns of the points' normals, shape (dim, k): the mean of a pyramid's rays, any other column itself."""
+        return self.mean(self.G)
+
+    @cached_property
+    def reach(self) -> tuple[float, float]:
+        """(smallest sum of a column's absolute entries, 1 at most; largest of a normal's, at least 1)."""
+        return column_reach(self.G, self.normals)
+
+    def mean(self, columns: Array) -> Array:
+        """The mean over each point's columns, shape (..., k), of an array of shape (..., r)."""
+        if not len(self.starts):
+            return columns
+        return np.asarray(np.add.reduceat(columns, self.starts, axis=-1) / self.widths)
 
     @cached_property
     def all_lines(self) -> bool:
@@ -73,10 +96,15 @@ class Rays:
         return ~self.below & ~self.above
 
 
+def column_reach(H: Array, normals: Array) -> tuple[float, float]:
+    """(smallest sum of absolute entries of a column of H, 1 at most; largest of a normal's, at least 1)."""
+    return float(np.abs(H).sum(axis=0).min(initial=1.0)), float(np.abs(normals).sum(axis=0).max(initial=1.0))
+
+
 @lru_cache(maxsize=512)
 def stacked_rays(cones: tuple[Cone, ...]) -> Rays:
     """The rays of several sets side by side, G block-diagonal; kept, as a robot's contacts keep their cones."""
-    return rays(Product(cones)) if cones else Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+    return rays(Product(cones)) if cones else Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0, int))
 
 
 @lru_cache(maxsize=512)  # contacts keep one cone for life: computed once a contact
@@ -89,7 +117,10 @@ def rays(cone: Cone, *, inscribed: bool = False) -> Rays:
             (mu / cos(pi / n)).
     """
     G, parts = cone.generators()
-    columns, lower, upper, facets, at = [], [], [], set(), 0
+    columns, facets, at = [], set(), 0
+    lower: list[float] = []
+    upper: list[float] = []
+    starts: list[int] = []
     for part in parts:
         block = G[:, at : at + part.dim]
         at += part.dim
@@ -97,12 +128,14 @@ def rays(cone: Cone, *, inscribed: bool = False) -> Rays:
             block = block @ pyramid(part.mu, part.facets, inscribed=inscribed)
             facets.add(part.facets)
         r = block.shape[1]
+        starts.append(len(lower))
         columns.append(block)
         low, high = _bounds(part)
         lower += [low] * r
         upper += [high] * r
     together = np.hstack(columns) if columns else np.zeros((cone.dim, 0))
-    return Rays(_locked(together), _locked(np.array(lower)), _locked(np.array(upper)), frozenset(facets))
+    first = _locked(np.array(starts, int))
+    return Rays(_locked(together), _locked(np.array(lower)), _locked(np.array(upper)), first, frozenset(facets))
 
 
 def _locked(array: Array) -> Array:

@@ -1,9 +1,13 @@
-"""The certificate of an answer: every equation of the law, recomputed in physical units and scaled."""
+"""The certificate of an answer: every equation of the law, recomputed in physical units and scaled.
+
+Scaled row by row and point by point: each miss is divided by the terms of its own row (`rbd.scales`), and the largest quotient
+counts. A light body that sinks is not excused by a heavy one that does not.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +15,7 @@ import numpy as np
 from rbd.arrays import Array, add_wrench, largest, lazy
 from rbd.parts import bounded_weights
 from rbd.problem import GaussProblem
+from rbd.scales import Scales
 
 SOLVED = 1e-9
 """Scaled residuals up to this are `solved`."""
@@ -21,64 +26,74 @@ _UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementar
 
 
 class Residual(float):
-    """A residual in physical units that also tells `scaled`, its size against the terms that make it up."""
+    """A residual in physical units, the largest entry, that also tells `scaled`.
+
+    `scaled` is the largest quotient of an entry and the terms of its own row or point. It may belong to another entry: 1e-8 N
+    may be the most that is missed, and nothing beside the 800 N on a pelvis, while 1e-10 N are a tenth of what moves a finger.
+    """
 
     scaled: float
 
-    def __new__(cls, value: float, scale: float) -> Residual:
-        """The value, and the value over the scale."""
+    def __new__(cls, value: float, scaled: float) -> Residual:
+        """The largest entry, and the largest of them over their own terms."""
         self = super().__new__(cls, value)
-        self.scaled = float(value) / scale
+        self.scaled = scaled
         return self
 
     def __reduce__(self) -> tuple[object, ...]:
-        return Residual, (float(self), float(self) / self.scaled if self.scaled else 1.0)
+        return Residual, (float(self), self.scaled)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Residuals:
     """How far an answer is from the equations of its law; largest entries, zero for an exact answer.
 
-    Each is a float in physical units with an attribute `scaled`.
+    Each is a float in physical units with an attribute `scaled`, the largest entry over its own scale; see `rbd.scales`.
 
     Attributes:
         values: The five below in order, in physical units; the last is None where it does not apply.
-        scales: What they are measured against; computed when first asked for.
+        answer: What was judged: (problem, a, f, weights, law).
     """
 
     values: tuple[float, float, float, float, float | None]
-    scales: Scales
+    answer: tuple[GaussProblem, Array, Array, Array | None, str]
 
     @property
     def stationarity(self) -> Residual:
-        """|M a - rhs - J^T f| [N, N m]; over max(1, |M||a|, |rhs|, |f|)."""
+        """|M a - rhs - J^T f| [N, N m]; row by row over max(|M||a|, |rhs|, |J|^T|f|), at least min(1, M_ii)."""
         return self._residual(0)
 
     @property
     def feasibility(self) -> Residual:
-        """Distance of c~ to K* [m/s2, rad/s2]; over max(1, |J||a| + |bias|).
+        """Distance of c = J a + offset to where the law lets it be [m/s2, rad/s2].
 
-        c~ = J a + offset, for Coulomb's law plus mu |c_t| along the normal of each point. Of pyramids, along their rays as
-        given; of true cones, point by point.
+        Convex law: to K*. Of pyramids, along their rays as given; of true cones, point by point. Coulomb's law: how fast
+        points sink. Scaled by |J||a| + |bias| + |feedback|, at least 1: how fast a point sinks by the terms of its normal
+        row alone.
         """
         return self._residual(1)
 
     @property
     def cone(self) -> Residual:
-        """Distance of f to K [N, N m]; over the scale of stationarity."""
+        """Distance of f to K [N, N m]; row by row over |f_i|, at least the force that moves the row at 1 m/s2, or 1 N."""
         return self._residual(2)
 
     @property
     def complementarity(self) -> Residual:
-        """|weight x acceleration|, the worst of the rays or points [N m/s2]; over the product of the two scales."""
+        """|weight x acceleration|, the worst of the rays or points [N m/s2]; over the product of that point's scales.
+
+        Under Coulomb's law: normal force x normal acceleration, and f_t . c_t + mu f_n |c_t|, which vanishes where friction
+        opposes the slip.
+        """
         return self._residual(3)
 
     @property
     def centroidal(self) -> Residual | None:
         """Contact wrenches plus weight plus external forces, less the rate of centroidal momentum [N, N m].
 
-        About the centre of mass; over max(1, its largest term). It uses no contact Jacobian where the constraints have
-        resultants, so it catches a wrong J. None where there is no floating base: the base's reaction is unknown.
+        About the centre of mass; each of the six components over its largest term, at least what a unit acceleration of one
+        coordinate makes, or 1. It uses no contact Jacobian where the constraints have resultants, so it catches a wrong J.
+        None where there is no floating base: the base's reaction is unknown.
         """
         return None if self.values[4] is None else self._residual(4)
 
@@ -95,18 +110,57 @@ class Residuals:
 
     def within(self, tolerance: float) -> bool:
         """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
-        # Scales are at least 1: a small value passes without its scale. NaN fails both comparisons.
-        return all([x is None or x <= tolerance or x / self._scale(i) <= tolerance for i, x in enumerate(self.values)])
+        # What is small beside the least that scales can be passes without them. NaN fails both comparisons.
+        found = enumerate(self.values)
+        return all([x is None or x <= tolerance * self._least(i) or self._of(i) <= tolerance for i, x in found])
 
-    def _scale(self, i: int) -> float:
-        s = self.scales
-        if i == 3:
-            return s.of_force * s.of_rows
-        return s.of_rows if i == 1 else s.of_momentum if i == 4 else s.of_force
+    @lazy
+    def scales(self) -> Scales:
+        """What the rows are measured against."""
+        P, a, f, _, _ = self.answer
+        return Scales(P, a, f)
+
+    def _least(self, i: int) -> float:
+        """A lower bound of the scales of equation i, cheap."""
+        P = self.answer[0]
+        if self.values[i] == 0.0 or (i == 1 and P.bilateral):
+            return 1.0
+        if i in (0, 4):
+            return P.least_inertia if i == 0 else P.least_momentum
+        sets = P.rays if "facets" in self.answer[4] else P.parts
+        acceleration, normal = sets.reach
+        return acceleration if i == 1 else min(acceleration, 1.0) / max(1.0, normal**2 * largest(P.delassus.diagonal()))
+
+    def _of(self, i: int) -> float:
+        """The scaled residual of equation i."""
+        known: dict[int, float] = self.__dict__.setdefault("_known", {})
+        if i not in known:
+            value = self.values[i]
+            assert value is not None
+            known[i] = value if not 0.0 < value < math.inf else self._quotient(i)
+        return known[i]
+
+    def _quotient(self, i: int) -> float:
+        P, a, f, _, _ = self.answer
+        if i == 0:
+            return _over(P.M @ a - P.rhs - P.J.T @ f, self.scales.equations)
+        if i == 4:
+            return _over(np.array(_imbalance(P, a, f)), self.scales.momentum)
+        if i == 2:
+            return _over(self._terms.off_cone, self.scales.row_forces)
+        return float(self._quotients[i == 3].max(initial=0.0))
+
+    @lazy
+    def _terms(self) -> _Terms:
+        return _terms(*self.answer)
+
+    @lazy
+    def _quotients(self) -> tuple[Array, Array]:
+        return self._terms.over(self.scales)
 
     def _residual(self, i: int) -> Residual:
         value = self.values[i]
-        return Residual(math.nan if value is None else value, self._scale(i))
+        return Residual(math.nan, math.nan) if value is None else Residual(value, self._of(i))
 
     def _given(self) -> list[tuple[str, Residual]]:
         every = ((name, getattr(self, name)) for name in _UNITS)
@@ -130,58 +184,44 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None, 
             break, the best that can be found.
         law: "bilateral", "convex", "convex, 4 facets" or "coulomb".
     """
-    P, scales = problem, Scales(problem, a, f)
+    P, answer = problem, (problem, a, f, weights, law)
     if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
-        return Residuals((math.nan,) * 5, scales)
-    stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), _centroidal(P, a, f)
+        nan = math.nan
+        return Residuals((nan, nan, nan, nan, None if P.balance is None else nan), answer)
+    stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), None
+    if P.balance is not None:
+        centroidal = max([abs(x) for x in _imbalance(P, a, f)])
     if P.bilateral:
-        return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), scales)
+        return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
     terms = _terms(P, a, f, weights, law)
     gap, off_cone, slack = largest(terms.gap), largest(terms.off_cone), largest(terms.slack)
-    return Residuals((stationarity, gap, off_cone, slack, centroidal), scales)
-
-
-class Scales:
-    """Sizes of the terms of the equations, in their units; at least 1."""
-
-    def __init__(self, problem: GaussProblem, a: Array, f: Array) -> None:
-        self._given = problem, a, f
-
-    @lazy
-    def of_force(self) -> float:
-        """max(1, |M||a|, |rhs|, |f|)."""
-        P, a, f = self._given
-        return max(1.0, largest(np.abs(P.M) @ np.abs(a)), largest(P.rhs), largest(f))
-
-    @lazy
-    def of_rows(self) -> float:
-        """max(1, |J||a| + |bias|)."""
-        P, a, _ = self._given
-        return max(1.0, largest(np.abs(P.J) @ np.abs(a) + np.abs(P.offset)))
-
-    @lazy
-    def of_momentum(self) -> float:
-        """max(1, rate of momentum, weight and external wrench, |f|)."""
-        P, a, f = self._given
-        if P.balance is None:
-            return 1.0
-        return max(1.0, largest(P.balance.A_g @ a + P.balance.rate_bias), largest(P.balance.wrench), largest(f))
+    return Residuals((stationarity, gap, off_cone, slack, centroidal), answer)
 
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """Row accelerations against row forces: `gap` and `slack` by column of the sets, `off_cone` by row."""
+    """Row accelerations against row forces: `gap` and `slack` by column of the sets, `off_cone` by row.
+
+    Attributes:
+        gap: How far accelerations are from where they may be [m/s2].
+        slack: Weight x acceleration where one of them must be zero [N m/s2].
+        off_cone: Force less what the weights make [N].
+        slices: The columns of each constraint.
+        over: (gap, slack) by column, each over the scales of its own point.
+    """
 
     gap: Array
     slack: Array
     off_cone: Array
     slices: Sequence[slice]
+    over: Callable[[Scales], tuple[Array, Array]]
 
 
 def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str) -> _Terms:
     c = P.J @ a + P.offset
     if P.bilateral:
-        return _Terms(c, np.zeros(len(c)), np.zeros(len(c)), list(P.slices.values()))
+        none = np.zeros(len(c))
+        return _Terms(np.abs(c), none, none, list(P.slices.values()), lambda scales: (np.abs(c) / scales.rows, none))
     return _of_rays(P, c, f, weights) if "facets" in law else _of_parts(P, c, f, weights, coulomb=law == "coulomb")
 
 
@@ -195,35 +235,81 @@ def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Ter
     # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
     gap = np.where(R.below, 0.0, opens) + np.where(R.above, 0.0, closes)
     slack = (w - R.finite_lower) * R.below * opens + (R.finite_upper - w) * R.above * closes
-    return _Terms(gap, slack, f - R.G @ w, P.ray_slices)
+
+    def over(scales: Scales) -> tuple[Array, Array]:
+        of_along, of_normal, push, point = scales.of_rays(R, w)
+        normal = R.mean(along)
+        sinks = (np.maximum(-normal, 0.0) / of_normal)[point]
+        across = np.maximum(normal[point] - along - np.maximum(normal, 0.0)[point], 0.0)
+        of_point = (R.widths[point] > 1) & ~R.above
+        gaps = np.where(of_point, np.maximum(sinks, across / of_along), gap / of_along)
+        return gaps, slack / (push[point] * of_along)
+
+    return _Terms(gap, slack, f - R.G @ w, P.ray_slices, over)
 
 
 def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
     T = P.parts
     w = T.project(T.weights_of(f) if weights is None else weights)
-    y = T.accelerations(c, coulomb=coulomb)
-    return _Terms(T.gap(y), T.slack(w, y), f - T.G @ w, T.slices)
+    y = T.accelerations(c, coulomb=False)
+    gap, slack = T.gap(y), T.slack(w, y)
+    if not len(T.mu):
+        return _Terms(gap, slack, f - T.G @ w, T.slices, lambda scales: _over_columns(gap, slack, *scales.of_parts(T, w)))
+    n, Y, W = T.cone_at + 2, y[T.cone_columns], w[T.cone_columns]
+    slip = np.hypot(Y[:, 0], Y[:, 1])
+    sinks, presses = np.maximum(-Y[:, 2], 0.0), np.abs(W[:, 2] * Y[:, 2])
+    rubs = W[:, 0] * Y[:, 0] + W[:, 1] * Y[:, 1]  # power of friction
+    if coulomb:
+        rubs = np.abs(rubs + T.mu * W[:, 2] * slip)
+        gap[n], slack[n] = sinks, np.maximum(presses, rubs)
+
+    def over(scales: Scales) -> tuple[Array, Array]:
+        along, push = scales.of_parts(T, w)
+        gaps, slacks = _over_columns(gap, slack, along, push)
+        of_normal, of_slip, of_push = along[n], np.maximum(T.mu, 1.0) * along[T.cone_at], push[n]
+        gaps[n] = sinks / of_normal
+        if coulomb:
+            slacks[n] = np.maximum(presses / of_normal, rubs / of_slip) / of_push
+        else:
+            across = np.maximum(T.mu * slip - np.maximum(Y[:, 2], 0.0), 0.0)
+            gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
+            slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
+        return gaps, slacks
+
+    return _Terms(gap, slack, f - T.G @ w, T.slices, over)
+
+
+def _over_columns(gap: Array, slack: Array, along: Array, push: Array) -> tuple[Array, Array]:
+    return gap / along, slack / (along * push)
+
+
+def _over(miss: Array, scales: Array) -> float:
+    return float((np.abs(miss) / scales).max(initial=0.0))
 
 
 def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> str:
-    """The constraint that misses its equations most, and by how much, in words."""
+    """The constraint that misses its equations most, over their own terms, and by how much, in words."""
     if not problem.m:
         return "no constraint"
-    terms = _terms(problem, a, f, weights, law)
+    terms, scales = _terms(problem, a, f, weights, law), Scales(problem, a, f)
+    gaps, slacks = terms.over(scales)
+    off = np.abs(terms.off_cone) / scales.row_forces
     found = [(-1.0, "")]
     for rows, columns in zip(problem.rows, terms.slices, strict=True):
-        gap, slack = largest(terms.gap[columns]), largest(terms.slack[columns])
-        off = largest(terms.off_cone[problem.slices[rows.name]])
-        found.append((gap, f"{rows.name} cannot hold: residual {gap:.2g} m/s2"))
-        found.append((off, f"{rows.name} leaves its cone: by {off:.2g} N"))
-        found.append((slack, f"{rows.name} pushes while it opens: by {slack:.2g} N m/s2"))
+        own = problem.slices[rows.name]
+        for quotient, value, words in (
+            (gaps[columns], terms.gap[columns], "cannot hold: residual {:.2g} m/s2"),
+            (off[own], terms.off_cone[own], "leaves its cone: by {:.2g} N"),
+            (slacks[columns], terms.slack[columns], "pushes while it opens: by {:.2g} N m/s2"),
+        ):
+            found.append((float(quotient.max(initial=-1.0)), f"{rows.name} {words.format(largest(value))}"))
     return max(found)[1]
 
 
-def _centroidal(P: GaussProblem, a: Array, f: Array) -> float | None:
+def _imbalance(P: GaussProblem, a: Array, f: Array) -> list[float]:
+    """Rate of centroidal momentum less what makes it, six numbers; of a problem with a balance."""
     b = P.balance
-    if b is None:
-        return None
+    assert b is not None
     rate = (b.A_g @ a + b.rate_bias).tolist()
     total, com = b.wrench.tolist(), b.com.tolist()
     at = 0
@@ -238,4 +324,4 @@ def _centroidal(P: GaussProblem, a: Array, f: Array) -> float | None:
             point, axes = b.base
             force = rows.J[:, :6].T @ part
             add_wrench(total, [*(axes @ force[:3]).tolist(), *(axes @ force[3:]).tolist()], point.tolist(), com)
-    return max([abs(x - y) for x, y in zip(rate, total, strict=True)])
+    return [x - y for x, y in zip(rate, total, strict=True)]

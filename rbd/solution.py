@@ -16,7 +16,7 @@ from rbd.analysis.family import motion_freedom
 from rbd.analysis.feedback import feedback_acceleration
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.analysis.uniqueness import Uniqueness, uniqueness
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy
 from rbd.cones import FrictionCone, LineCone, WrenchCone
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.errors import NoSolution, Unsupported
@@ -174,9 +174,8 @@ class Solution:
         return corners, f"as {self.solver} left it"
 
     def _agrees(self, found: Admissible, x: Array) -> bool:
-        f = found.forces(x)
-        missed = largest(f - self.multipliers)
-        return missed <= SOLVED * self.residuals.scales.of_force and found.outside(x) <= SOLVED * found.size
+        missed = np.abs(found.forces(x) - self.multipliers)
+        return bool((missed <= SOLVED * self.residuals.scales.row_forces).all()) and found.outside(x) <= SOLVED * found.size
 
     @lazy
     def _admissible(self) -> Admissible:

@@ -41,6 +41,7 @@ LAYERS: dict[str, int] = {
     "external": 2,
     "dynamics": 2,
     "doctor": 2,
+    "scales": 2,
     "residuals": 2,
     "contact_force": 2,
     "analysis": 2,
@@ -108,6 +109,8 @@ BESIDE: set[tuple[str, str]] = {
     ("solution", "contact_force"),  # the table of contacts
     ("solution", "analysis"),  # what is unique, chosen, contradictory
     ("analysis", "residuals"),  # what counts as zero
+    ("analysis", "scales"),
+    ("residuals", "scales"),  # what misses are measured against
     ("analysis", "contact_force"),  # what carries nothing
     ("robot", "posture"),  # a robot stands in one
     ("robot", "loops"),  # and has loops
@@ -228,7 +231,7 @@ def test_only_one_file_knows_proxsuite():
 
 def test_the_algebra_knows_no_pinocchio():
     """Cones, rows, problems, solutions and solvers are arrays; one file asks Pinocchio's ADMM."""
-    algebra = "errors arrays cones rays parts polygon rows problem residuals contact_force analysis solution solvers".split()
+    algebra = "errors arrays cones rays parts polygon rows problem scales residuals contact_force analysis solution solvers".split()
     users = {m for m, path in MODULES.items() if room(m) in algebra and _imports_library(path, "pinocchio")}
     assert users == {"solvers.pinocchio_admm"}
 

@@ -5,9 +5,9 @@
     slips (y on the boundary of K*)     the edge of the cone that y is perpendicular to
     an interval                         its bound: low where y > 0, high where y < 0
 
-y is the acceleration that a weight answers to: along a ray, or of `rbd.parts`, under Coulomb's law with mu |y_t| added. Up to
-`STILL`, over the scale of `Residuals.feasibility`, it counts as zero; and a weight is at its bound only where its acceleration,
-so scaled, is larger than its distance from the bound, over the scale of the forces.
+y is the acceleration that a weight answers to: along a ray, or of `rbd.parts`. Up to `STILL`, over the terms of its own row or
+point (`rbd.scales`), it counts as zero; and a weight is at its bound only where its acceleration, so scaled, is larger than its
+distance from the bound, over the scale of that point's forces.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rbd.residuals import SOLVED, Scales
 from rbd.rows import Rows
 
 STILL = SOLVED
-"""Accelerations below this, over the scale of `Residuals.feasibility`, count as zero: it is what `solved` means."""
+"""Accelerations below this, over the terms of their own row or point, count as zero: it is what `solved` means."""
 
 
 def admissible(
@@ -75,9 +75,8 @@ class _Collector:
     """Columns, collected one piece at a time."""
 
     def __init__(self, problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str, tolerance: float) -> None:
-        P, scales = problem, Scales(problem, a, f)
-        self.P, self.f, self.tolerance = P, f, tolerance
-        self.of_rows, self.of_force = scales.of_rows, scales.of_force
+        P = problem
+        self.P, self.f, self.tolerance, self.coulomb = P, f, tolerance, law == "coulomb"
         self.by_rays = "facets" in law or P.bilateral
         c = P.J @ a + P.offset
         if self.by_rays:
@@ -88,10 +87,11 @@ class _Collector:
                 w = bounded_weights(R.G, f, lower, upper)
         else:
             T = P.parts
-            y = T.accelerations(c, coulomb=law == "coulomb")
+            y = T.accelerations(c, coulomb=False)
             self.G, lower, upper, self.slices = T.G, T.lower, T.upper, list(T.slices)
             w = T.weights_of(f) if weights is None else weights
         self.y, self.w, self.lower, self.upper = y, np.asarray(w), lower, upper
+        self.along, self.push = Scales(P, a, f).of_columns(self.w, law)
         r = self.G.shape[1]
         self.weight_columns: list[Array] = []
         self.weights_at = np.zeros(r)
@@ -202,25 +202,27 @@ class _Collector:
 
     def _decided(self, j: int) -> float | None:
         """The value that the law leaves to a weight, or None where it has a choice."""
-        low, high, y = float(self.lower[j]), float(self.upper[j]), float(self.y[j]) / self.of_rows
+        low, high, y = float(self.lower[j]), float(self.upper[j]), float(self.y[j] / self.along[j])
         if low == high:
             return low
         bound = low if y > 0.0 else high
-        if not math.isfinite(bound) or abs(y) <= self.tolerance or abs(y) <= abs(self.w[j] - bound) / self.of_force:
+        if not math.isfinite(bound) or abs(y) <= self.tolerance or abs(y) <= abs(self.w[j] - bound) / self.push[j]:
             return None
         return bound
 
     def _add_circular(self, rows: Rows, piece: Piece, kind: str) -> None:
         span, mu = piece.columns, piece.mu
-        y, w = self.y[span] / self.of_rows, project_cones(self.w[span][None], np.array([mu]))[0]
-        slip = math.hypot(y[0], y[1])
-        size = math.hypot(slip, y[2])
+        y, w = self.y[span], project_cones(self.w[span][None], np.array([mu]))[0]
+        slip, at = math.hypot(y[0], y[1]), span.start
+        of_slip, of_normal = float(self.along[at]), float(self.along[at + 2])
+        size = max(slip / of_slip, abs(float(y[2])) / of_normal)
+        opens = float(y[2]) / of_normal if self.coulomb else (float(y[2]) - mu * slip) / (of_normal + mu * of_slip)
         if size <= self.tolerance:
             self.cone_at.append(len(self.start))
             self.mu.append(mu)
             for i in range(3):
-                self._put(rows, piece, kind, self._unit(span.start + i), w[i], (-math.inf, math.inf), piece.push, i)
-        elif y[2] - mu * slip <= self.tolerance or w[2] / self.of_force > size:
+                self._put(rows, piece, kind, self._unit(at + i), w[i], (-math.inf, math.inf), piece.push, i)
+        elif opens <= self.tolerance or w[2] / self.push[at] > size:
             edge = np.array([-mu * y[0] / slip, -mu * y[1] / slip, 1.0]) if slip > 0.0 else np.array([0.0, 0.0, 1.0])
             column = np.zeros(len(self.weights_at))
             column[span] = edge

@@ -220,7 +220,7 @@ def _polished(H: Array, e: Array, on: ConeSet, z: Array) -> Array:
         system = np.block([[P + bend, slope.T], [slope, np.zeros((k, k))]])
         step = np.linalg.lstsq(system, np.concatenate([-gradient, -g]), rcond=1e-14)[0]
         best, lam = best + step[: len(z)], step[len(z) :]
-        if not math.isfinite(float(np.abs(best).sum())) or np.abs(best - z).max() > 1e-3:
+        if not math.isfinite(float(np.abs(best).sum())) or np.abs(best - z).max(initial=0.0) > 1e-3:
             return z
     better = np.linalg.norm(H @ best + e) <= np.linalg.norm(H @ z + e) + 1e-10
     return best if better and on.margin(best) >= -_EXACT else z

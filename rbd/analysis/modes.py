@@ -154,16 +154,17 @@ class Modes:
 
 def modes_of(solution: Solution) -> Modes:
     """The active columns of an answer; whether its forces have room is left to be checked."""
-    P, scales = solution.problem, solution.residuals.scales
+    P = solution.problem
     true_parts = not (solution.weights is None or P.bilateral or "facets" in solution.law)
     modes = Modes(_generators(solution, true_parts), true_parts)
-    still, unit, coulomb = RESOLUTION * scales.of_rows, scales.of_force, solution.law == "coulomb"
+    along, push = solution.residuals.scales.of_columns(solution.weights, solution.law)
+    still, coulomb = RESOLUTION * along, solution.law == "coulomb"
     sliding = {s.column for s in P.parts.sliding} if true_parts else set()
     for part in modes.generators.parts:
         if part.columns[0] in modes.generators.cone_at:
-            modes.words[part] = _cone(modes, part, still, unit, coulomb)
+            modes.words[part] = _cone(modes, part, still, float(push[part.columns[0]]), coulomb)
             continue
-        words = [_weight(modes, part, j, still, unit) for j in part.columns]
+        words = [_weight(modes, part, j, float(still[j]), float(push[j])) for j in part.columns]
         if part.columns[0] in sliding and words == ["presses"]:
             words = ["slides"]
         if len(words) > 1 and part.mu:  # rays of a pyramid
@@ -190,16 +191,17 @@ def _weight(modes: Modes, part: Part, j: int, still: float, unit: float) -> str:
     return "presses" if any(bounded) and not all(bounded) else "holds"
 
 
-def _cone(modes: Modes, part: Part, still: float, unit: float, coulomb: bool) -> str:
+def _cone(modes: Modes, part: Part, still: Array, unit: float, coulomb: bool) -> str:
     """A second-order cone."""
     at, mu = part.columns[0], part.mu
     y, w = modes.generators.y[at : at + 3], modes.generators.w[at : at + 3]
     t, n = float(np.hypot(y[0], y[1])), float(y[2])
-    if max(t, abs(n)) <= still:
+    of_slip, of_normal = float(still[at]), float(still[at + 2])
+    if t <= of_slip and abs(n) <= of_normal:
         first = [modes.put(modes.unit(j), modes.unit(j), modes.generators.w[j]) for j in part.columns][0]
         modes.needs.append(Need(part, first, mu, 0.0, unit, cone=True))
         return "sticks"
-    if (n if coulomb else n - mu * t) > still:
+    if n > of_normal if coulomb else n - mu * t > of_normal + mu * of_slip:
         return "opens"
     e = y[:2] / t
     phi = modes.unit(at + 2)

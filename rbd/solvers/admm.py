@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, largest, lazy
 from rbd.cones import pyramid
 from rbd.errors import InputError
 from rbd.parts import Parts
@@ -22,6 +22,7 @@ from rbd.solvers.interior_point import interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
 from rbd.solvers.newton import Scaled, leaves_motion_open, scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
+from rbd.solvers.refinement import by_newton, refined
 
 _FACETS = 16
 """Of the inscribed pyramids that the linear program of infeasibility puts in place of cones."""
@@ -34,6 +35,8 @@ OPEN = (
 """The reason of an answer that is one of a family."""
 _FOUND = 1e-10
 """Scaled merit of what is an answer."""
+REFINED = 1e-2
+"""Answers with scaled residuals up to this are refined: their modes may be right."""
 _RANDOM_STARTS = 4
 _FIXED_POINT_STEPS = 12
 
@@ -140,8 +143,7 @@ class _Search:
         first = T.project(w)
         if wanted == 1 and largest(first - w) <= 1e-13 * largest(w) and self._judge(first):
             return self.answers[0]
-        W = self.P.whitened @ T.G
-        S = scaled(W.T @ W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
+        S, W = self.S, self.W
         for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W)):
             if self.answers and i >= wanted:
                 break
@@ -154,6 +156,17 @@ class _Search:
             if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
                 break
         return self._result()
+
+    @lazy
+    def W(self) -> Array:  # noqa: N802  as in the module's text
+        """What unit weights do, in whitened coordinates, shape (nv, p)."""
+        return self.P.whitened @ self.P.parts.G
+
+    @lazy
+    def S(self) -> Scaled:  # noqa: N802
+        """The problem in units of its own."""
+        T = self.P.parts
+        return scaled(self.W.T @ self.W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
 
     def _starts(self, S: Scaled, first: Array, W: Array) -> Iterator[tuple[Array, float]]:
         """(scaled weights, proximal term) to start Newton from, cheapest first."""
@@ -210,6 +223,8 @@ class _Search:
         f = self.P.parts.G @ w
         a = constrained(self.P, f)
         found = Solution(self.P, a, f, w, self.law, "ADMM", self.iterations, time.perf_counter() - self.start, reason=reason)
+        if not found.residuals.within(SOLVED) and found.residuals.within(REFINED):
+            found = refined(found, by_newton(self.S, self.P.parts, coulomb=self.coulomb), self.P.parts)
         if not found.residuals.within(SOLVED):
             if self.best is None or not self.best.residuals.worst <= found.residuals.worst:
                 self.best = found

@@ -16,7 +16,8 @@ from rbd.rays import Rays
 from rbd.residuals import SOLVED, USABLE
 from rbd.solution import Solution
 from rbd.solvers import qp
-from rbd.solvers.kkt import constrained, independent_factor
+from rbd.solvers.kkt import constrained, held_refined, independent_factor
+from rbd.solvers.refinement import rays_refined
 from rbd.solvers.violation import relaxed, smallest_violation
 
 POLISH = 1e-12
@@ -108,6 +109,8 @@ class ProxQP:
             if not found.residuals.within(POLISH):
                 polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
                 found = _better(found, _solution(P, polished, attempt.iterations, start))
+                if not found.residuals.within(SOLVED):
+                    found = held_refined(found) if P.bilateral else rays_refined(found)
             best = found if best is None else _better(best, found)
             if best.residuals.within(SOLVED):
                 return best, True
