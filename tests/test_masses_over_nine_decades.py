@@ -1,10 +1,11 @@
 """Chains of 1 kg to 1e-9 kg: every row and every point is judged by its own terms, by equations written down here once more.
 
-    python tests/test_masses_over_nine_decades.py 500        (chains a base, from seed 0)
+`python tests/test_masses_over_nine_decades.py 500 3` puts 500 chains of seed 3 to every solver.
 """
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import tempfile
 import time
@@ -36,7 +37,7 @@ def _words(x) -> str:
 
 
 def chain(rng: np.random.Generator, root: str) -> rbd.Robot:
-    """4 to 9 links of 1 to 1e-9 kg and 5 to 40 cm, the heavy ones first, last or anywhere; hinges about any axis, some slides."""
+    """4 to 9 links of 1 to 1e-9 kg and 5 to 40 cm, the heavy ones first, last or anywhere; hinges, and some slides."""
     links, joints = [], []
     n = int(rng.integers(3, 9))
     masses = 10.0 ** rng.uniform(-9.0, 0.0, n + 1)
@@ -73,11 +74,17 @@ def contacts_on(rng: np.random.Generator, robot: rbd.Robot, held: bool) -> list[
 
 
 def problems(count: int, seed: int) -> Iterator[tuple[str, rbd.GaussProblem]]:
-    """(what it is, problem) of chains at rest with random torques: none, what moves each joint at 10 rad/s2, or a newton metre."""
+    """(what it is, problem) of chains at rest: no torques, what moves each joint at 10 rad/s2, a newton metre, or 1e-3.
+
+    A chain of which the doctor says that nothing in it has inertia is drawn again.
+    """
     for i in range(count):
         rng = np.random.default_rng([seed, i])
         root = str(rng.choice(["fixed", "free_flyer"]))
-        robot = chain(rng, root)
+        robot = None
+        while robot is None:
+            with contextlib.suppress(rbd.ModelError):
+                robot = chain(rng, root)
         q = pin.integrate(robot.model, pin.neutral(robot.model), rng.uniform(-1.0, 1.0, robot.nv))
         state = rbd.State(robot, q)
         own = state.M.diagonal()[robot.nv - robot.nu :]
@@ -180,7 +187,7 @@ def statistics(count: int, seed: int) -> None:
                     wrong.append(f"{what}: {of} by {miss:.1e}")
             elif s.status != "infeasible":
                 wrong.append(f"{what}: {s.status} {s.residuals.worst:.0e}")
-        print(f"{name:14} {dict(statuses)}, worst of solved {worst:.1e}, longest {longest:.1f} s; {len(wrong)} wrong: {wrong[:12]}")
+        print(f"{name:14} {dict(statuses)}, worst of solved {worst:.1e}, longest {longest:.1f} s; {len(wrong)} wrong: {wrong}")
 
 
 if __name__ == "__main__":

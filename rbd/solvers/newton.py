@@ -227,8 +227,8 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
 def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
     """Change of weights whose modes are right, to what the accelerations y are found to be; not rounded to the weights.
 
-    Newton's own steps add to the weights and so end at their last digit, and the last digit of a force of 10 N moves a milligram
-    at 1e-9 m/s2. This is the change alone, of least norm where rows repeat each other.
+    Newton's own steps add to the weights and so end at their last digit, and the last digit of a force of 10 N moves a
+    milligram at 1e-9 m/s2. This is the change alone, of least norm where rows repeat each other.
     """
     gap, edges = _gap(problem, w, y, coulomb)
     n, p = problem.order.singles, edges[0]

@@ -1,8 +1,8 @@
 """An answer made exact in every row by its own terms: iterative refinement of motion and forces together.
 
 A solve in double precision leaves errors that are small beside the largest numbers in it, and so too large for a light body
-beside heavy ones. Refinement computes what each equation misses, row by row from M, J, rhs and offset themselves, and solves for
-a correction with the matrices at hand; its errors are small beside the correction. One or two rounds leave every row with
+beside heavy ones. Refinement computes what each equation misses, row by row from M, J, rhs and offset themselves, and solves
+for a correction with the matrices at hand; its errors are small beside the correction. One or two rounds leave every row with
 errors of rounding of its own terms [Skeel1980].
 
     a <- a + M^-1 (rhs + J^T f - M a),    y = H^T (J a + offset) + centripetal part

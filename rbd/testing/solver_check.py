@@ -104,32 +104,33 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
         law: The solver's law.
 
     Returns:
-        stationarity, feasibility, cone and complementarity, scaled as in `rbd.residuals.Residuals`; NaN becomes inf.
+        stationarity, feasibility, cone and complementarity, each row and each point over its own terms as in `rbd.scales`; NaN
+        becomes inf.
     """
     a, f, M = solution.a, solution.multipliers, problem.M
-    force_scale = max(1.0, (np.abs(M) @ np.abs(a)).max(), np.abs(problem.rhs).max(), np.abs(f).max(initial=0.0))
     worst = {"stationarity": 0.0, "feasibility": 0.0, "cone": 0.0, "complementarity": 0.0}
-    row_scale, at, left = 1.0, 0, M @ a - problem.rhs
+    at, left, force_scale = 0, M @ a - problem.rhs, np.abs(M) @ np.abs(a)
+    carried = np.zeros(len(a))
     for rows in problem.rows:
         part, offset = f[at : at + len(rows)], rows.bias + rows.feedback
         at += len(rows)
-        left = left - rows.J.T @ part
+        left, carried = left - rows.J.T @ part, carried + np.abs(rows.J).T @ np.abs(part)
         if not len(rows):
             continue
-        row_scale = max(row_scale, float((np.abs(rows.J) @ np.abs(a) + np.abs(offset)).max()))
         corners = None
         if "facets" not in solution.law and isinstance(rows.cone, WrenchCone | LineCone):
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
             corners = solution.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
         cone = _against_motion(rows.cone, rows.velocity)
-        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in solution.law else law, corners)
+        terms = np.maximum(np.abs(rows.J) @ np.abs(a) + np.abs(rows.bias) + np.abs(rows.feedback), 1.0)
+        mobility = np.einsum("ij,ji->i", rows.J, np.linalg.solve(M, rows.J.T))
+        sizes = terms, np.array([1.0 if x <= 1.0 else 1.0 / x for x in mobility])
+        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in solution.law else law, corners, sizes)
         for what, value in zip(("feasibility", "cone", "complementarity"), gaps, strict=True):
             worst[what] = max(worst[what], value)
-    worst["stationarity"] = float(np.abs(left).max()) / force_scale
-    worst["feasibility"] /= row_scale
-    worst["cone"] /= force_scale
-    worst["complementarity"] /= force_scale * row_scale
+    least = np.minimum(np.diag(M), 1.0)
+    worst["stationarity"] = float((np.abs(left) / np.max([force_scale, np.abs(problem.rhs), carried, least], axis=0)).max())
     return {what: value if np.isfinite(value) else np.inf for what, value in worst.items()}
 
 
@@ -144,38 +145,57 @@ def _against_motion(cone: Cone, velocity: Array) -> Cone:
     return Box(lo, np.where((velocity > REST_SPEED) & np.isfinite(cone.lo), cone.lo, cone.hi))
 
 
-def _gaps(cone: Cone, c: Array, f: Array, law: str, corners: Array | None) -> tuple[float, float, float]:
-    """How far c is from where it may be, f from the cone, and the two from being complementary."""
+def _gaps(
+    cone: Cone, c: Array, f: Array, law: str, corners: Array | None, sizes: tuple[Array, Array]
+) -> tuple[float, float, float]:
+    """How far c is from where it may be, f from the cone, and the two from being complementary, each over its own terms.
+
+    `sizes`: what the rows' accelerations are made of, and the least forces of the rows that count.
+    """
+    terms, least = sizes
     if isinstance(cone, Product):
         ends = np.cumsum([part.dim for part in cone.cones])[:-1]
-        parts = zip(cone.cones, np.split(c, ends), np.split(f, ends), strict=True)
-        found = [_gaps(part, c_i, f_i, law, corners) for part, c_i, f_i in parts]
-        return max(x[0] for x in found), max(x[1] for x in found), max(x[2] for x in found)
+        pieces = zip(cone.cones, *(np.split(x, ends) for x in (c, f, terms, least)), strict=True)
+        each = [_gaps(part, c_i, f_i, law, corners, (t_i, l_i)) for part, c_i, f_i, t_i, l_i in pieces]
+        return max(x[0] for x in each), max(x[1] for x in each), max(x[2] for x in each)
     if isinstance(cone, Free):
-        return float(np.abs(c).max()), 0.0, 0.0
+        return float((np.abs(c) / terms).max()), 0.0, 0.0
+    push = np.maximum(np.abs(f), least)
     if isinstance(cone, NonNegative):
-        return float(np.maximum(-c, 0.0).max()), float(np.maximum(-f, 0.0).max()), float(np.abs(f * c).max())
+        works = float((np.abs(f * c) / (push * terms)).max())
+        return float((np.maximum(-c, 0.0) / terms).max()), float((np.maximum(-f, 0.0) / push).max()), works
     if isinstance(cone, Box):
         opens, closes, low, high = np.maximum(c, 0.0), np.maximum(-c, 0.0), np.isfinite(cone.lo), np.isfinite(cone.hi)
         gap = np.where(low, 0.0, opens) + np.where(high, 0.0, closes)  # where no bound ends the force, nothing may move
         slack = opens * np.abs(f - np.where(low, cone.lo, f)) + closes * np.abs(np.where(high, cone.hi, f) - f)
         beyond = np.maximum(np.maximum(cone.lo - f, f - cone.hi), 0.0)
-        return float(gap.max(initial=0.0)), float(beyond.max(initial=0.0)), float(slack.max(initial=0.0))
+        reach = push + np.where(low, np.abs(cone.lo), 0.0) + np.where(high, np.abs(cone.hi), 0.0)
+        found = gap / terms, beyond / reach, slack / (reach * terms)
+        return float(found[0].max(initial=0.0)), float(found[1].max(initial=0.0)), float(found[2].max(initial=0.0))
     if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
         raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.cones.")
+    E, mu = _corner_map(cone), cone.mu
+    C, own = (E.T @ c).reshape(-1, 3), (np.abs(E).T @ terms).reshape(-1, 3)
+    sinks = float((np.maximum(-C[:, 2], 0.0) / own[:, 2]).max())
     if law == "pyramids":
         G = corner_rays(cone)
         assert G is not None
-        return float(np.maximum(-(G.T @ c), 0.0).max()), float(nnls(G, f)[1]), abs(float(f @ c))
-    C, mu = (_corner_map(cone).T @ c).reshape(-1, 3), cone.mu
+        along = np.abs(G).T @ terms
+        misses = float((np.maximum(-(G.T @ c), 0.0) / along).max())
+        return max(sinks, misses), float(nnls(G, f)[1] / push.max()), abs(float(f @ c)) / float(push.max() * along.max())
     corners = f[None] if corners is None else corners
+    load = np.maximum(np.abs(corners).max(axis=1), least.min())
+    slip, rub, across = np.linalg.norm(C[:, :2], axis=1), np.linalg.norm(corners[:, :2], axis=1), own[:, :2].max(axis=1)
+    outside = np.maximum(np.maximum(rub - mu * corners[:, 2], -corners[:, 2]), 0.0) / load
+    split = np.abs(E @ corners.ravel() - f) / np.maximum(np.abs(E) @ np.abs(corners.ravel()), least)
+    power = (C[:, :2] * corners[:, :2]).sum(axis=1)
     if law == "coulomb":
-        C = C + mu * np.linalg.norm(C[:, :2], axis=1)[:, None] * np.array([0.0, 0.0, 1.0])
-    opening = mu * np.linalg.norm(C[:, :2], axis=1) - C[:, 2]
-    beyond = np.linalg.norm(corners[:, :2], axis=1) - mu * corners[:, 2]
-    split = float(np.abs(_corner_map(cone) @ corners.ravel() - f).max())
-    slack = float(np.abs((C * corners).sum(axis=1)).max())
-    return float(np.maximum(opening, 0.0).max()), max(split, float(np.maximum(beyond, 0.0).max())), slack
+        presses = np.abs(C[:, 2] * corners[:, 2]) / (load * own[:, 2])
+        rubs = np.abs(power + mu * corners[:, 2] * slip) / (load * max(1.0, mu) * across)
+        return sinks, float(max(split.max(), outside.max())), float(max(presses.max(), rubs.max()))
+    opening = float((np.maximum(mu * slip - C[:, 2], 0.0) / (mu * across + own[:, 2])).max())
+    slacks = np.abs(power + C[:, 2] * corners[:, 2]) / (load * (max(1.0, mu) * across + own[:, 2]))
+    return max(sinks, opening), float(max(split.max(), outside.max())), float(slacks.max())
 
 
 def _corner_map(cone: FrictionCone | WrenchCone | LineCone) -> Array:
