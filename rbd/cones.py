@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import Protocol, TypeAlias
 
 import numpy as np
-from scipy.optimize import nnls
 
 from rbd.arrays import Array, a_number, is_finite, numbers
-from rbd.errors import InputError
+from rbd.errors import InputError, NoSolution
+from rbd.programs import nonnegative
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,10 @@ def _of_corners(cone: WrenchCone | LineCone) -> tuple[Array, tuple[Part, ...]]:
 
 def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
     G = cone.corner_map @ block_diagonal([pyramid(cone.mu, cone.facets)] * len(cone.corners))
-    return G @ nnls(G, force)[0]
+    weights = nonnegative(G, force)
+    if weights is None:
+        raise NoSolution(f"the wrench nearest to {np.array2string(force, precision=4):.200} in the cone was not found.")
+    return G @ weights
 
 
 @dataclass(frozen=True)

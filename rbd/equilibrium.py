@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linprog
 
 from rbd.arrays import Array
 from rbd.cones import block_diagonal
@@ -21,8 +20,10 @@ from rbd.dynamics import checked, free_force
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.external import External
 from rbd.least_constraint import Constraint, rows_of
+from rbd.limits import PROGRAM_PIVOTS, PROGRAM_SECONDS
 from rbd.model import CheckedModel
 from rbd.polygon import convex_hull, inside_distance
+from rbd.programs import Outcome, linear_program
 from rbd.rays import rays
 from rbd.residuals import SOLVED, USABLE
 from rbd.rows import Rows
@@ -303,8 +304,13 @@ class _Statics:
         bounds = [*zip(self.low, self.high, strict=True), *[(0.0, None)] * (n + 2 * p)]
         cost = np.r_[np.zeros(r), np.ones(n + 2 * p)]
         b_ub = np.concatenate([1.0 + t, 1.0 - t])
-        answer = linprog(cost, A_ub, b_ub, A_eq, self.b / self.unit, bounds=bounds, method="highs")
-        if answer.status != 0:
+        answer = linear_program(cost, A_ub, b_ub, A_eq, self.b / self.unit, bounds=bounds)
+        if answer.outcome is Outcome.NOT_FOUND:
+            raise CannotHold(
+                f"{self.state.robot.name}: whether it can be held was not found within {PROGRAM_PIVOTS:,} pivots and "
+                f"{PROGRAM_SECONDS:g} s of a linear program. Use fewer contacts, or contacts that do not repeat each other."
+            )
+        if not answer.solved:
             return None
         over = np.zeros(len(self.limit))
         over[np.flatnonzero(self.limited)[:n]] = answer.x[r : r + n]

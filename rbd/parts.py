@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from rbd.arrays import Array, lazy
 from rbd.cones import Cone, HalfLine, Interval, Line, LineCone, Part, Product, SecondOrderCone, WrenchCone
+from rbd.programs import between
 from rbd.rays import column_reach
 from rbd.rows import Rows
 
@@ -175,7 +175,7 @@ def bounded_weights(G: Array, f: Array, lower: Array, upper: Array) -> Array:
     """Weights within their bounds, equal ones among them, that make the force f as nearly as can be, shape (p,)."""
     w, free = lower.copy(), lower < upper
     if free.any():
-        w[free] = lsq_linear(G[:, free], f - G[:, ~free] @ lower[~free], (lower[free], upper[free]), tol=1e-14).x
+        w[free] = between(G[:, free], f - G[:, ~free] @ lower[~free], lower[free], upper[free])
     return w
 
 

@@ -169,7 +169,7 @@ class Solution:
                 return corners, UNIQUE
             if found.rank == self.problem.m:  # the row forces are unique, their split is not
                 x = shortest(found)
-                if self._agrees(found, x):
+                if x is not None and self._agrees(found, x):
                     return corners | found.corner_forces(x), MINIMUM_NORM
         return corners, f"as {self.solver} left it"
 
@@ -192,7 +192,8 @@ class Solution:
 
         Returns:
             A solution whose `force_choice` says so; `multipliers`, `weights`, `forces` and `corner_forces` belong together, and
-            its residuals certify them. Where rounding keeps those above 1e-9 the forces stay as they were, and it says that.
+            its residuals certify them. Where rounding keeps those above 1e-9, or they were not found within
+            `rbd.limits.FORCE_CHOICE_WORK`, the forces stay as they were, and it says that.
 
         Raises:
             InputError: on a weight that is not positive or does not fit.
@@ -211,14 +212,14 @@ class Solution:
 
     def _with(self, found: Admissible, weight: Mapping[str, object] | None) -> Solution:
         x = shortest(found, metric(found, weight))
-        name = UNIQUE if not found.null.shape[1] else MINIMUM_NORM if weight is None else GIVEN_WEIGHT
-        f = self.multipliers if found.rank == self.problem.m else found.forces(x)
         corners = {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
-        out = replace(
-            self, multipliers=f, weights=found.law_weights(x), chosen_corners=corners | found.corner_forces(x), choice=name
-        )
-        if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
-            return out
+        if x is not None:
+            name = UNIQUE if not found.null.shape[1] else MINIMUM_NORM if weight is None else GIVEN_WEIGHT
+            f = self.multipliers if found.rank == self.problem.m else found.forces(x)
+            chosen = corners | found.corner_forces(x)
+            out = replace(self, multipliers=f, weights=found.law_weights(x), chosen_corners=chosen, choice=name)
+            if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
+                return out
         return replace(self, chosen_corners=corners, choice=f"as {self.solver} left it")
 
     def uniqueness(self) -> Uniqueness:

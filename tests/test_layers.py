@@ -20,6 +20,9 @@ LAYERS: dict[str, int] = {
     "rays": 0,
     "polygon": 0,
     "kept_files": 0,
+    # limits: plain numbers; programs: SciPy's optimisers within them.
+    "limits": 0,
+    "programs": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
@@ -85,6 +88,9 @@ BESIDE: set[tuple[str, str]] = {
     ("arrays", "errors"),  # what is not finite is refused
     ("cones", "errors"),  # a negative friction is refused
     ("cones", "arrays"),  # the type Array, and the check of numbers
+    ("cones", "programs"),  # the nearest wrench of a patch
+    ("programs", "arrays"),  # what is not finite is not passed on
+    ("programs", "limits"),
     ("rays", "arrays"),
     ("rays", "cones"),  # rays of the sets
     ("polygon", "arrays"),  # the type Array
@@ -227,6 +233,12 @@ def test_only_one_file_knows_proxsuite():
     """One sign, one retry policy: `solvers/qp.py`."""
     users = {m for m, path in MODULES.items() if _imports_library(path, "proxsuite")}
     assert users == {"solvers.qp"}
+
+
+def test_only_one_file_calls_the_optimisers():
+    """Each program is posed within the limits of `limits.py`; the root of one number needs none, a checker trusts no one."""
+    users = {m for m, path in MODULES.items() if "scipy.optimize import" in path.read_text()}
+    assert users == {"programs", "mechanism.continuation", "testing.solver_check"}
 
 
 def test_the_algebra_knows_no_pinocchio():

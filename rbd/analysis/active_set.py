@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
-from scipy.optimize import linprog
 
 from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
 from rbd.arrays import Array
 from rbd.cones import block_diagonal
 from rbd.errors import NotDifferentiable
 from rbd.parts import REST_SPEED, centripetal
+from rbd.programs import linear_program
 from rbd.rows import Rows
 
 if TYPE_CHECKING:
@@ -203,20 +203,23 @@ def _check_room(solution: Solution, modes: Modes, kernel: Array) -> None:
     planes, shift = [_plane(need, start) for need in modes.needs], kernel * max(need.unit for need in modes.needs)
     for _ in range(40 if kernel.shape[1] else 0):
         rows, levels = np.array([plane.row for plane in planes]), np.array([plane.level for plane in planes])
-        found = linprog(
+        found = linear_program(
             np.r_[np.zeros(kernel.shape[1]), -1.0],
             np.column_stack([-rows @ shift, np.ones(len(rows))]),
             rows @ start + levels,
             bounds=[(None, None)] * kernel.shape[1] + [(None, 1.0)],
         )
-        if not found.success:
-            break
+        if not found.solved:
+            raise NotDifferentiable(
+                "whether the forces have room on all sides, without which there are no derivatives, was not found: a linear "
+                f"program gave up after {found.pivots} pivots. Move q, tau or the push a little."
+            )
         s = start + shift @ found.x[:-1]
         room, most = _room(modes.needs, s), float(found.x[-1])
         if room.min() > RESOLUTION:
             return
         if most <= RESOLUTION:
-            worst = planes[int(np.argmin(found.ineqlin.marginals))].need
+            worst = planes[int(np.argmin(found.lower))].need
             break
         planes += [_plane(need, s) for need, r in zip(modes.needs, room, strict=True) if need.cone and r < most]
     _refuse(solution, modes, worst)

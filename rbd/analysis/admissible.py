@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.analysis.separable import Separable
+from rbd.arrays import Array, lazy
 from rbd.parts import project_cones
 from rbd.problem import GaussProblem
 
@@ -90,14 +91,43 @@ class Admissible:
         """Columns of the circular cones, shape (k, 3)."""
         return self.cone_at[:, None] + np.arange(3)
 
+    def separable(self, squares: Array, linear: Array) -> Separable | None:
+        """1/2 y . squares y + linear . y over the set, y = x / size, where bounds and weights are of single columns.
+
+        Args:
+            squares: Shape (n, n).
+            linear: Shape (n,).
+
+        Returns:
+            The problem; None where squares is not diagonal, or differs within a cone, or where pyramids bound several columns.
+        """
+        d = squares.diagonal()
+        of_cones = d[self.cone_columns]
+        alike = np.abs(of_cones - of_cones[:, :1]).max(initial=0.0) <= 1e-12 * d.max(initial=0.0)
+        diagonal = np.abs(squares - np.diag(d)).max(initial=0.0) <= 1e-12 * d.max(initial=0.0)
+        if self.whole or not (alike and diagonal and (d > 1e-12 * d.max(initial=0.0)).all()):
+            return None
+        lower, upper = self.bounds
+        y, R = self.start / self.size, null_space(self.null.T)[0].T
+        return Separable(d, linear, R, R @ y, lower / self.size, upper / self.size, self.cone_columns, self.mu)
+
+    @lazy
+    def bounds(self) -> tuple[Array, Array]:
+        """(lower, upper) of single columns, shapes (n,); what pyramids ask of three together is left out."""
+        lower, upper = np.full(len(self.start), -math.inf), np.full(len(self.start), math.inf)
+        for row, level in zip(self.D, self.d, strict=True):
+            (at,) = np.nonzero(row)
+            if len(at) == 1:
+                j, bound = int(at[0]), level / row[at[0]]
+                if row[j] > 0.0:
+                    lower[j] = max(lower[j], bound)
+                else:
+                    upper[j] = min(upper[j], bound)
+        return lower, upper
+
     def kept(self, x: Array) -> Array:
         """The same with what rounding took out of bounds and cones brought back, shape (n,)."""
-        x = x.copy()
-        single = (np.count_nonzero(self.D, axis=1) == 1).nonzero()[0]
-        for i in single:
-            j = int(np.flatnonzero(self.D[i])[0])
-            bound = self.d[i] / self.D[i, j]
-            x[j] = max(x[j], bound) if self.D[i, j] > 0.0 else min(x[j], bound)
+        x = np.minimum(np.maximum(x, self.bounds[0]), self.bounds[1])
         if len(self.mu):
             x[self.cone_columns] = project_cones(x[self.cone_columns], self.mu)
         return x

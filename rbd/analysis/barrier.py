@@ -11,8 +11,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from rbd.arrays import Array
+from rbd.limits import Work
 
 STEP = 30.0
 """t grows by this factor."""
@@ -64,7 +66,7 @@ class ConeSet:
         return replace(self, A=np.vstack([self.A, I, -I]), b=np.concatenate([self.b, np.full(2 * len(I), -side)]))
 
 
-def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float) -> Array:
+def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float, work: Work | None = None) -> Array:
     """A point within `gap` of the least of 1/2 z . P z + q . z over a set, strictly inside.
 
     Args:
@@ -73,24 +75,27 @@ def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float) -> Array:
         inside: The set.
         z: A point strictly inside.
         gap: Largest excess of the value.
+        work: What it may cost. Once none is left (`work.left < 0`) the point is inside, and not within the gap.
     """
+    work = Work(math.inf) if work is None else work
     nu = inside.parameter
     end = (nu + 2.0 * math.sqrt(nu)) / gap
     t = min(end, nu / max(1.0, float(np.abs(q).sum())))
     while True:
-        z = _centred(P, q, inside, z, t)
-        if t >= end:
+        z = _centred(P, q, inside, z, t, work)
+        if t >= end or work.left < 0.0:
             return z
         t = min(STEP * t, end)
 
 
-def interior(inside: ConeSet, z: Array, enough: float) -> Array | None:
+def interior(inside: ConeSet, z: Array, enough: float, work: Work | None = None) -> Array | None:
     """A point inside by about `enough`, or as far inside as the set allows; None where that is nothing.
 
     Args:
         inside: The set.
         z: A point of it, on its boundary perhaps.
         enough: The margin that will do.
+        work: As of `least`.
     """
     if inside.margin(z) >= enough:
         return z
@@ -106,7 +111,7 @@ def interior(inside: ConeSet, z: Array, enough: float) -> Array | None:
     q = np.zeros(n + 1)
     q[n] = -1.0
     box = 1.0 + 1e4 * max(1.0, float(np.abs(z).max(initial=0.0)))
-    found = least(np.zeros((n + 1, n + 1)), q, wider.boxed(box), start, 1e-3 * _THIN)[:n]
+    found = least(np.zeros((n + 1, n + 1)), q, wider.boxed(box), start, 1e-3 * _THIN, work)[:n]
     return found if inside.margin(found) > _THIN else None
 
 
@@ -114,15 +119,18 @@ _THIN = 1e-8
 """Sets that are thinner than this have no inside."""
 
 
-def _centred(P: Array, q: Array, inside: ConeSet, z: Array, t: float) -> Array:
+def _centred(P: Array, q: Array, inside: ConeSet, z: Array, t: float, work: Work) -> Array:
     """Newton's method on t objective + barrier, until the decrement is small."""
+    cost = len(z) ** 2 * (len(z) / 3.0 + len(inside.b) + 3.0 * len(inside.mu)) + 1e5
     for _ in range(_NEWTON_STEPS):
+        if not work.spend(cost):
+            return z
         gradient, hessian = _derivatives(inside, z)
         gradient += t * (P @ z + q)
         hessian += t * P
         # Diagonal scaling: entries differ by t^2.
-        d = 1.0 / np.sqrt(hessian.diagonal())
-        step = -d * np.linalg.lstsq(hessian * np.outer(d, d), d * gradient, rcond=1e-15)[0]
+        d = 1.0 / np.sqrt(np.maximum(hessian.diagonal(), 1e-300))
+        step = -d * _solved(hessian * np.outer(d, d), d * gradient)
         decrement = math.sqrt(max(0.0, -float(gradient @ step)))
         if decrement < 1e-3:
             return z
@@ -133,6 +141,12 @@ def _centred(P: Array, q: Array, inside: ConeSet, z: Array, t: float) -> Array:
             return z
         z = z + size * step
     return z
+
+
+def _solved(H: Array, g: Array) -> Array:
+    """H^-1 g of a positive definite H; by least squares where rounding leaves it singular, at fifty times the cost."""
+    _, x, info = lapack.dposv(H, g)
+    return x if info == 0 else np.linalg.lstsq(H, g, rcond=1e-15)[0]
 
 
 def _longest(P: Array, q: Array, inside: ConeSet, z: Array, step: Array, t: float) -> float:
@@ -164,5 +178,6 @@ def _derivatives(inside: ConeSet, z: Array) -> tuple[Array, Array]:
         Q = np.stack([-np.ones_like(phi), -np.ones_like(phi), inside.mu**2], axis=1)
         slope = np.einsum("ki,kiz->kz", 2.0 * Q * u, inside.C) / phi[:, None]
         gradient = gradient - slope.sum(axis=0)
-        hessian = hessian + slope.T @ slope - np.einsum("kiz,ki,kiw->zw", inside.C, 2.0 * Q / phi[:, None], inside.C)
+        flat = inside.C.reshape(3 * len(phi), -1)
+        hessian = hessian + slope.T @ slope - flat.T @ ((2.0 * Q / phi[:, None]).reshape(-1, 1) * flat)
     return gradient, hessian

@@ -18,24 +18,19 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import linprog
 
 from rbd.analysis.conditions import Conditions, conditions
 from rbd.arrays import Array, largest
 from rbd.errors import InputError
+from rbd.limits import CERTIFICATE_CUTS, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem import GaussProblem, checked
+from rbd.programs import linear_program
 from rbd.rays import rays
 
 CONTRADICTS = 1e-8
 """Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
 BALANCED = 1e-12
 """Largest |J^T f| of a certificate, over sum |f_i| times the longest row of J."""
-TRIES = 1000
-"""Sets of constraints, or of rows, that are tried in the search for one smaller than what was found."""
-PROGRAMS = 100
-"""Linear programs that are solved in that search."""
-CUTS = 30
-"""Rounds of refinement of circular cones."""
 _NAMED = 8  # constraints named in a message
 _DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
 
@@ -52,8 +47,8 @@ class Contradiction:
             constraints that take no part. [1 / (m/s2)], as work is scaled to one.
         violation: Every motion misses some of these rows by at least this [m/s2, rad/s2]; of a point that rubs, its
             distance to the dual cone.
-        smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: none
-            can be left out, but another set might be smaller.
+        smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
+            set might be smaller, as the search ended at a limit (`rbd.limits`).
         unbalanced: Largest entry of |J^T f|. The proof holds for motions with sum |a_i| < 1 / unbalanced.
         law: The law whose rows they are.
         met: {constraint that holds: the part of its required -offset that some acceleration gives, shape (m,)}, by least
@@ -99,7 +94,7 @@ class Contradiction:
         return f"Of what held rows require no motion gives, up to [m/s2, rad/s2]: {said}{', ...' if len(worst) > 4 else ''}."
 
     def __str__(self) -> str:
-        size = "No smaller set does." if self.smallest else "None of them can be left out; a smaller set was not excluded."
+        size = "No smaller set does." if self.smallest else "A smaller set was not excluded."
         lines = [
             f"{self.claim} (law {self.law}). {size}",
             "Proof: these row forces balance on every body, and do work -1 on whatever motion is required of them:",
@@ -204,6 +199,8 @@ class _Search:
         self.longest = float(np.linalg.norm(self.asked.A, axis=1).max(initial=0.0))
         self.tried: dict[frozenset[int], _Farkas | None] = {}
         self.programs = 0
+        self.complete = True
+        """Whether every program so far was solved within its limits."""
 
     def farkas(self, members: frozenset[int]) -> _Farkas | None:
         """A certificate with forces on these members only, or None."""
@@ -219,7 +216,7 @@ class _Search:
             fewer = self.farkas(frozenset().union(*without)) if g in kept else None
             if fewer is not None:
                 found, kept = fewer, [h for h in without if h & fewer.members]
-        sets, last = TRIES, self.programs + PROGRAMS
+        sets, last = CERTIFICATE_SETS, self.programs + CERTIFICATE_PROGRAMS
         for size in range(1, len(kept)):
             sets -= math.comb(len(groups), size)
             for some in combinations(groups, size) if sets >= 0 else ():
@@ -227,8 +224,8 @@ class _Search:
                     return found, False
                 fewer = self.farkas(frozenset().union(*some))
                 if fewer is not None:
-                    return fewer, True
-        return found, sets >= 0
+                    return fewer, self.complete
+        return found, sets >= 0 and self.complete
 
     def words(self, member: int, found: _Farkas) -> str:
         """What of a constraint takes part, in words."""
@@ -251,9 +248,13 @@ class _Search:
 
     def _solved(self, members: frozenset[int]) -> _Farkas | None:
         C, found = self.asked.only(members), None
-        for _ in range(CUTS):
-            z, a = _least(C, self.longest)
+        for _ in range(CERTIFICATE_CUTS):
+            program = _least(C, self.longest)
             self.programs += 1
+            if program is None:
+                self.complete = False
+                break
+            z, a = program
             found = self._verified(C, z)
             # Rays of circular cones that this motion works against most; what carries nothing is left out again.
             sunk = [(c, c.sunk(a)) for c in C.rounds]
@@ -284,10 +285,11 @@ class _Search:
         return _Farkas(C.force @ z, {i: f / -work for i, f in push.items()}, violation, unbalanced)
 
 
-def _least(C: Conditions, longest: float) -> tuple[Array, Array]:
+def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
     """(z, a) of: minimise b . z over A^T z = 0, sum |z| <= 1, z >= 0 where a condition does not hold with equality.
 
-    -b . z is then the least violation t of y >= -t, and a, its multipliers, a motion that comes as near; zeros if HiGHS fails.
+    -b . z is then the least violation t of y >= -t, and a, its multipliers, a motion that comes as near; None if HiGHS finds
+    neither.
     """
     k, nv = C.A.shape
     rate = largest(C.b)
@@ -298,15 +300,14 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array]:
     length[length <= _DEPENDENT * longest] = longest or 1.0
     A, b, size = C.A / length[:, None], C.b / (rate * length), length.min() / length
     A, b, size = np.vstack([A, -A[C.holds]]), np.r_[b, -b[C.holds]], np.r_[size, size[C.holds]]
-    answer = linprog(
-        b, size[None], np.ones(1), A.T, np.zeros(nv), bounds=(0.0, None), method="highs-ds",
-        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "maxiter": 10_000},
-    )  # fmt: skip
-    if answer.status != 0:
-        return np.zeros(k), np.zeros(nv)
+    answer = linear_program(
+        b, size[None], np.ones(1), A.T, np.zeros(nv), bounds=(0.0, None), method="highs-ds", tolerance=1e-10
+    )
+    if not answer.solved:
+        return None
     z = answer.x[:k].copy()
     z[C.holds] -= answer.x[k:]
-    return z / length, -rate * np.asarray(answer.eqlin.marginals)
+    return z / length, -rate * answer.equal
 
 
 def _polished(C: Conditions, z: Array, longest: float) -> Array:

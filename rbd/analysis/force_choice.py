@@ -4,7 +4,8 @@
 
 with T the identity or the user's weights. The least is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
+Newton's method on its dual (`rbd.analysis.separable`), exact too, and where that does not end, as of sets without an inside or
+weights that mix the corners, a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
 """
 
 from __future__ import annotations
@@ -14,16 +15,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from rbd.analysis.admissible import Admissible
 from rbd.analysis.barrier import ConeSet, least
 from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
+from rbd.analysis.separable import least_squares
 from rbd.arrays import Array, is_finite, numbers
 from rbd.cones import block_diagonal
-from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem import GaussProblem
+from rbd.programs import nonnegative
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"
@@ -51,9 +54,12 @@ def minimum_norm(
 
     Raises:
         InputError: on weights that are not positive or do not fit.
+        NoSolution: where they were not found within the limit of `rbd.limits.FORCE_CHOICE_WORK`.
     """
     found = admissible(problem, a, f, weights, law)
     x = shortest(found, metric(found, weight))
+    if x is None:
+        raise NoSolution(f"the forces of least norm were not found within {FORCE_CHOICE_WORK:.0e} multiplications.")
     return found.forces(x), found.law_weights(x)
 
 
@@ -101,8 +107,8 @@ def _root(name: str, given: object, size: int, each: int) -> Array:
     )
 
 
-def shortest(adm: Admissible, T: Array | None = None) -> Array:
-    """Where |T s(x)| is least, shape (n,)."""
+def shortest(adm: Admissible, T: Array | None = None) -> Array | None:
+    """Where |T s(x)| is least, shape (n,); None where it was not found within `rbd.limits.FORCE_CHOICE_WORK`."""
     if not adm.null.shape[1]:
         return adm.start.copy()
     E, e = adm.corners, (adm.corners @ adm.start + adm.corners_at) / adm.size
@@ -119,7 +125,17 @@ def shortest(adm: Admissible, T: Array | None = None) -> Array:
         z = _least_distance(H, e, adm.D @ adm.null, (adm.d - adm.D @ adm.start) / adm.size)
         if z is not None:
             return adm.kept(adm.start + adm.size * (adm.null @ z))
-    return _within_cones(adm, E, e)
+    x = _by_dual(adm, E, e)
+    return _within_cones(adm, E, e) if x is None else x
+
+
+def _by_dual(adm: Admissible, E: Array, e: Array) -> Array | None:
+    """The same where |E x + e|^2 has no products of different columns; None where it has, or Newton's method does not end."""
+    P = adm.separable(E.T @ E, E.T @ e)
+    if P is None:
+        return None
+    found = least_squares(P)
+    return None if found is None else adm.kept(adm.size * found[0])
 
 
 def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
@@ -137,9 +153,8 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     n = len(R)
     target = np.zeros(n + 1)
     target[n] = 1.0
-    try:
-        y, _ = nnls(np.vstack([G.T, h]), target, maxiter=100 * len(h))
-    except RuntimeError:
+    y = nonnegative(np.vstack([G.T, h]), target)
+    if y is None:
         return None
     r = np.vstack([G.T, h]) @ y - target
     if not r[n] < -1e-14:
@@ -184,21 +199,23 @@ class _Modes:
         return g, np.vstack([on.A[self.rows], slope, apex]), bend
 
 
-def _within_cones(adm: Admissible, E: Array, e: Array) -> Array:
-    reach = Reach(adm)
+def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
+    work = Work(FORCE_CHOICE_WORK)
+    reach = Reach(adm, work)
+    if not reach.known:
+        return None
     B = reach.directions
+    if not B.shape[1]:  # bounds and cones leave one point, as at the limit of friction: what was found is it
+        return adm.kept(adm.start)
     H = E @ B
-    if reach.cones is None:
+    if not len(adm.mu):
         on = ConeSet(adm.D @ B, (adm.d - adm.D @ adm.start) / adm.size, np.zeros((0, 3, B.shape[1])), np.zeros((0, 3)), adm.mu)
         on, z = on.widened(1e-10), np.zeros(B.shape[1])
     else:
-        c, loose = reach.cones, reach.loose.shape[1]
-        on = ConeSet(
-            np.hstack([c.A, np.zeros((len(c.b), loose))]), c.b,
-            np.concatenate([c.C, np.zeros((len(c.mu), 3, loose))], axis=2), c.at, c.mu,
-        )  # fmt: skip
-        z = np.concatenate([reach.centre, np.zeros(loose)])
-    z = least(H.T @ H, H.T @ e, on, z, _GAP)
+        on, z = reach.cone_set
+    z = least(H.T @ H, H.T @ e, on, z, _GAP, work)
+    if work.left < 0.0:
+        return None
     z = _polished(H, e, on, z)
     return adm.kept(adm.start + adm.size * (B @ z))
 

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rbd.analysis.admissible import Admissible
-from rbd.analysis.extent import Reach
+from rbd.analysis.extent import End, Reach
 from rbd.arrays import Array
 from rbd.contact_force import CARRIES_NOTHING_N
+from rbd.limits import ENDS_WORK, Work
 from rbd.residuals import SOLVED, residuals
 from rbd.rows import Patch
 
@@ -41,12 +42,13 @@ class Range:
     """How far one number can go while the motion and the law stay the same.
 
     Attributes:
-        lowest: Smallest value; -inf where there is none.
-        highest: Largest value; inf where there is none.
+        lowest: Smallest value; -inf where there is none, NaN where it was not found.
+        highest: Largest value; inf where there is none, NaN where it was not found.
         value: Of the forces that were returned.
-        at_lowest: Forces with the smallest value; None where that is infinite, or not attained within the certificate.
+        at_lowest: Forces with the smallest value; None where that is infinite or not found, or not attained within the
+            certificate.
         at_highest: Forces with the largest value, likewise.
-        unique: Whether all forces give one value.
+        unique: Whether all forces give one value; False too where that was not found.
     """
 
     lowest: float
@@ -55,6 +57,11 @@ class Range:
     at_lowest: Attained | None
     at_highest: Attained | None
     unique: bool
+
+    @property
+    def found(self) -> bool:
+        """Whether both ends were found within `rbd.limits.ENDS_WORK`."""
+        return not (math.isnan(self.lowest) or math.isnan(self.highest))
 
     def __str__(self) -> str:
         if self.unique:
@@ -118,6 +125,8 @@ class Uniqueness:
             the other laws, whose motion is unique, and where it stands alone. The ranges are of the motion returned.
         exact: Whether the ends are exact, to 1e-9 of the forces; False where circular cones have no room left inside and were
             widened by 1e-10.
+        found: Whether all ends and freedoms were found within `rbd.limits.ENDS_WORK`. Ends that were not are NaN, and
+            printed as "?"; where even the dimension of the set was not found, the two freedoms are upper bounds.
     """
 
     law: str
@@ -131,6 +140,7 @@ class Uniqueness:
     others: dict[str, tuple[Range, ...]]
     motion_freedom: int
     exact: bool
+    found: bool = True
 
     def __repr__(self) -> str:
         return f"Uniqueness({self.row_freedom} internal forces of the rows, {self.corner_freedom} of the corners)"
@@ -152,7 +162,9 @@ class Uniqueness:
         lines += [f"  {name:<16} force {', '.join(map(str, ranges))}" for name, ranges in self.others.items()]
         if not self.exact:
             lines.append("  Cones leave the forces no room: ends are those of cones wider by 1e-10.")
-        if any(not math.isfinite(r.highest - r.lowest) for r in self._ranges()):
+        if not self.found:
+            lines.append(f"  ?: not found within {ENDS_WORK:.0e} multiplications; fewer contacts take less.")
+        if any(math.isinf(r.lowest) or math.isinf(r.highest) for r in self._ranges()):
             lines.append("  inf: no end; contacts may press, or held ones pull, against each other as hard as they like.")
         return "\n".join(lines)
 
@@ -181,12 +193,12 @@ def uniqueness(
 class _Asker:
     def __init__(self, adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], f: Array) -> None:
         self.adm, self.a, self.law = adm, a, law
-        self.reach = Reach(adm)
+        self.reach = Reach(adm, Work(ENDS_WORK))
         stacked = adm.corners @ adm.start + adm.corners_at
         for name, span in adm.spans.items():
             stacked[span] = corner_forces[name].ravel() if name in adm.has_corners else f[adm.problem.slices[name]]
         self.returned = stacked
-        self.ends: dict[bytes, tuple[float, Array | None]] = {}
+        self.ends: dict[bytes, End] = {}
 
     def answer(self, choice: str, motion_freedom: int) -> Uniqueness:
         adm, P = self.adm, self.adm.problem
@@ -203,9 +215,10 @@ class _Asker:
         }
         changes = adm.rows @ self.reach.directions
         row_freedom = int(np.linalg.matrix_rank(changes, tol=1e-9)) if changes.size else 0
+        found = self.reach.known and all(end.found for end in self.ends.values())
         return Uniqueness(
             self.law, P.m, adm.rank, adm.active_rank, row_freedom, self.reach.dimension, choice, contacts, others,
-            motion_freedom, not self.reach.thin,
+            motion_freedom, not self.reach.thin, found,
         )  # fmt: skip
 
     def _stacked(self, entries: Mapping[int, float]) -> Array:
@@ -250,7 +263,7 @@ class _Asker:
 
     def _pressure(self, patch: Patch, span: slice, normal: Range) -> bool | None:
         """Whether moments about the point where it carries vanish for all forces of the set."""
-        if not normal.highest > CARRIES_NOTHING_N:
+        if not (normal.highest > CARRIES_NOTHING_N or normal.value > CARRIES_NOTHING_N):
             return None
         if len(patch.corners) == 1:
             return True
@@ -258,7 +271,7 @@ class _Asker:
         if normal.value <= CARRIES_NOTHING_N:  # look where it carries something
             if normal.at_highest is None:
                 return False
-            x = self._largest(self._along_span(span, patch.axes[:, 2]))[1]
+            x = self._largest(self._along_span(span, patch.axes[:, 2])).x
             assert x is not None
             stacked = self.adm.corners @ x + self.adm.corners_at
         axes, k = patch.axes, len(patch.corners)
@@ -282,18 +295,21 @@ class _Asker:
         if self.reach.is_unique((function @ self.adm.corners)[None]):
             own = self._attained(self.adm.start)
             return Range(value, value, value, own, own, True)
-        high, at_high = self._largest(function)
-        low, at_low = self._largest(-function)
-        low = -low
-        return Range(min(low, value), max(high, value), value, self._attained(at_low), self._attained(at_high), False)
+        high, low = self._largest(function), self._largest(-function)
+        highest = max(high.value, value) if high.found else math.nan
+        lowest = min(-low.value, value) if low.found else math.nan
+        return Range(lowest, highest, value, self._attained(low.x), self._attained(high.x), False)
 
-    def _largest(self, function: Array) -> tuple[float, Array | None]:
-        """As `Reach.largest`, of the stacked corner forces; kept, as sums over one corner come twice."""
-        key = function.tobytes()
+    def _largest(self, function: Array) -> End:
+        """As `Reach.largest`, of the stacked corner forces; kept, as sums over one corner, and shares of it, come again."""
+        scale = float(np.abs(function).max())
+        key = np.round(function / scale, 14).tobytes()
         if key not in self.ends:
-            found, x = self.reach.largest(function @ self.adm.corners)
-            self.ends[key] = found + float(function @ self.adm.corners_at), x
-        return self.ends[key]
+            end = self.reach.largest(function @ self.adm.corners)
+            value = (end.value + float(function @ self.adm.corners_at)) / scale
+            self.ends[key] = replace(end, value=value)
+        end = self.ends[key]
+        return replace(end, value=end.value * scale)
 
     def _attained(self, x: Array | None) -> Attained | None:
         if x is None:
@@ -304,7 +320,9 @@ class _Asker:
 
 
 def _short(value: float, digits: int = 2) -> str:
-    if not math.isfinite(value):
+    if math.isnan(value):
+        return "?"
+    if math.isinf(value):
         return "inf" if value > 0.0 else "-inf"
     return f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0 turns the -0.00 of rounding into 0.00
 

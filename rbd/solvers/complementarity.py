@@ -22,9 +22,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import nnls
 
+from rbd import limits
 from rbd.arrays import Array
+from rbd.programs import nonnegative
 from rbd.solvers import qp
 
 FREE, LOW, HIGH, OPEN = 0, 1, 2, -1
@@ -57,7 +58,7 @@ class Mixed:
     lower: Array
     upper: Array
     first: Sequence[int] = ()
-    budget: int = 5000
+    budget: int = limits.MODE_NODES
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,9 +304,8 @@ def least_distance(C: Array, d: Array) -> Array | None:
     if not len(d) or (d <= 0.0).all():
         return np.zeros(n)
     E, f = np.vstack([C.T, d[None]]), np.r_[np.zeros(n), 1.0]
-    try:
-        x, _ = nnls(E, f)
-    except RuntimeError:  # its limit of iterations
+    x = nonnegative(E, f)
+    if x is None:
         return None
     r = E @ x - f
     if -r[n] <= 1e-12:

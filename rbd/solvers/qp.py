@@ -10,16 +10,16 @@ problems, and solved on NaN.
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import linprog
 
+from rbd import limits
 from rbd.arrays import Array, check_finite, identity, is_finite, zeros
+from rbd.programs import linear_program
 
 # ProxSuite's AVX builds answer in one of two ways, last digits apart, by where malloc puts their buffers; the plain one always
 # alike, for 12 us more a program (docs/design/repeatable.md). To its loader, None is a build that is not there.
@@ -41,7 +41,7 @@ class Setting:
     rho: float = 1e-9
     mu_eq: float = 1e-8
     mu_in: float = 1e-1
-    max_iter: int = 300
+    max_iter: int = limits.QP_STEPS
 
 
 POLICY = (
@@ -49,8 +49,8 @@ POLICY = (
     Setting(precondition=True),
     Setting(mu_in=1e-2),
     Setting(precondition=True, rho=1e-6, mu_eq=1e-3),
-    Setting(eps_abs=1e-12, precondition=True, rho=1e-7, mu_eq=1e-5, max_iter=1000),
-    Setting(eps_abs=1e-11, rho=1e-8, mu_eq=1e-6, mu_in=1e-3, max_iter=1000),
+    Setting(eps_abs=1e-12, precondition=True, rho=1e-7, mu_eq=1e-5, max_iter=limits.QP_STEPS_LAST),
+    Setting(eps_abs=1e-11, rho=1e-8, mu_eq=1e-6, mu_in=1e-3, max_iter=limits.QP_STEPS_LAST),
 )
 """Settings in the order they are tried."""
 
@@ -102,7 +102,7 @@ def attempts(
         qp = _QP(n, p, k)
         s = qp.settings
         s.eps_abs, s.eps_rel, s.initial_guess, s.max_iter = setting.eps_abs, 0.0, _NO_GUESS, setting.max_iter
-        s.max_iter_in = 100  # of the default 1500, hopeless runs take minutes; robots need a few
+        s.max_iter_in = limits.QP_INNER_STEPS
         if k:
             # Else it calls solved what pushes at bounds 1e-3 away. Of an objective of 1e5, 1e-9 is below rounding: hence 1e-10.
             s.check_duality_gap, s.eps_duality_gap_abs, s.eps_duality_gap_rel = True, 10.0 * setting.eps_abs, 1e-10
@@ -149,5 +149,5 @@ def least_violation(A: Array, b: Array, C: Array, l: Array) -> float:
     rows = [M for M in (np.c_[A, -one(len(A))], np.c_[-A, -one(len(A))], np.c_[-C, -one(len(C))]) if len(M)]
     right = np.concatenate([b, -b, -l])
     cost = np.r_[np.zeros(n), 1.0]
-    answer = linprog(cost, A_ub=np.vstack(rows), b_ub=right, bounds=[(None, None)] * n + [(0, None)], method="highs")
-    return float(answer.fun) if answer.status == 0 else math.nan
+    answer = linear_program(cost, np.vstack(rows), right, bounds=[(None, None)] * n + [(0, None)])
+    return answer.value  # NaN where it is not solved

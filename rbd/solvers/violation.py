@@ -15,19 +15,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from rbd.analysis.conditions import Conditions, Round, conditions
 from rbd.arrays import Array, largest
+from rbd.limits import VIOLATION_CUTS
 from rbd.problem import GaussProblem
+from rbd.programs import nonnegative
 from rbd.residuals import SOLVED
 from rbd.rows import Rows
 from rbd.solvers import qp
 
 ROUNDING = 1e-11
 """A violation up to this, over max(1, |offset|), is none."""
-CUTS = 40
-"""Rounds of refinement of circular cones."""
 _EXACT = 1e-12  # scaled residuals up to this are not improved further
 _ENOUGH = 0.1 * SOLVED  # and up to this not by much effort
 _DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
@@ -44,7 +43,7 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
     W = np.ones(P.m) if weights is None else weights
     asked = conditions(P, law).fan()
     best, stuck = None, 0
-    for _ in range(CUTS if asked.rounds else 1):
+    for _ in range(VIOLATION_CUTS if asked.rounds else 1):
         found = _LeastSquares(asked, W).solved()
         stuck = 0 if best is None or found.miss < 0.5 * best.miss else stuck + 1
         best = found if best is None or found.miss < best.miss else best
@@ -133,9 +132,8 @@ class _LeastSquares:
             E = np.hstack([E, -E[:, C.holds]])
             goal = np.zeros(len(E))
             goal[-1] = -1.0
-            try:
-                u, _ = nnls(E, goal)
-            except RuntimeError:  # too many iterations
+            u = nonnegative(E, goal)
+            if u is None:
                 continue
             left = E @ u - goal
             if not left[-1] > 1e-12:
