@@ -154,6 +154,7 @@ class Box:
         lo, hi = np.atleast_1d(numbers("lo of a Box", self.lo)), np.atleast_1d(numbers("hi of a Box", self.hi))
         if lo.shape != hi.shape or lo.ndim != 1 or not ((lo <= hi) & (lo < np.inf) & (hi > -np.inf)).all():
             raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r:.80}, hi = {self.hi!r:.80}.")
+        lo.flags.writeable = hi.flags.writeable = False  # rays and parts of a set are kept as long as the set is
         object.__setattr__(self, "lo", lo)
         object.__setattr__(self, "hi", hi)
 
@@ -192,6 +193,7 @@ class WrenchCone:
         corners = numbers("corners of a WrenchCone", self.corners)
         if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
             raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
+        corners.flags.writeable = False  # rays and parts of a set are kept as long as the set is
         object.__setattr__(self, "corners", corners)
 
     @property

@@ -17,7 +17,8 @@
         CannotHold                      no motor torques hold this pose
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         SingularPose                    here the known motions do not decide the others
-        SimulationStopped               a step of a simulation has no solution; carries what was computed till then
+        SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
+                                        carries what was computed till then
       PictureError                      a page or a screenshot could not be made
       WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
       ContractBroken                    in rbd.testing: a constraint or a solver does not do what it says
@@ -25,7 +26,8 @@
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
-      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7
+      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
+                                        residual above 1e-7
       OpenLoop                          a loop is not closed at this state, and is solved as it stands
       ModelWarning                      a robot file that loads, but is not what it seems
       SeveralMotions                    more than one motion satisfies the contact law; the answer is one of them
@@ -139,7 +141,7 @@ class NoSolution(RbdError):
 
 
 class SimulationStopped(NoSolution):
-    """A step of a simulation has no solution.
+    """A step of a simulation has no solution, or a function of the user raised an error in it, which is `__cause__`.
 
     Attributes:
         state: The last state that was reached; None where none was told.
@@ -216,7 +218,7 @@ class EffortLimitWarning(RbdWarning):
 
 
 class InaccurateWarning(RbdWarning):
-    """The answer's residuals are above 1e-9, though at most 1e-7, scaled."""
+    """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7."""
 
 
 class SeveralMotions(RbdWarning):

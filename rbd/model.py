@@ -44,9 +44,6 @@ class CheckedModel:
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
         bases: Indices of the free-flyers that all bodies hang from, one a robot; empty if anything is fixed to the world.
         floating: Whether all bodies hang from one free-flyer joint.
-        mass: Total mass of the moving bodies [kg].
-        gravity: In W, shape (3,) [m/s2].
-        weight: Its wrench about the centre of mass, in W, shape (6,) [N, N m].
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
     """
@@ -57,8 +54,6 @@ class CheckedModel:
         _check_order(model)
         self.nq: int = model.nq
         self.nv: int = model.nv
-        self.mass = float(pin.computeTotalMass(model))
-        self.gravity = np.array(model.gravity.linear)
         self._joints = {n: i for i, n in enumerate(model.names) if i > 0}
         self._frames = _frame_ids(model)
         self._sites: dict[str, tuple[int, pin.SE3]] = {}
@@ -81,11 +76,25 @@ class CheckedModel:
         # Zero, missing and +-DBL_MAX all mean that the file states no limit.
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
         self._unit_blocks = [(b, e) for j in model.joints for b, e in _unit_blocks(j)]
-        self.weight = np.concatenate([self.mass * self.gravity, np.zeros(3)])
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
         self.sound = True
         self.pool = DataPool(model)
+
+    @property
+    def mass(self) -> float:
+        """Total mass of the moving bodies [kg]."""
+        return float(pin.computeTotalMass(self.model))  # asked anew: the equations of motion, too, read the model as it is now
+
+    @property
+    def gravity(self) -> Array:
+        """In W, shape (3,) [m/s2]."""
+        return np.array(self.model.gravity.linear)
+
+    @property
+    def weight(self) -> Array:
+        """Wrench of gravity about the centre of mass, in W, shape (6,) [N, N m]."""
+        return np.concatenate([self.mass * self.gravity, np.zeros(3)])
 
     def frames(self) -> list[str]:
         """Names of all frames: links, joints and fixed marks."""

@@ -205,7 +205,7 @@ class _Finder:
         self.robot, self.plane, self.between = robot, plane, between
         self._lock = threading.Lock()
         self._data = (robot.model if plane is None else plane.model).createData()
-        self._last: tuple[weakref.ref[State], Touching] | None = None
+        self._last: tuple[weakref.ref[State], float, Touching] | None = None
 
     def another(self) -> _Finder:
         """One that remembers on its own."""
@@ -214,13 +214,13 @@ class _Finder:
     def at(self, state: State, margin: float) -> Touching:
         """All points within the margin."""
         last = self._last
-        if last is not None and last[0]() is state:
-            return last[1]
+        if last is not None and last[0]() is state and last[1] == margin:
+            return last[2]
         with self._lock:
             parts = [] if self.plane is None else self.plane.at(state, self._data, margin)
             parts += [] if self.between is None else self.between.at(state, self._data, margin)
         found = joined(parts, state.robot.nv)
-        self._last = weakref.ref(state), found
+        self._last = weakref.ref(state), margin, found
         return found
 
 

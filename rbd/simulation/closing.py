@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from rbd.arrays import Array, largest
+from rbd.simulation.held_rows import OWED
 from rbd.simulation.motion import Motion
-from rbd.simulation.projection import Projection, project_position
+from rbd.simulation.projection import ZERO, Projection, correction, inertia_factor, project_position
 from rbd.simulation.snapshot import Points, Snapshot
 from rbd.state import State
 
@@ -48,6 +49,19 @@ class Closing:
             return now.J[rows], np.concatenate([now.error[held], now.gap[pressed]])
 
         return seen[id(project_position(at.state, equations, self.projection))]
+
+    def stilled(self, at: Snapshot, t: float) -> Snapshot:
+        """The snapshot with the velocity that is nearest, in the inertia metric, to its own and that what holds allows.
+
+        A step leaves J v off by O(h^2). Where rows repeat each other, their J_dot v then contradict each other by as much.
+        """
+        held = at.layout.held
+        rate = at.velocity[held]
+        if largest(rate) <= self.projection.tolerance:
+            return at
+        state, zero = at.state, max(ZERO, OWED * at.drift)
+        less = correction(inertia_factor(state), at.J[held], rate, zero=zero)
+        return self.points.at(state.with_velocity(state.v - less), t)
 
 
 def first_crossing(gap: Array, rate: Array, gap_end: Array, rate_end: Array, h: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,9 +11,20 @@ import numpy as np
 from rbd.arrays import a_number, largest
 from rbd.cones import Free
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.errors import DuplicateName, InputError, NoSolution, RbdError, SimulationStopped, UnknownName, Unsupported, nearest
+from rbd.errors import (
+    DuplicateName,
+    InaccurateWarning,
+    InputError,
+    NoSolution,
+    RbdError,
+    SimulationStopped,
+    UnknownName,
+    Unsupported,
+    nearest,
+)
 from rbd.external import External
 from rbd.least_constraint import Constraint, listed, rows_of
+from rbd.residuals import USABLE
 from rbd.simulation.moment import Event, Moment
 from rbd.simulation.motion import Controller, ExternalAt, Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
@@ -69,12 +81,14 @@ def simulate(
 
     Returns:
         The trajectory; printed, it tells energy, residuals and events. After Ctrl-C it holds what was computed till then, and
-        `trajectory.interrupted` says so.
+        `trajectory.interrupted` says so; Ctrl-C before the first step is done is a KeyboardInterrupt. Where a recorded residual
+        of the law is above 1e-7, a warning `InaccurateWarning` says once when and by how much.
 
     Raises:
         InputError: arguments that do not fit, two constraints of one name, a controller's torques that are not finite.
         Unsupported: the integrator cannot take the constraints; it says which.
-        SimulationStopped: a step has no solution: it names state, time and constraints, and carries the trajectory till then.
+        SimulationStopped: a step has no solution, or a function of yours (controller, external force, constraint) raised an
+            error, which is its `__cause__`: it names state, time and constraints, and carries the trajectory till then.
     """
     if not isinstance(state, State):
         raise InputError(f"simulate wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
@@ -96,23 +110,57 @@ def simulate(
                     recording.add(moment)
                 shown(t)
         except KeyboardInterrupt:
+            if t == 0.0:  # no step was taken: there is no motion to return
+                raise
             interrupted = f"interrupted at t = {t:.6g} s of {times[-1]:.6g} s"
-        except (RbdError, np.linalg.LinAlgError) as error:
+        except Exception as error:  # a controller, a force or a constraint of the user may raise anything
             if isinstance(error, InputError) and t == 0.0:
                 raise
             why = f"stopped at t = {t:.6g} s"
-            kept = Trajectory.of(motion, recording, events, chosen, step, why) if len(recording) else None
+            kept = Trajectory.of(motion, recording, _in_order(events), chosen, step, why) if len(recording) else None
             raise _stopped(error, motion, here, t, kept) from error
-    return Trajectory.of(motion, recording, sorted(events, key=lambda e: e.t), chosen, step, interrupted)
+    trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted)
+    if inaccurate := _inaccurate(trajectory):
+        warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
+    return trajectory
+
+
+def _in_order(events: list[Event]) -> list[Event]:
+    return sorted(events, key=lambda e: e.t)
+
+
+def _inaccurate(trajectory: Trajectory) -> str:
+    """Which recorded moments miss the equations of motion or the law of their forces, in words; empty if none does."""
+    law = trajectory.residuals["law"]
+    above = np.flatnonzero(law > USABLE)
+    if not len(above):
+        return ""
+    worst = int(law.argmax())
+    return (
+        f"the simulation of {trajectory.robot.name} is inaccurate: residual 'law' is {law[worst]:.2g} (scaled) at "
+        f"t = {trajectory.times[worst]:.6g} s; {len(above)} of {len(law)} recorded moments are above {USABLE:g}, the first at "
+        f"t = {trajectory.times[above[0]]:.6g} s. `trajectory.residuals['law']` has all of them. Accelerations and forces are "
+        "wrong by about that much there. Try a shorter step; look for constraints that contradict each other, and for a "
+        "singular pose, where there may be no finite forces that make the motion."
+    )
 
 
 def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None) -> SimulationStopped:
     names = tuple(c.name for c in motion.constraints)
     known = error.problem if isinstance(error, NoSolution) else None
     active = names if known is None else tuple(r.name for r in known.rows if len(r))
+    if isinstance(error, RbdError | np.linalg.LinAlgError):
+        what = f"the step of {motion.robot.name} after t = {t:.6g} s has no solution: {error}"
+    else:
+        what = (
+            f"the step of {motion.robot.name} after t = {t:.6g} s failed: {type(error).__name__} was raised ({error!s:.300}). "
+            "If it comes from your controller, external force or constraint, the traceback above shows where."
+        )
+    inaccurate = "" if kept is None else _inaccurate(kept)
+    reached = "Nothing was recorded before" if kept is None else "`error.trajectory` and `error.state` have what was reached"
     return SimulationStopped(
-        f"the step of {motion.robot.name} after t = {t:.6g} s has no solution: {error} "
-        f"Active: {', '.join(active) or 'nothing'}. `error.trajectory` and `error.state` have what was reached.",
+        f"{what} Active: {', '.join(active) or 'nothing'}. {reached}."
+        + (f" Before that, {inaccurate}" if inaccurate else ""),
         state=state, t=t, names=active, trajectory=kept, cause=error,
     )  # fmt: skip
 

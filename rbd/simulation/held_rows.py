@@ -113,6 +113,36 @@ class HeldRows:
         """W^T W, shape (m, m)."""
         return self.W.T @ self.W
 
+    @lazy
+    def cholesky(self) -> Array | None:
+        """Upper R with R^T R = W^T W; None where it is not positive definite."""
+        R, info = lapack.dpotrf(self.delassus, lower=0, clean=1)
+        return R if info == 0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Decomposed:
+    """What rows look like beside the norms that they are divided by: of one `HeldRows` and one array of norms.
+
+    Attributes:
+        held: The rows.
+        norms: What each row is divided by, shape (m,); never changed in place.
+    """
+
+    held: HeldRows
+    norms: Array
+
+    @lazy
+    def factor(self) -> Array | None:
+        """Upper R with R^T R = W^T W, or None where the rows are not well independent."""
+        R = self.held.cholesky
+        return R if R is not None and (R.diagonal() > INDEPENDENT * self.norms).all() else None
+
+    @lazy
+    def apart(self) -> tuple[Array, Array, Array]:
+        """U (nv, nv), s, Vt of W with its rows divided by the norms."""
+        return np.linalg.svd(self.held.W / self.norms)
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:
@@ -135,6 +165,7 @@ class StageSolver:
     def __init__(self) -> None:
         self._norms = np.zeros(0)
         self._rank = -1  # not known yet
+        self._last: _Decomposed | None = None
 
     def survey(self, held: HeldRows) -> None:
         """Look at the rows' norms at the start, and half a radian around it: it may be a singular pose itself."""
@@ -234,21 +265,19 @@ class StageSolver:
 
     def _factor(self, held: HeldRows) -> Array | None:
         """Upper R with R^T R = W^T W, or None where the rows are not well independent."""
-        known = held.__dict__.get("_factor", False)
-        if known is not False:
-            return known
-        if len(self._norms) != len(held.J):
-            self.learn(held)
-        R, info = lapack.dpotrf(held.delassus, lower=0, clean=1)
-        well = info == 0 and (R.diagonal() > INDEPENDENT * self._norms).all()
-        held.__dict__["_factor"] = R if well else None
-        return R if well else None
+        return self._decomposed(held).factor
 
     def _taken_apart(self, held: HeldRows) -> tuple[Array, Array, Array]:
-        """U (nv, nv), s, Vt of W with its rows scaled; once a state."""
-        known = held.__dict__.get("_apart")
-        if known is None:
-            known = held.__dict__["_apart"] = np.linalg.svd(held.W / self._norms)
+        """U (nv, nv), s, Vt of W with its rows scaled."""
+        return self._decomposed(held).apart
+
+    def _decomposed(self, held: HeldRows) -> _Decomposed:
+        """Made once for a state and the norms of now; made anew where the norms have changed since."""
+        if len(self._norms) != len(held.J):
+            self.learn(held)
+        known = self._last
+        if known is None or known.held is not held or known.norms is not self._norms:
+            known = self._last = _Decomposed(held, self._norms)
         return known
 
     def _by_singular_values(self, held: HeldRows, free: Array, t: float, *, directly: bool) -> tuple[Array, Crossing | None]:
@@ -306,7 +335,7 @@ def holds(rows: Rows) -> bool:
 def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
     """Which rows have a place to be; None for all."""
     if rows.error is None:
-        return np.zeros(len(rows), bool) if len(rows) else None
+        return np.zeros(len(rows), bool)
     if not carried:
         return rows.holonomic
     if rows.holonomic is None:

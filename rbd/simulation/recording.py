@@ -41,12 +41,12 @@ class Recording:
         robot = motion.robot
         self._sizes = (robot.nq, robot.nv, robot.nv, robot.nu, 6, 3)
         self._width = sum(self._sizes) + len(_NUMBERS)
-        self._rows: list[Array] = []
-        self._modes: list[tuple[str, ...]] = []
-        self._layouts: dict[Layout, list[int]] = {}
+        #: Of each moment: its numbers, the modes of its constraints, and how the numbers are to be read.
+        self._moments: list[tuple[Array, tuple[str, ...], Layout]] = []
+        self._layouts: dict[Layout, Layout] = {}
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._moments)
 
     def add(self, moment: Moment) -> None:
         """Keep a moment.
@@ -70,13 +70,13 @@ class Recording:
             raise NoSolution(
                 f"at t = {moment.t:.6g} s {_culprit(parts, touches)} is not finite. Try a shorter step, or softer gains."
             )
-        self._layouts.setdefault(tuple(layout), []).append(len(self))
-        self._rows.append(row)
-        self._modes.append(tuple([touch.mode for touch in touches.values()]))
+        known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all moments that are read alike
+        # One append, so that Ctrl-C finds a moment kept whole or not at all.
+        self._moments.append((row, tuple([touch.mode for touch in touches.values()]), known))
 
     def arrays(self) -> dict[str, Array]:
         """All that is one row a moment: times, q, v, a, tau, momentum, com, kinetic, potential and the residuals."""
-        whole = np.array([row[: self._width] for row in self._rows])
+        whole = np.array([row[: self._width] for row, _, _ in self._moments])
         ends = np.cumsum(self._sizes)
         out = {name: whole[:, end - size : end] for name, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}
         return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)}
@@ -89,7 +89,10 @@ class Recording:
         """
         n, names = len(self), [c.name for c in self.motion.constraints]
         rows, points, forces = dict.fromkeys(names, 0), dict.fromkeys(names, _NO_POINTS), dict.fromkeys(names, _NO_POINTS)
-        for layout in self._layouts:
+        indices_of: dict[Layout, list[int]] = {}
+        for i, (_, _, layout) in enumerate(self._moments):
+            indices_of.setdefault(layout, []).append(i)
+        for layout in indices_of:
             for name, m, k, f in layout:
                 rows[name] = max(rows.get(name, 0), m)
                 points[name] = max(points.get(name, _NO_POINTS), k)
@@ -101,16 +104,16 @@ class Recording:
             "point_forces": {name: np.zeros((n, max(points[name], forces[name]), 3)) for name in contacts},
         }
         words = {name: [OPEN] * n for name in rows}
-        for layout, indices in self._layouts.items():
+        for layout, indices in indices_of.items():
             self._unpack(layout, indices, out)
             for c, (name, *_) in enumerate(layout):
                 for i in indices:
-                    words[name][i] = self._modes[i][c]
+                    words[name][i] = self._moments[i][1][c]
         return out | {"modes": {name: np.array(each) for name, each in words.items()}}
 
     def _unpack(self, layout: Layout, indices: list[int], out: dict[str, dict[str, Array]]) -> None:
         """Put the numbers of moments with one layout where they belong."""
-        block, at = np.array([self._rows[i][self._width :] for i in indices]), 0
+        block, at = np.array([self._moments[i][0][self._width :] for i in indices]), 0
         for name, m, k, f in layout:
             out["forces"][name][indices, :m] = block[:, at : at + m]
             at += m

@@ -61,7 +61,7 @@ class FromRows:
         self.constraint = constraint
         self._told = getattr(constraint, "points", None)
         self._numbers: dict[tuple[str, int], int] = {}
-        self._seen: dict[tuple[str, ...], Structure] = {}
+        self._seen: dict[tuple[tuple[str, ...], Structure], Structure] = {}
 
     def at(self, state: State, t: float) -> Measured:
         """Its rows, those of patches at their corners."""
@@ -91,11 +91,11 @@ class FromRows:
 
     def _numbered(self, labels: tuple[str, ...], structure: Structure) -> Structure:
         """The points under the numbers that their labels had when they were first seen; the same points, the same object."""
-        known = self._seen.get(labels)
+        known = self._seen.get((labels, structure))  # the sets may change with the state, e.g. friction
         if known is None:
             times = [labels[:i].count(label) for i, label in enumerate(labels)]  # two points may bear one label
             numbers = tuple(self._numbers.setdefault(one, len(self._numbers)) for one in zip(labels, times, strict=True))
-            known = self._seen[labels] = Structure(structure.owners, numbers, structure.cones)
+            known = self._seen[labels, structure] = Structure(structure.owners, numbers, structure.cones)
         return known
 
 

@@ -102,18 +102,19 @@ class _Begun:
     def seen_in(self, layout: Layout) -> _Seen:
         """What is known of the points, in another layout."""
         if layout is self.at.layout:
-            return _Seen(self.active, self.u, self.answer)
+            return _Seen(self.active, self.u, self.at.error, self.answer)
         carry = Carry(self.at.layout, layout)
         answer = replace(self.answer, impulse=carry.rows(self.answer.impulse), velocity=carry.rows(self.answer.velocity))
-        return _Seen(carry.points(self.active, False), carry.rows(self.u), answer)
+        return _Seen(carry.points(self.active, False), carry.rows(self.u), carry.rows(self.at.error), answer)
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Points at a step's beginning: which act, how they move, what came of it."""
+    """Points at a step's beginning: which act, how they move, how far they are off, what came of it."""
 
     active: Array
     velocity: Array
+    error: Array
     answer: VelocityAnswer
 
 
@@ -126,6 +127,7 @@ class _Run:
         self.solver = VelocitySolver(motion.law)
         self.bases = Bases(start.robot)
         self.closing = Closing(motion, self.points)
+        self.feedback = motion.stabilisation if isinstance(motion.stabilisation, Baumgarte) else None
         self.restitution = dict(motion.restitution or {})
         self.names = tuple(c.name for c in motion.constraints)
         self.watch = Watch()
@@ -156,6 +158,8 @@ class _Run:
             return self._begin(t, h)
         part = 0.5 * h / before.h
         v, u = at.state.v, at.velocity
+        if self.feedback is not None and self.told is not None:
+            u = np.where(at.layout.held, self.told, u)
         v_h = v + part * (v - before.at.state.v) + 0.5 * h * self.bases.spin(v)
         u_h = u + part * (u - before.at.velocity)
         return _Begun(at, before.active, None, VelocityAnswer(v_h, part * before.answer.impulse, u_h, 0.0), h, u)
@@ -171,14 +175,15 @@ class _Run:
         turned = v + half * spin
         offset = u - at.J @ turned + half * at.bias
         rhs = at.state.M @ turned + half * force
-        change, guess, offset = self._later(at, half), half * self._guess(at), self._steered(offset, at, half)
+        change, guess, wanted = self._later(at, half), half * self._guess(at), self._wanted(at.layout, u, at.error, half)
+        offset = offset - wanted
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
         answer = self.solver.solve(at, active, rhs, offset, half, guess, shift)
         if change is None:
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
                 answer = self.solver.solve(at, active, rhs, offset, half, answer.impulse, shift)
-        return _Begun(at, active, tau, answer, h, u)
+        return _Begun(at, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
 
     def _finish(self, t: float, begun: _Begun, h: float) -> tuple[Snapshot, VelocityAnswer, Snapshot]:
         """(where a step of length h ends before positions are put right, velocities and impulses, its middle)."""
@@ -194,7 +199,9 @@ class _Run:
         then = begun.seen_in(middle.layout)
         guess, u0 = then.answer.impulse * (2.0 * h / begun.h), then.velocity
         shift = turned_back(middle.layout, then.active, u0, then.answer.velocity - u0, guess)
-        answer = self.solver.solve(middle, then.active, rhs, self._steered(offset, middle, h), h, guess, shift)
+        wanted = self._wanted(middle.layout, u0, then.error, h)
+        answer = self.solver.solve(middle, then.active, rhs, offset - wanted, h, guess, shift)
+        answer = replace(answer, velocity=answer.velocity + wanted)
         q_end = bases.moved(q_m, answer.v, 0.5 * h)
         (v_end,) = bases.carried((answer.v,), q_m, q_end)
         return self.points.at(State(self.robot, q_end, v_end), t + h), answer, middle
@@ -306,6 +313,10 @@ class _Run:
             closed = layout.pushes & then.active & (answer.velocity[layout.normals] <= SLIDES)
             self.watch.step(t, h, layout, self.force, (then.velocity, answer.velocity), closed)
             end = self.closing.put_right(end, t + h, closed & (answer.impulse[layout.normals] > 0.0))
+            if self.solver.redundant.found and self.closing.holds:
+                end = self.closing.stilled(end, t + h)
+                if end.layout is layout:
+                    answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
         same = begun.at.layout is end.layout
         self.before = _Begun(begun.at, begun.active, None, answer, h, begun.u) if same else None
         self.told = answer.velocity if end.layout is layout else None
@@ -356,11 +367,14 @@ class _Run:
         """Row forces to start from."""
         return self.force if len(self.force) == len(at.velocity) else np.zeros(len(at.velocity))
 
-    def _steered(self, offset: Array, at: Snapshot, h: float) -> Array:
-        """The offset with Baumgarte's feedback of what holds: error'' + 2 zeta w error' + w^2 error = 0, implicitly."""
-        given = self.motion.stabilisation
-        if not isinstance(given, Baumgarte):
-            return offset
-        w, zeta = float(given.frequency), float(given.damping_ratio)
-        wanted = (at.velocity - h * w * w * at.error) / (1.0 + 2.0 * zeta * w * h + (w * h) ** 2)
-        return np.where(at.layout.held, offset - wanted, offset)
+    def _wanted(self, layout: Layout, u: Array, error: Array, h: float) -> Array | float:
+        """Velocities of what holds after a time h, shape (p,), as Baumgarte's feedback wants them; 0.0 without it.
+
+        It is one implicit Euler step of error'' + 2 zeta w error' + w^2 error = 0 from (error, u), stable at any h. u is the
+        velocity that the step before was to have: that of the state differs from it by O(h^2), and these differences must not
+        add up.
+        """
+        if self.feedback is None:
+            return 0.0
+        w, zeta = float(self.feedback.frequency), float(self.feedback.damping_ratio)
+        return np.where(layout.held, (u - h * w * w * error) / (1.0 + 2.0 * zeta * w * h + (w * h) ** 2), 0.0)

@@ -28,7 +28,9 @@ from rbd.problem import GaussProblem
 from rbd.residuals import USABLE
 from rbd.rows import Rows
 from rbd.simulation.contact_solve import Stillness
+from rbd.simulation.held_rows import CONTRADICTION, OWED
 from rbd.simulation.projection import inertia_factor
+from rbd.simulation.redundant_rows import RedundantRows
 from rbd.simulation.snapshot import Layout, Snapshot
 from rbd.solvers.admm import ADMM, holding
 from rbd.solvers.kkt import independent_factor
@@ -72,6 +74,7 @@ class _Chosen:
         parts: Their sets as weights.
         plain: Whether weights are the row impulses themselves.
         bilateral: Whether all hold, whatever it takes.
+        held: Which of the rows hold, whatever it takes; indices.
         stillness: Of plain ones.
     """
 
@@ -80,6 +83,7 @@ class _Chosen:
     parts: Parts
     plain: bool
     bilateral: bool
+    held: Array
     stillness: Stillness | None
 
 
@@ -91,6 +95,7 @@ class VelocitySolver:
         self.coulomb = law == "coulomb"
         self._chosen: dict[tuple[int, bytes, float], _Chosen] = {}
         self._layout: Layout | None = None
+        self.redundant = RedundantRows()
 
     def solve(
         self, at: Snapshot, active: Array, rhs: Array, offset: Array, h: float, guess: Array, shift: Array | None = None
@@ -118,8 +123,13 @@ class VelocitySolver:
             raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")
         merit = 0.0
         if chosen.parts.size:
-            J, c = at.J[index], offset[index]
+            J, c, left_out = at.J[index], offset[index], 0.0
             W = blas.dtrsm(1.0, L, J.T, lower=1)
+            if len(chosen.held):
+                whole = W
+                W, c, left_out = self.redundant.reduced(W, c, chosen.held, at.drift)
+                if W is not whole:
+                    J = (np.tril(L) @ W).T
             D, u = W.T @ W, W.T @ y + c
             if not is_finite(u):
                 raise NoSolution(f"the velocity of {_names(chosen)} is not finite at this state.")
@@ -128,18 +138,40 @@ class VelocitySolver:
                 rows = [Rows(name, J[span], c[span], cone) for name, span, cone in chosen.groups]
                 return GaussProblem(M, rhs, rows, from_state=True)
 
-            f, merit = self._impulses(chosen, D, u, guess[index], None if shift is None else shift[index], problem)
+            f, merit = self._impulses(chosen, D, u, guess[index], None if shift is None else shift[index], h, problem)
+            if left_out:
+                merit = max(merit, self._contradiction(chosen, at, left_out / (max(h, largest(u)) or 1.0)))
             impulse[index] = f
             y = y + W @ f
         v = blas.dtrsv(L, y, lower=1, trans=1)
         return VelocityAnswer(v, impulse, at.J @ v + offset, merit)
 
+    def _contradiction(self, chosen: _Chosen, at: Snapshot, missed: float) -> float:
+        """What held rows miss, over the size of what they ask; what a pose and a velocity that are off account for is no error.
+
+        Raises:
+            NoSolution: where they contradict each other.
+        """
+        if missed > max(CONTRADICTION, OWED * max(at.drift, at.drift_rate)):
+            raise NoSolution(
+                f"no velocity satisfies the constraints together: {_names(chosen)} contradict each other, by {missed:.3g} "
+                "of what they ask for."
+            )
+        return missed
+
     def _impulses(
-        self, chosen: _Chosen, D: Array, u: Array, guess: Array, shift: Array | None, problem: Callable[[], GaussProblem]
+        self,
+        chosen: _Chosen,
+        D: Array,
+        u: Array,
+        guess: Array,
+        shift: Array | None,
+        h: float,
+        problem: Callable[[], GaussProblem],
     ) -> tuple[Array, float]:
         """(row impulses, how far they are from the law)."""
         if chosen.bilateral:
-            return _held(D, u, problem)
+            return _held(D, u, max(h, largest(u)) or 1.0, problem)
         if shift is None and chosen.stillness is not None:
             still = chosen.stillness.impulses(D, u, guess, STILL)
             if still is not None:
@@ -188,7 +220,7 @@ class VelocitySolver:
 
     def _rows(self, layout: Layout, active: Array, h: float) -> _Chosen:
         if layout is not self._layout:
-            self._layout = layout
+            self._layout, self.redundant = layout, RedundantRows()
             self._chosen.clear()
         key = id(layout), active.tobytes(), h if layout.boxed else 0.0
         known = self._chosen.get(key)
@@ -221,18 +253,19 @@ def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
     parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
     plain = _plain(parts)
     bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
-    return _Chosen(index, tuple(groups), parts, plain, bilateral, Stillness(parts) if plain and parts.size else None)
+    held = np.flatnonzero(layout.held[index])
+    return _Chosen(index, tuple(groups), parts, plain, bilateral, held, Stillness(parts) if plain and parts.size else None)
 
 
-def _held(D: Array, u: Array, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:
-    """Impulses that hold rows still, whatever it takes; the least where rows repeat each other."""
+def _held(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:
+    """(impulses that hold rows still, whatever it takes, the least where rows repeat each other; what they miss, over size)."""
     R = independent_factor(D)
     if R is not None:
         f = -lapack.dpotrs(R, u)[0]
     else:
         W = problem().whitened
         f = np.linalg.lstsq(W, -np.linalg.lstsq(W.T, u, rcond=1e-10)[0], rcond=1e-10)[0]
-    return f, largest(D @ f + u)
+    return f, largest(D @ f + u) / size
 
 
 def _names(chosen: _Chosen) -> str:

@@ -134,7 +134,9 @@ def _bounds(given: Array | None, k: int, default: float) -> Array | None:
 
 @lru_cache(maxsize=64)
 def _all(k: int, value: float) -> Array:
-    return np.full(k, value)
+    out = np.full(k, value)
+    out.flags.writeable = False
+    return out
 
 
 def least_violation(A: Array, b: Array, C: Array, l: Array) -> float:

@@ -59,3 +59,23 @@ def off(one: rbd.State, other: rbd.State) -> float:
     """How far two states are from each other, the largest entry of both differences."""
     model = one.robot.model
     return float(max(np.abs(pin.difference(model, one.q, other.q)).max(), np.abs(one.v - other.v).max()))
+
+
+def bricard() -> CheckedModel:
+    """Bricard's mechanism (A04 of the benchmark library): five square bars of 1 m, 0.1 m and 1 kg along edges of a cube.
+
+    Each of its six hinges has the direction of the cube's third edge there. It moves, though it is counted rigid: the hinge
+    between the frames "tip" and "pivot", along x, closes the ring with five rows of which four are independent.
+    """
+    x, y, z = np.eye(3)
+    model, parent, at = pin.Model(), 0, np.zeros(3)
+    for i, (along, axis) in enumerate(zip((x, y, z, -x, -y), (y, z, x, y, z), strict=True)):
+        joint = pin.JointModelRevoluteUnaligned(axis)
+        parent = model.addJoint(parent, joint, pin.SE3(np.eye(3), at), f"hinge_{i}")
+        lengths = np.abs(along) + 0.1 * (1.0 - np.abs(along))
+        spread = np.diag(lengths @ lengths - lengths**2) / 12.0
+        model.appendBodyToJoint(parent, pin.Inertia(1.0, 0.5 * along, spread), pin.SE3.Identity())
+        at = along
+    for name, joint, place in (("tip", parent, at), ("pivot", 0, z)):
+        model.addFrame(pin.Frame(name, joint, 0, pin.SE3(np.eye(3), place), pin.FrameType.OP_FRAME))
+    return CheckedModel(model, name="bricard")

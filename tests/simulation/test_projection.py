@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -119,9 +121,14 @@ def test_the_benchmark_passes_its_singular_pose_ten_times(integrator, step):
 @pytest.mark.parametrize("n", [1, 3, 6])
 @pytest.mark.parametrize("phi", [0.0, 1e-10, 1e-7, 1e-5, 1e-4])
 def test_a_start_at_the_singular_pose_or_beside_it_goes_on(n, phi):
-    """All bars aligned, where J has lost N ranks: the motion is the closed form's, from any distance."""
+    """All bars aligned, where J has lost N ranks: the motion is the closed form's, from any distance.
+
+    The pins' forces grow as 1 / phi where N > 1: at phi = 0 no finite forces make this motion, and a warning says so.
+    """
     robot = rbd.mechanism.n_four_bar(n)
-    found = rbd.simulate(_flat(robot, n, phi, 3.0), robot.loops, duration=0.05, step=STEP, progress=False)
+    infinite = pytest.warns(rbd.InaccurateWarning, match="at t = 0 s; 1 of 51") if phi == 0.0 and n > 1 else nullcontext()
+    with infinite:
+        found = rbd.simulate(_flat(robot, n, phi, 3.0), robot.loops, duration=0.05, step=STEP, progress=False)
     true = _phi(n, phi, 3.0, 0.05)
     q = found.q[-1]
     assert abs(np.arctan2(q[1], q[0]) - true[0]) < 1e-11
