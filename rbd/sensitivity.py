@@ -129,7 +129,7 @@ class StateOrigin:
 
 @dataclass(frozen=True)
 class LeftBehind:
-    """In place of a `StateOrigin` in another process: a state lends its robot's data and does not travel."""
+    """In place of a `StateOrigin` in another process: with its state an answer would bring the whole robot each time."""
 
     def derivatives(self, solution: Solution) -> Derivatives:
         """None to be had.
