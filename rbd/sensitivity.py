@@ -123,8 +123,11 @@ class StateOrigin:
     def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
         return LeftBehind, ()
 
-    def __deepcopy__(self, memo: dict[int, object]) -> StateOrigin:
+    def __copy__(self) -> StateOrigin:
         return self  # nothing in it changes
+
+    def __deepcopy__(self, memo: dict[int, object]) -> StateOrigin:
+        return self
 
 
 @dataclass(frozen=True)
