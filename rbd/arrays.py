@@ -116,12 +116,22 @@ def add_wrench(total: list[float], wrench: Sequence[float], point: Sequence[floa
 
 
 class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
-    """`functools.cached_property` without its lock, which costs more than most of what it guards here."""
+    """`functools.cached_property` without its lock, which costs more than most of what it guards here.
+
+    That lock, one for all owners, would also stay locked in a child forked while another thread computes. Two threads may
+    compute a value at the same time; both get the same. Copies and pickles of the owner leave the value out and compute it
+    again: it may hold what cannot travel, such as a compiled function.
+    """
 
     def __init__(self, compute: Callable[[Owner], Value]) -> None:
         self.compute = compute
         self.name = compute.__name__
         self.__doc__ = compute.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Give the class the state that its copies and pickles are made of, unless it says itself how they are made."""
+        if owner.__getstate__ is object.__getstate__:
+            setattr(owner, "__getstate__", _without_lazies)  # noqa: B010  mypy allows no assignment to a method
 
     @overload
     def __get__(self, owner: None, kind: type) -> lazy[Owner, Value]: ...
@@ -133,3 +143,8 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
             return self
         value = owner.__dict__[self.name] = self.compute(owner)
         return value
+
+
+def _without_lazies(owner: object) -> dict[str, object]:
+    kind = type(owner)
+    return {name: value for name, value in vars(owner).items() if not isinstance(getattr(kind, name, None), lazy)}

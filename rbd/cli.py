@@ -10,25 +10,27 @@ import math
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, NoReturn, Protocol
+from typing import Annotated, Protocol
 
 import typer
 from rich.console import Console
 from rich.progress import track
 
 from rbd.arrays import Array, three
+from rbd.cones import check_friction
 from rbd.equilibrium import hold
-from rbd.errors import InputError, ModelWarning, NoSolution, RbdError, SimulationStopped
+from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.external import ExternalForce
 from rbd.least_constraint import solve
 from rbd.loop_file import ROOTS, Root
+from rbd.output_files import write_text
 from rbd.report import StandReport
 from rbd.robot import load_robot
 from rbd.simulation.door import simulate as run
+from rbd.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, terminal
 
-NO_SOLUTION, BAD_INPUT = 1, 2
 MOST_SAMPLES = 10_000
 """Of a longer motion not every step is recorded."""
 
@@ -66,9 +68,11 @@ def stand(
     Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
     and prints what each foot carries.
     """
-    console = _console()
-    with _answering(console):
+    console = terminal()
+    with answering():
         force = _push(push, at)
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
+        check_friction(friction, facets)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or ())
@@ -93,7 +97,7 @@ def stand(
                 _write_json(json_, report)
                 console.print(report)
                 if written is not None:
-                    console.print(f"picture: {written}", soft_wrap=True)
+                    _told(console, "picture", written)
                 if show:
                     _serve(console, scene.open())
         else:
@@ -107,10 +111,10 @@ def robots() -> None:
     from rbd import catalogue
     from rbd.listing import robot_lines, robots_table
 
-    console = _console()
-    with _answering(console):
+    console = terminal()
+    with answering():
         names = catalogue.robots()
-        shown = track(robot_lines(names), "loading", len(names), console=Console(stderr=True), transient=True)
+        shown = track(robot_lines(names), "loading", len(names), console=terminal(errors=True), transient=True)
         console.print(robots_table(list(shown)))
 
 
@@ -123,8 +127,8 @@ def info(
     """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
     from rbd.listing import robot_info
 
-    console = _console()
-    with _answering(console):
+    console = terminal()
+    with answering():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # the doctor's findings are printed below in full
             loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
@@ -146,24 +150,26 @@ def mechanism(
 
     Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
     """
-    from rbd.mechanism_report import mechanism_report
+    from rbd.mechanism_report import check_tries, mechanism_report
 
-    console = _console()
-    with _answering(console):
+    console = terminal()
+    with answering():
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=file)
+        check_tries(seed, tries)
         loaded = load_robot(file, package_dirs=package_dir or ())
         name = posture if posture is not None else next(iter(loaded.postures), None)
         q = loaded.at().q if name is None else loaded.at(name).q
         report = mechanism_report(loaded, q, seed=seed, tries=tries)
         _write_json(json_, report)
-        console.print(str(report), highlight=False, markup=False, soft_wrap=True)
+        console.print(str(report), highlight=False, soft_wrap=True)
         if html is not None or show:
             from rbd.visual import Scene
 
             with Scene(loaded) as scene:
                 scene.show(report.state)
-                scene.beside(report.poses())
+                scene.beside(report.poses(), shown=report.shown)
                 if html is not None:
-                    console.print(f"picture: {scene.export(html)}", soft_wrap=True)
+                    _told(console, "picture", scene.export(html))
                 if show:
                     _serve(console, scene.open())
 
@@ -202,14 +208,18 @@ def simulate(
 
     rbd simulate talos --push 0,20,0 --at torso_2_link --from 0.2 --for 0.1 --html push.html
     """
-    from rbd.simulate_report import SimulateReport, draw, writable
+    from rbd.simulate_report import SimulateReport, draw
     from rbd.simulate_setup import loaded, pushes, setup
     from rbd.simulation.pushes import Pushes
+    from rbd.simulation.trajectory_file import a_trajectory_path
 
-    console = _console()
-    with _answering(console):
+    console = terminal()
+    with answering():
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
-        writable({"--save": save, "--plot": plot, "--html": html, "--json": json_})
+        save = None if save is None else a_trajectory_path(save)
+        files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
+        check_outputs(files, beside=robot)
+        check_friction(friction, 4)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):
             found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
@@ -233,13 +243,19 @@ def simulate(
         console.print(report)
         if save is not None:
             trajectory.save(save)
-            console.print(f"trajectory: {save}", soft_wrap=True)
+            _told(console, "trajectory", save)
         if plot is not None:
-            console.print(f"plot: {draw(trajectory, plot)}", soft_wrap=True)
+            _told(console, "plot", draw(trajectory, plot))
         if html is not None and len(trajectory) > 1:
-            console.print(f"picture: {trajectory.export(html, external=external)}", soft_wrap=True)
+            _told(console, "picture", trajectory.export(html, external=external))
         if show and len(trajectory) > 1:
-            trajectory.replay(external=external)
+            from rbd.visual import Scene, replay
+            from rbd.visual.animation import VIEWER_SECONDS
+
+            with Scene(found, legend=False) as scene, suppress(KeyboardInterrupt):
+                _told(console, "replaying at", scene.open())
+                scene.wait_for_viewer(VIEWER_SECONDS)
+                replay(trajectory, scene=scene, external=external)
         if stopped is not None:
             raise stopped
 
@@ -262,15 +278,13 @@ def plane(
 
     The base is at the origin. For example: rbd plane --links 2 --from 1,0 --to 0.5,0.5 --out plane.png
     """
-    from rbd.simulate_report import writable
-
-    console = _console()
-    with _answering(console):
+    console = terminal()
+    with answering():
         try:
             from rbd.plane_report import PlaneReport, check_picture, draw, plane_task
         except ImportError as error:  # SymPy is an extra
             raise InputError(str(error)) from None
-        writable({"--out": out, "--html": html, "--json": json_})
+        check_outputs({"--out": (out, FIGURES), "--html": (html, PAGES), "--json": (json_, ())})
         check_picture(out)
         task = plane_task(
             from_, to, links=links, lengths=lengths, angles=angles, duration=duration, branch=branch, space=space
@@ -281,11 +295,11 @@ def plane(
         console.print(report)
         _write_json(json_, report)
         if out is not None:
-            console.print(f"picture: {draw(motion, out)}", soft_wrap=True)
+            _told(console, "picture", draw(motion, out))
         if html is not None:
             from rbd.visual.planar_scene import export_planar
 
-            console.print(f"page: {export_planar(motion, html)}", soft_wrap=True)
+            _told(console, "page", export_planar(motion, html))
 
 
 def _every(duration: float, step: float) -> int:
@@ -318,16 +332,16 @@ def _push(push: str | None, at: str | None) -> Array | None:
 
 
 def _write_json(path: Path | None, report: Reported) -> None:
-    if path is None:
-        return
-    try:
-        path.write_text(json.dumps(report.data(), indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--json {path} cannot be written: {error.strerror}.") from None
+    if path is not None:
+        write_text(path, json.dumps(report.data(), indent=2) + "\n")
+
+
+def _told(console: Console, what: str, where: Path | str) -> None:
+    console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
 
 
 def _serve(console: Console, url: str) -> None:
-    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True)
+    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True, highlight=False)
     try:
         while True:
             time.sleep(3600.0)
@@ -335,41 +349,11 @@ def _serve(console: Console, url: str) -> None:
         console.print("ended")
 
 
-def _console() -> Console:
-    console = Console()
-    # A file or a pipe has no width; tables cut at 80 columns would lose numbers.
-    return console if console.is_terminal else Console(width=140)
-
-
 @contextmanager
 def _timed(seconds: dict[str, float], what: str) -> Iterator[None]:
     start = time.perf_counter()
     yield
     seconds[what] = time.perf_counter() - start
-
-
-@contextmanager
-def _answering(console: Console) -> Iterator[None]:
-    """Turn this package's errors into messages and exit codes, and its warnings into lines."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            yield
-        except NoSolution as error:
-            _fail("no solution", error, NO_SOLUTION)
-        except RbdError as error:
-            _fail("bad input", error, BAD_INPUT)
-        finally:
-            for warning in caught:
-                if not issubclass(warning.category, DeprecationWarning):
-                    Console(stderr=True, soft_wrap=True).print(f"[yellow]warning[/]: {warning.message}", highlight=False)
-
-
-def _fail(what: str, error: RbdError, code: int) -> NoReturn:
-    from rich.markup import escape
-
-    Console(stderr=True, soft_wrap=True).print(f"[red]{what}[/]: {escape(str(error))}", highlight=False)
-    raise typer.Exit(code)
 
 
 def main() -> None:

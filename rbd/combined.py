@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.contact_geometry import rigid_placement
 from rbd.constraints.counterpart import changed
@@ -47,6 +46,10 @@ class Pair(CheckedModel):
         passive = [p + n for robot, p in zip(self.members, prefixes, strict=True) for n in sorted(robot.passive)]
         super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
         self.sound = first.sound and second.sound
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copies are made anew from copies of the two robots, in another process too."""
+        return Pair, (*self.members, self.placement, self.prefixes), {"sound": self.sound}
 
     def neutral(self) -> Array:
         """The configuration with every joint at zero, the second's base at `placement`, shape (nq,)."""
@@ -123,12 +126,12 @@ class Pair(CheckedModel):
             raise ModelError(f"no feet are known of {self.name}. Give contacts of your own: pair.contacts(first, second).")
         return self.contacts(*feet)
 
-    @cached_property
+    @lazy
     def visual_model(self) -> pin.GeometryModel:
         """Shapes of both to draw."""
         return self._geometry("visual_model")
 
-    @cached_property
+    @lazy
     def collision_model(self) -> pin.GeometryModel:
         """Collision shapes of both."""
         return self._geometry("collision_model")

@@ -11,12 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, is_finite, numbers
+from rbd.arrays import Array, a_number, is_finite, lazy, numbers
 from rbd.errors import InputError, NoSolution
 from rbd.programs import nonnegative
 
@@ -201,7 +200,7 @@ class WrenchCone:
         """Six."""
         return 6
 
-    @cached_property
+    @lazy
     def corner_map(self) -> Array:
         """The wrench of stacked corner forces, shape (6, 3k); its transpose takes a twist rate to corner accelerations."""
         return np.hstack([np.vstack([np.eye(3), cross_matrix(c)]) for c in self.corners])

@@ -6,11 +6,10 @@ import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.cones import block_diagonal
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.counterpart import changed
@@ -71,12 +70,12 @@ class Hold:
     residual: float
     rows: tuple[Rows, ...]
 
-    @cached_property
+    @lazy
     def contacts(self) -> dict[str, ContactForce]:
         """Normal and tangential parts, friction used and centre of pressure of each contact."""
         return {r.name: contact_force(r.patch, self.forces[r.name]) for r in self.rows if r.patch is not None}
 
-    @cached_property
+    @lazy
     def margins(self) -> Margins:
         """How far torques, friction and centres of pressure are from their limits."""
         limit = self.state.robot.effort_limit

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from rich import box
 from rich.console import Group
-from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
 from rbd.doctor import doctor
 from rbd.equilibrium import hold
 from rbd.errors import ModelWarning, RbdError
 from rbd.robot import Robot, load_robot
+from rbd.terminal import Table
 
 _BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
 UNLIMITED = 1e100
@@ -75,16 +73,16 @@ def _stands(robot: Robot) -> str:
 
 def robots_table(lines: Iterable[RobotLine]) -> Table:
     """The table of `rbd robots`."""
-    table = Table(box=box.SIMPLE_HEAD)
+    table = Table()
     table.add_column("name", no_wrap=True)
     table.add_column("nv", justify="right")
-    table.add_column(escape("mass [kg]"), justify="right")
+    table.add_column("mass [kg]", justify="right")
     for heading in ("postures", "feet", "stands"):
         table.add_column(heading)
     for line in lines:
         numbers = ("-", "-") if line.nv is None or line.mass is None else (str(line.nv), f"{line.mass:.3f}")
         postures = ", ".join(line.postures[:4]) + (f", and {len(line.postures) - 4} more" if len(line.postures) > 4 else "")
-        table.add_row(escape(line.name), *numbers, escape(postures), line.feet, escape(line.stands))
+        table.add_row(line.name, *numbers, postures, line.feet, line.stands)
     return table
 
 
@@ -102,7 +100,7 @@ def robot_info(robot: Robot) -> Group:
 
 
 def _joints_table(robot: Robot) -> Table:
-    table = Table(title="joints", title_justify="left", box=box.SIMPLE_HEAD)
+    table = Table("joints")
     table.add_column("name", no_wrap=True)
     table.add_column("kind")
     for heading in ("at v", "lower", "upper", "speed limit", "effort limit"):
@@ -120,7 +118,7 @@ def _joints_table(robot: Robot) -> Table:
                 _bound(_speed_limit(model)[joint.idx_v]),
             )
         motor = _bound(effort[joint.idx_v]) if joint.idx_v in effort else "no motor"
-        table.add_row(escape(name), joint.shortname().removeprefix("JointModel"), at, *bounds, motor)
+        table.add_row(name, joint.shortname().removeprefix("JointModel"), at, *bounds, motor)
     return table
 
 

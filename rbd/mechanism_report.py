@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.errors import RbdError
+from rbd.errors import InputError, RbdError
 from rbd.mechanism import (
     Branches,
     Integrability,
@@ -29,6 +29,8 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
+from rbd.mechanism.branches import MOST_TRIES, SAME
+from rbd.mechanism.held import check_seed, turning
 from rbd.robot import Robot
 from rbd.rows import Rows
 from rbd.state import State
@@ -108,13 +110,37 @@ class MechanismReport:
             "left_out": self.left_out,
         }
 
+    @property
+    def shown(self) -> str:
+        """Name of the branch that the pose looked at is on; empty where it is none of those found."""
+        found = () if self.branches is None else self.branches.found
+        away = [self._away(b.q) for b in found]
+        here = int(np.argmin(away)) if away else 0
+        return f"branch {here}" if away and away[here] < SAME else ""
+
     def poses(self) -> dict[str, State]:
         """{name: every branch but the one shown}, for the picture."""
-        if self.branches is None:
-            return {}
-        near = [float(np.abs(pin.difference(self.robot.model, self.state.q, b.q)).max()) for b in self.branches.found]
-        here = int(np.argmin(near)) if near else -1
-        return {f"branch {i}": State(self.robot, b.q) for i, b in enumerate(self.branches.found) if i != here}
+        found = () if self.branches is None else self.branches.found
+        every = {f"branch {i}": State(self.robot, b.q) for i, b in enumerate(found)}
+        return {name: state for name, state in every.items() if name != self.shown}
+
+    def _away(self, q: Array) -> float:
+        """Largest difference from the pose looked at, whole turns left out [m, rad]."""
+        change = pin.difference(self.robot.model, self.state.q, q)
+        angles = turning(self.robot)
+        change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
+        return float(np.abs(change).max(initial=0.0))
+
+
+def check_tries(seed: int, tries: int) -> None:
+    """Refuse what `mechanism_report` does not take, before anything is computed.
+
+    Raises:
+        InputError: a seed that is no whole number from 0, tries that are none from 1 to 1,000,000.
+    """
+    check_seed(seed)
+    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
+        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
 
 
 def mechanism_report(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:
@@ -128,7 +154,9 @@ def mechanism_report(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
 
     Raises:
         CannotAssemble: the loops do not close; says the distance that is left.
+        InputError: a seed or a number of tries that means nothing.
     """
+    check_tries(seed, tries)
     held = (*robot.loops, *robot.wheels)
     state = State(robot, q)
     placed = [c for c in held if _has_position(c.rows(state))]

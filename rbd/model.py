@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -16,6 +17,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, largest, numbers
 from rbd.errors import FrameNotFound, InputError, JointNotFound, ModelError, nearest
+from rbd.forks import renewed_after_fork
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""
@@ -95,6 +97,10 @@ class CheckedModel:
     def weight(self) -> Array:
         """Wrench of gravity about the centre of mass, in W, shape (6,) [N, N m]."""
         return np.concatenate([self.mass * self.gravity, np.zeros(3)])
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copies are made anew from the Pinocchio model, in another process too."""
+        return _remade, (self.model, sorted(self.passive), self.name), {"sound": self.sound}
 
     def frames(self) -> list[str]:
         """Names of all frames: links, joints and fixed marks."""
@@ -232,7 +238,7 @@ class DataPool:
     """A few `pin.Data`, lent to states by ticket.
 
     Making one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
-    else needs it, and runs its kinematics again when it was taken away. All use is under `lock`.
+    else needs it, and runs its kinematics again when it was taken away. All use is under `lock`, but for `give_back`.
     """
 
     def __init__(self, model: pin.Model, size: int = 4) -> None:
@@ -240,10 +246,18 @@ class DataPool:
         self._size = size
         self._lent: list[Slot] = []
         self._free: list[Slot] = []
+        self._returned: deque[tuple[Slot, int]] = deque()
         self.lock = threading.RLock()
+        renewed_after_fork(self)
 
     def take(self, fill: Callable[[pin.Data], None]) -> tuple[Slot, int]:
         """A slot filled for a new ticket: a free one, a new one while there are few, else the one lent longest."""
+        while self._returned:
+            slot, ticket = self._returned.popleft()
+            if slot.ticket == ticket and slot in self._lent:
+                slot.ticket = 0
+                self._lent.remove(slot)
+                self._free.append(slot)
         if self._free:
             slot = self._free.pop()
         elif len(self._lent) < self._size:
@@ -257,12 +271,21 @@ class DataPool:
         return slot, slot.ticket
 
     def give_back(self, slot: Slot, ticket: int) -> None:
-        """End a loan; nothing happens if the slot has gone to another ticket meanwhile."""
-        with self.lock:
-            if slot.ticket == ticket and slot in self._lent:
-                slot.ticket = 0
-                self._lent.remove(slot)
-                self._free.append(slot)
+        """End a loan; nothing happens if the slot has gone to another ticket meanwhile.
+
+        It takes no lock: the garbage collector calls it at any moment, in a thread that may hold another robot's lock.
+        """
+        self._returned.append((slot, ticket))
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: a new lock; what a thread of the parent was computing is not lent again."""
+        self.lock = threading.RLock()
+        self._lent = [slot for slot in self._lent if slot.ticket]
+        self._returned = deque(self._returned)
+
+
+def _remade(model: pin.Model, passive: list[str], name: str) -> CheckedModel:
+    return CheckedModel(model, passive=passive, name=name)
 
 
 def _as_slice(indices: Array) -> slice | Array:

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich import box
 from rich.console import Console, ConsoleOptions, RenderResult
-from rich.table import Table
+from rich.text import Text
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError, NoSolution
+from rbd.output_files import write_file
 from rbd.planar.arm import beside
 from rbd.planar.chain import Chain
 from rbd.planar.inverse import Inverse, inverse
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.quintic import minimum_jerk
+from rbd.terminal import FIGURES, Table
 
 SAMPLES = 1001
-PICTURES = (".png", ".svg", ".pdf")
 SPACES = ("endpoint", "joint")
 PARTS = ("tangential", "centripetal", "coriolis")
 MOST_ROWS = 12
@@ -50,9 +50,9 @@ class PlaneTask:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         lengths = ", ".join(f"{float(length):.4g}" for length in self.chain.lengths)
         angles = {"joint": "joint", "segment": "segment", "vertical": "from the vertical"}[self.chain.angles]
-        yield f"planar chain, {_links(self.chain.n)} of {lengths} m, angles: {angles}"
+        yield Text(f"planar chain, {_links(self.chain.n)} of {lengths} m, angles: {angles}")
         yield ""
-        table = _table()
+        table = Table()
         for heading in ("", "target in m", "reachable", "singular", "branches in deg"):
             table.add_column(heading)
         for name, end in (("from", self.start), ("to", self.stop)):
@@ -100,9 +100,8 @@ class PlaneReport:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         m = self.motion
         where = "the end point goes straight" if m.space == "endpoint" else "the angles go straight"
-        yield f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}"
-        table = _table()
-        table.show_header = False
+        yield Text(f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}")
+        table = Table(headings=False)
         table.add_column("")
         table.add_column("")
         far = float(np.hypot(*np.diff(m.x, axis=0).T).sum())
@@ -127,7 +126,7 @@ class PlaneReport:
             table.add_row("largest manipulability", f"{most['value']:.4g} m2 at {most['at']:.4g} s")
         yield table
         if m.note:
-            yield f"note: {m.note}"
+            yield Text(f"note: {m.note}")
 
     def data(self) -> dict[str, object]:
         """The numbers, for JSON: SI and radians."""
@@ -219,8 +218,8 @@ def check_picture(path: Path | None) -> None:
     """
     if path is None:
         return
-    if path.suffix.lower() not in PICTURES:
-        raise InputError(f"--out is {str(path)!r:.200}; expected a file that ends in {', '.join(PICTURES)}.")
+    if path.suffix.lower() not in FIGURES:
+        raise InputError(f"--out is {str(path)!r:.200}; expected a file that ends in {', '.join(FIGURES)}.")
     try:
         import matplotlib  # noqa: F401
     except ImportError:
@@ -252,10 +251,7 @@ def draw(motion: PlanarMotion, path: Path) -> Path:
         f"Minimum jerk of {_links(motion.chain.n)}, {ends[0]} to {ends[1]} m in {motion.path.duration:g} s, "
         f"planned in {'end-point' if motion.space == 'endpoint' else 'joint'} space"
     )  # fmt: skip
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise InputError(f"--out {path} cannot be written: {error.strerror}.") from None
+    write_file(path, lambda file: figure.savefig(file, dpi=130, format=path.suffix[1:].lower()))
     return path
 
 
@@ -308,7 +304,3 @@ def _end_data(end: Inverse) -> dict[str, object]:
         "singular": bool(end.singular),
         "branches": end.branches.tolist(),
     }
-
-
-def _table() -> Table:
-    return Table(box=box.SIMPLE_HEAD)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.cones import Cone, Interval, Line, Part, Product, SecondOrderCone, pyramid
 
 
@@ -34,17 +34,17 @@ class Rays:
     starts: Array
     facets: frozenset[int] = field(default=frozenset())
 
-    @cached_property
+    @lazy
     def widths(self) -> Array:
         """Numbers of columns of the points, shape (k,)."""
         return np.diff(self.starts, append=self.G.shape[1])
 
-    @cached_property
+    @lazy
     def normals(self) -> Array:
         """Columns of the points' normals, shape (dim, k): the mean of a pyramid's rays, any other column itself."""
         return self.mean(self.G)
 
-    @cached_property
+    @lazy
     def reach(self) -> tuple[float, float]:
         """(smallest sum of a column's absolute entries, 1 at most; largest of a normal's, at least 1)."""
         return column_reach(self.G, self.normals)
@@ -55,42 +55,42 @@ class Rays:
             return columns
         return np.asarray(np.add.reduceat(columns, self.starts, axis=-1) / self.widths)
 
-    @cached_property
+    @lazy
     def all_lines(self) -> bool:
         """Whether every weight is free."""
         return bool(self.is_line.all())
 
-    @cached_property
+    @lazy
     def has_lines(self) -> bool:
         """Whether some weight is free."""
         return bool(self.is_line.any())
 
-    @cached_property
+    @lazy
     def has_intervals(self) -> bool:
         """Whether some weight has a finite bound other than zero from below."""
         return bool((self.above | (self.below & (self.lower != 0.0))).any())
 
-    @cached_property
+    @lazy
     def below(self) -> Array:
         """Which weights have a lower bound, shape (r,)."""
         return np.isfinite(self.lower)
 
-    @cached_property
+    @lazy
     def above(self) -> Array:
         """Which weights have an upper bound, shape (r,)."""
         return np.isfinite(self.upper)
 
-    @cached_property
+    @lazy
     def finite_lower(self) -> Array:
         """Lower bounds, zero where there is none, shape (r,)."""
         return np.where(self.below, self.lower, 0.0)
 
-    @cached_property
+    @lazy
     def finite_upper(self) -> Array:
         """Upper bounds, zero where there is none, shape (r,)."""
         return np.where(self.above, self.upper, 0.0)
 
-    @cached_property
+    @lazy
     def is_line(self) -> Array:
         """Which weights are free, shape (r,)."""
         return ~self.below & ~self.above

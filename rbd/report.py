@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Group
-from rich.markup import escape
-from rich.table import Table
 
 from rbd.arrays import Array
 from rbd.contact_force import ContactForce
 from rbd.equilibrium import Hold
 from rbd.solution import Solution
+from rbd.terminal import Table
 
 UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 LARGEST_TORQUES = 5
@@ -100,14 +98,14 @@ class StandReport:
         return Group(self._contacts_table(), self._torques_table(), self._summary_table())
 
     def _contacts_table(self) -> Table:
-        table = Table(title=escape(self._headline()), title_justify="left", box=box.SIMPLE_HEAD)
+        table = Table(self._headline())
         table.add_column("contact")
         for heading in ("force x, y, z [N]", "normal [N]", "tangential [N]", "friction used", "centre of pressure [m]"):
-            table.add_column(escape(heading), justify="right")
+            table.add_column(heading, justify="right")
         for name, c in self.solution.contacts.items():
             used = "-" if c.friction_used is None else f"{100 * c.friction_used:.1f} %"
             cop = "-" if c.centre_of_pressure is None else rounded(c.centre_of_pressure, 3)
-            table.add_row(escape(name), rounded(c.force, 2), f"{c.normal:.2f}", f"{c.tangential:.2f}", used, cop)
+            table.add_row(name, rounded(c.force, 2), f"{c.normal:.2f}", f"{c.tangential:.2f}", used, cop)
         total = sum((c.force for c in self.solution.contacts.values()), np.zeros(3))
         table.add_section()
         table.add_row("sum", rounded(total, 2), "", "", "", "")
@@ -121,23 +119,23 @@ class StandReport:
 
     def _torques_table(self) -> Table:
         robot, tau = self.held.state.robot, self.held.tau
-        table = Table(title="largest holding torques", title_justify="left", box=box.SIMPLE_HEAD)
+        table = Table("largest holding torques")
         table.add_column("joint")
         for heading in ("torque [N m]", "limit [N m]", "of limit"):
-            table.add_column(escape(heading), justify="right")
+            table.add_column(heading, justify="right")
         used = np.abs(tau) / robot.effort_limit
         limited = bool(np.isfinite(robot.effort_limit).any())
         for i in np.argsort(-used if limited else -np.abs(tau))[:LARGEST_TORQUES]:
             limit, share = "none", "-"
             if np.isfinite(robot.effort_limit[i]):
                 limit, share = f"{robot.effort_limit[i]:.1f}", f"{100 * used[i]:.1f} %"
-            table.add_row(escape(robot.actuated_names[i]), f"{tau[i]:.3f}", limit, share)
+            table.add_row(robot.actuated_names[i], f"{tau[i]:.3f}", limit, share)
         return table
 
     def _summary_table(self) -> Table:
         s = self.solution
         with_contacts, without = self.com_acceleration
-        table = Table(title="motion and proof", title_justify="left", box=box.SIMPLE_HEAD, show_header=False)
+        table = Table("motion and proof", headings=False)
         table.add_column("what")
         table.add_column("value")
         table.add_row("status", f"{s.status} by {s.solver}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -13,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd import catalogue
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.doctor import examine, refuse
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
@@ -166,12 +165,12 @@ class Robot(CheckedModel):
             )
         return out
 
-    @cached_property
+    @lazy
     def visual_model(self) -> pin.GeometryModel:
         """Meshes and shapes to draw, boxes in place of meshes that cannot be had; the first use warns of those."""
         return self._geometry(pin.GeometryType.VISUAL).model
 
-    @cached_property
+    @lazy
     def collision_model(self) -> pin.GeometryModel:
         """Collision shapes, boxes in place of meshes that cannot be had; the first use warns of those."""
         return self._collision.model
@@ -181,7 +180,7 @@ class Robot(CheckedModel):
         """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
         return self._collision.stand_ins
 
-    @cached_property
+    @lazy
     def _collision(self) -> Geometry:
         return self._geometry(pin.GeometryType.COLLISION)
 

@@ -123,13 +123,16 @@ class StateOrigin:
     def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
         return LeftBehind, ()
 
-    def __deepcopy__(self, memo: dict[int, object]) -> StateOrigin:
+    def __copy__(self) -> StateOrigin:
         return self  # nothing in it changes
+
+    def __deepcopy__(self, memo: dict[int, object]) -> StateOrigin:
+        return self
 
 
 @dataclass(frozen=True)
 class LeftBehind:
-    """In place of a `StateOrigin` in another process: a state lends its robot's data and does not travel."""
+    """In place of a `StateOrigin` in another process: with its state an answer would bring the whole robot each time."""
 
     def derivatives(self, solution: Solution) -> Derivatives:
         """None to be had.

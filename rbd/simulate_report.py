@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Group
-from rich.markup import escape
-from rich.table import Table
+from rich.text import Text
 
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model import CheckedModel
+from rbd.output_files import write_file
 from rbd.report import rounded
 from rbd.simulate_setup import Setup
 from rbd.simulation.moment import HOLDS, OPEN, SLIPS
@@ -24,6 +23,7 @@ from rbd.simulation.pushes import Push
 from rbd.simulation.recording import RESIDUALS
 from rbd.simulation.trajectory import Trajectory
 from rbd.state import State
+from rbd.terminal import Table
 
 EVENTS = 8
 """So many are printed; all are in the file."""
@@ -152,7 +152,7 @@ class SimulateReport:
             parts.insert(0, self._constraints_table())
         if self.trajectory.events:
             parts.insert(1, self._events_table())
-        return Group(f"[bold]{escape(self._headline())}[/]", *parts)
+        return Group(Text(self._headline(), style="bold"), *parts)
 
     def _headline(self) -> str:
         x = self.trajectory
@@ -163,7 +163,7 @@ class SimulateReport:
         x = self.trajectory
         table = _table("constraints", "constraint")
         for heading in ("at the end", "force at the end [N]", "largest force [N]", "at [s]", "touches", "leaves"):
-            table.add_column(escape(heading), justify="right")
+            table.add_column(heading, justify="right")
         idle = 0
         for name in x.forces:
             known = self._constraint(name)
@@ -174,7 +174,7 @@ class SimulateReport:
             force = rounded(x.forces[name][-1, :3], 2) if contact else "-"
             largest = known["largest"]
             table.add_row(
-                escape(name), known["mode"], force, f"{largest['value']:.2f}", f"{largest['at']:.3f}",
+                name, known["mode"], force, f"{largest['value']:.2f}", f"{largest['at']:.3f}",
                 str(known["touches"]), str(known["leaves"]),
             )  # fmt: skip
         if idle:
@@ -188,7 +188,7 @@ class SimulateReport:
         table.add_column("what")
         for event in events[:EVENTS]:
             told = str(event).split(": ", 1)[1]
-            table.add_row(f"{event.t:.6f}", escape(told))
+            table.add_row(f"{event.t:.6f}", told)
         return table
 
     def _motion_table(self) -> Table:
@@ -196,14 +196,14 @@ class SimulateReport:
         table = _table("motion", None)
         table.add_row("time", f"{x.times[0]:g} to {x.times[-1]:g} s, {_count(self.steps, 'step')} of {1e3 * x.step:g} ms")
         if x.interrupted:
-            table.add_row("ended early", escape(x.interrupted))
+            table.add_row("ended early", x.interrupted)
         if self.verdict:
-            table.add_row("at the end", escape(self.verdict))
+            table.add_row("at the end", self.verdict)
         for what, told in self._places():
             table.add_row(what, told)
         motor = _busiest_motor(x)
         if motor:
-            table.add_row("largest torque", escape(motor))
+            table.add_row("largest torque", motor)
         e = x.energy
         change = f"change {e[-1] - e[0]:.3g} J, kinetic at most {x.kinetic.max():.4g} J"
         table.add_row("energy", f"{e[0]:.6g} J to {e[-1]:.6g} J: {change}")
@@ -225,7 +225,7 @@ class SimulateReport:
     def _proof_table(self) -> Table:
         x = self.trajectory
         table = _table("proof", None)
-        table.add_row("method", escape(f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else "")))
+        table.add_row("method", f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else ""))
         holds = any((modes == HOLDS).any() for modes in x.modes.values())
         told_of = {"law": True, "drift": holds, "drift_rate": holds, "penetration": bool(x.points)}
         for name, unit in RESIDUALS.items():
@@ -236,7 +236,7 @@ class SimulateReport:
             at = f" at {self._when(np.abs(x.residuals[name])):.3f} s" if worst else ""
             table.add_row(f"worst {name.replace('_', ' ')}", f"{worst:.1e} {told}{at}")
         for i, limit in enumerate(self.setup.limits):
-            table.add_row("" if i else "left out", escape(limit))
+            table.add_row("" if i else "left out", limit)
         pace = self.steps / self.seconds["simulate"]
         times = ", ".join(f"{what} {t:.2f} s" for what, t in self.seconds.items())
         table.add_row("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time")
@@ -244,26 +244,6 @@ class SimulateReport:
 
 
 PLOTS = (".png", ".svg", ".pdf")
-
-
-def writable(paths: Mapping[str, Path | None]) -> None:
-    """Refuse what could not be written, before anything is computed.
-
-    Args:
-        paths: {option: where it would be written, or None}.
-
-    Raises:
-        InputError: no such folder, or an ending that says nothing.
-    """
-    endings = {"--save": (".npz", ".nc"), "--plot": PLOTS, "--html": (".html",)}
-    for option, path in paths.items():
-        if path is None:
-            continue
-        if not path.expanduser().absolute().parent.is_dir():
-            raise InputError(f"{option} {path} cannot be written: there is no folder {str(path.parent)!r}.")
-        known = endings.get(option)
-        if known and path.suffix not in known:
-            raise InputError(f"{option} is {str(path)!r}; expected a file that ends in {' or '.join(known)}.")
 
 
 def draw(trajectory: Trajectory, path: Path) -> Path:
@@ -280,17 +260,14 @@ def draw(trajectory: Trajectory, path: Path) -> Path:
     figure = Figure(figsize=(9.0, 4.0 * len(panels)), layout="constrained")
     for panel, axes in zip(panels, figure.subplots(len(panels), squeeze=False)[:, 0], strict=True):
         panel(axes)
-    try:
-        figure.savefig(path, dpi=120)
-    except OSError as error:
-        raise InputError(f"--plot {path} cannot be written: {error.strerror}.") from None
+    write_file(path, lambda file: figure.savefig(file, dpi=120, format=path.suffix[1:].lower()))
     return path
 
 
 def _table(title: str, first: str | None) -> Table:
     """A table of ours; without a first heading, of two columns without any."""
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, show_header=first is not None)
-    table.add_column("" if first is None else escape(first))
+    table = Table(title, headings=first is not None)
+    table.add_column("" if first is None else first)
     if first is None:
         table.add_column("")
     return table
@@ -307,7 +284,7 @@ def _joints(first: State, last: State) -> list[tuple[str, str]]:
         per_second, unit = ("m/s", "m") if straight else ("rad/s", "rad")
         q0, q1 = (_coordinate(s.q[joint.idx_q : joint.idx_q + joint.nq]) for s in (first, last))
         told = f"{q0 + 0.0:.4f} to {q1 + 0.0:.4f} {unit}, at {last.v[joint.idx_v] + 0.0:.4f} {per_second}"
-        out.append((escape(model.names[i]), told))
+        out.append((model.names[i], told))
     left = len(single) - len(out)
     return [*out, ("", f"and {_count(left, 'more joint')}")] if left else out
 

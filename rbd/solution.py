@@ -60,6 +60,9 @@ class Gauss(float):
         self.shares = shares
         return self
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return Gauss, (float(self), self.shares)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:

@@ -55,9 +55,10 @@ class State:
     def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-        self.robot = robot
-        self.q = robot.check_q(q)
-        self.v = np.zeros(robot.nv) if v is None else robot.check_v(v)
+        self._begin(robot, robot.check_q(q), np.zeros(robot.nv) if v is None else robot.check_v(v))
+
+    def _begin(self, robot: CheckedModel, q: Array, v: Array) -> None:
+        self.robot, self.q, self.v = robot, q, v
         self._pool = robot.pool
         with self._pool.lock:
             self._slot, self._ticket = self._pool.take(self._run)
@@ -72,6 +73,10 @@ class State:
         slot = getattr(self, "_slot", None)
         if slot is not None:
             self._pool.give_back(slot, self._ticket)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its own terms."""
+        return _again, (self.robot, self.q, self.v)
 
     def __repr__(self) -> str:
         return f"State({self.robot.name!r}, |v| = {np.linalg.norm(self.v):.3g})"
@@ -173,3 +178,10 @@ class State:
             X_WB = self.base_pose()
             base = X_WB.translation, X_WB.rotation
         return MomentumBalance(A_g, rate_bias, wrench + robot.weight, self.com, base)
+
+
+def _again(robot: CheckedModel, q: Array, v: Array) -> State:
+    """A state from what another one had: q is taken as it is, because normalising it once more may change its last bit."""
+    state = State.__new__(State)
+    state._begin(robot, q.copy(), v.copy())
+    return state

@@ -23,6 +23,8 @@ LAYERS: dict[str, int] = {
     # limits: plain numbers; programs: SciPy's optimisers within them.
     "limits": 0,
     "programs": 0,
+    "forks": 0,
+    "output_files": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
@@ -68,6 +70,7 @@ LAYERS: dict[str, int] = {
     "inverse": 5,
     "mechanism": 5,
     "planar": 5,
+    "terminal": 5,
     "reference_problems": 5,
     "study": 6,
     "visual": 6,
@@ -94,6 +97,7 @@ BESIDE: set[tuple[str, str]] = {
     ("rays", "arrays"),
     ("rays", "cones"),  # rays of the sets
     ("polygon", "arrays"),  # the type Array
+    ("output_files", "errors"),  # what cannot be written is refused
     ("engine", "errors"),  # another Pinocchio is refused
     ("mjcf_file", "urdf_file"),  # complaints and numbers are told alike
     ("mjcf_equality", "urdf_file"),

@@ -17,6 +17,7 @@ from rbd.constraints.collision_shapes import CollisionShapes
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
 from rbd.constraints.touching import Between, Bodies, OnPlane, Touching, joined
 from rbd.errors import InputError
+from rbd.forks import renewed_after_fork
 from rbd.model import CheckedModel
 from rbd.rows import Patch, Rows
 from rbd.state import State
@@ -206,6 +207,11 @@ class _Finder:
         self._lock = threading.Lock()
         self._data = (robot.model if plane is None else plane.model).createData()
         self._last: tuple[weakref.ref[State], float, Touching] | None = None
+        renewed_after_fork(self)
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: a new lock."""
+        self._lock = threading.Lock()
 
     def another(self) -> _Finder:
         """One that remembers on its own."""

@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.cones import cross_matrix
 from rbd.constraints.contact_geometry import contact_axes
 from rbd.geometry.between import Crossing, Meeting, meeting
@@ -51,7 +50,7 @@ class Touching:
     velocity: Array
     bias: Array
 
-    @cached_property
+    @lazy
     def names(self) -> tuple[str, ...]:
         """What stays with a point over time: the same corner of the same shape has the same name."""
         return tuple(shape if number < 0 else f"{shape}:{number}" for shape, number in self.labels)

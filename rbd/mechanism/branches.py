@@ -21,6 +21,7 @@ from rbd.model import CheckedModel
 SAME = 1e-5
 """Two poses are one if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""
 
+MOST_TRIES = 1_000_000
 _STEP = 0.02
 """How far along a direction that J allows it is looked whether a motion goes on, in units of `Closure.metric`."""
 
@@ -121,8 +122,8 @@ def branches(
     >>> print(rbd.mechanism.branches(robot, robot.loops, fixed={"crank": 0.7}))
     """
     rng = np.random.default_rng(check_seed(seed))
-    if isinstance(tries, bool) or not isinstance(tries, int) or not 0 < tries <= 1_000_000:
-        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to 1000000.")
+    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
+        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, numbers
+from rbd.arrays import Array, check_finite, lazy, numbers
 from rbd.constraints.joint_motion import JointPlace, Piece, joint_motion
 from rbd.errors import InputError
 from rbd.mechanism.held import characteristic_length, turning
@@ -62,17 +62,17 @@ class Coordinates:
         self.names = tuple(names)
         self.turning, self.periodic = turning(robot), np.array(periodic, bool)
 
-    @cached_property
+    @lazy
     def length(self) -> float:
         """The robot's length [m]; see `rbd.mechanism.held.characteristic_length`."""
         return characteristic_length(self.robot)
 
-    @cached_property
+    @lazy
     def metric(self) -> Array:
         """Unit of each velocity, shape (nv,): one where it turns, the robot's length where it slides."""
         return np.where(self.turning, 1.0, self.length)
 
-    @cached_property
+    @lazy
     def reach(self) -> float:
         """How far the mechanism could stretch: all its bodies in a row, by joints and frames [m]; 1 if they have no length."""
         longest = np.zeros(self.model.njoints)

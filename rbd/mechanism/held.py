@@ -253,7 +253,7 @@ def check_seed(seed: int) -> int:
         InputError: no whole number from 0.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise InputError(f"seed is {seed!r:.80}; expected a whole number from 0.")
+        raise InputError(f"seed is {seed!r:.80}; expected a whole number from 0 to 2^63 - 1.")
     return int(seed)
 
 

@@ -20,6 +20,7 @@ from rbd.arrays import Array, a_number
 from rbd.errors import InputError, ModelError
 from rbd.kept_files import new_folder
 from rbd.loop_file import ENDING
+from rbd.output_files import check_place, write_text
 from rbd.robot import Robot, load_robot
 from rbd.state import State
 
@@ -144,11 +145,10 @@ class Linkage:
         urdf = new_folder() / f"{self.name}.urdf" if path is None else catalogue.file_path(path, "the path")
         if urdf.suffix != ".urdf":
             raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf, the loop file goes beside it.")
-        try:
-            urdf.write_text(self.urdf(), encoding="utf-8")
-            urdf.with_suffix(ENDING).write_text(self.yaml(), encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise ModelError(f"{urdf.name:.120} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
+        loops = urdf.with_suffix(ENDING)
+        check_place(loops, ModelError)
+        write_text(urdf, self.urdf(), ModelError)
+        write_text(loops, self.yaml(), ModelError)
         return load_robot(urdf)
 
     def _passive(self) -> Iterator[str]:

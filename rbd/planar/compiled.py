@@ -44,6 +44,11 @@ class Compiled:
     shape: tuple[int, ...]
     needs: int
     _entries: Any = field(repr=False)
+    _asked: tuple[Any, ...] = field(repr=False)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A copy, in another process too, is compiled again."""
+        return compile_expression, self._asked
 
     def __call__(self, q: Any, qd: Any = None, qdd: Any = None, qddd: Any = None) -> Array:
         """The value at one sample or at many.
@@ -142,7 +147,7 @@ def compile_expression(chain: Chain, expr: Any, parameters: Mapping[Any, float])
         compute = sympy.lambdify(arguments, plain, "numpy", cse=True, printer=_Printer)
     except (NotImplementedError, TypeError, ValueError, SyntaxError, KeyError) as error:
         raise InputError(f"the expression cannot be computed in NumPy: {str(error).splitlines()[0]:.200}") from None
-    return Compiled(chain.n, shape, needs, partial(compute, *numbers.values()))
+    return Compiled(chain.n, shape, needs, partial(compute, *numbers.values()), (chain, expr, numbers))
 
 
 def _entries(expr: Any) -> tuple[tuple[int, ...], list[sympy.Expr]]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.errors import InputError, SingularInertia
 from rbd.planar.angles import Symbols, samples
 from rbd.planar.bodies import Bodies, Shapes, bodies_of, constant, refuse_symbols, replacements, symbols_of
@@ -214,15 +213,15 @@ class Dynamics:
         """For notebooks."""
         return f"$\\displaystyle {self.latex()}$"
 
-    @cached_property
+    @lazy
     def _mass(self) -> Callable[..., Array]:
         return self.function(self.M)
 
-    @cached_property
+    @lazy
     def _bias(self) -> Callable[..., Array]:
         return self.function(self.bias)
 
-    @cached_property
+    @lazy
     def _inverse(self) -> Callable[..., Array]:
         return self.function(self.equations)
 

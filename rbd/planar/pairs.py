@@ -14,11 +14,11 @@ nothing is differentiated or simplified. Two links meet in one cosine whose angl
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
+from rbd.arrays import lazy
 from rbd.planar.angles import Symbols
 from rbd.planar.bodies import Bodies
 
@@ -40,12 +40,12 @@ class Pairs:
     bodies: Bodies
     gravity: sp.Expr
 
-    @cached_property
+    @lazy
     def S(self) -> Symbols:  # noqa: N802  the letter of the equation
         """S of phi = S q + s, shape (n, n): whole numbers."""
         return self.chain.segment_angles.jacobian(self.chain.q)
 
-    @cached_property
+    @lazy
     def rates(self) -> Symbols:
         """Rates of the links, w = S qd, shape (n, 1) [rad/s]."""
         return self.S * self.chain.qd
@@ -115,11 +115,11 @@ class Pairs:
         total = sp.Add(*(nu * sp.sin(phi) for nu, phi in heights))
         return -self.gravity * -total if total.could_extract_minus_sign() else self.gravity * total
 
-    @cached_property
+    @lazy
     def _cosines(self) -> dict[tuple[int, int], sp.Expr]:
         return self._by_pair(sp.cos)
 
-    @cached_property
+    @lazy
     def _sines(self) -> dict[tuple[int, int], sp.Expr]:
         return self._by_pair(sp.sin)
 

@@ -29,6 +29,7 @@ from rbd import catalogue
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.kept_files import new_folder
+from rbd.output_files import write_text
 from rbd.planar.angles import JOINT, AngleMap, samples
 from rbd.planar.bodies import Shapes, bodies_of, checked_chain, refuse_symbols
 from rbd.robot import Robot, load_robot
@@ -249,8 +250,5 @@ def _shape(xyz: str, rpy: str, geometry: str, color: str) -> str:
 def _write(path: Path, text: str) -> None:
     if path.suffix != ".urdf":
         raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf.")
-    try:
-        path.write_text(text, encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{path.name:.120} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
+    write_text(path, text, ModelError)
 

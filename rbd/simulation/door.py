@@ -209,9 +209,9 @@ def _restitution(given: float | Mapping[str, float], names: list[str]) -> dict[s
 
 def _times(duration: float, step: float) -> list[float]:
     if not 0.0 < a_number(duration) < 1e9:
-        raise InputError(f"duration is {duration!r:.80}; expected a time above 0 [s].")
+        raise InputError(f"duration is {duration!r:.80}; expected a time above 0 [s], less than 1e9.")
     if not 0.0 < a_number(step) < 1e9:
-        raise InputError(f"step is {step!r:.80}; expected a time above 0 [s].")
+        raise InputError(f"step is {step!r:.80}; expected a time above 0 [s], less than 1e9.")
     if duration / step > MOST_STEPS:
         raise InputError(f"{duration:g} s by {step:g} s are {duration / step:.3g} steps; expected at most {MOST_STEPS:,}.")
     whole = round(duration / step)

@@ -15,6 +15,7 @@ from rbd.arrays import Array, a_number
 from rbd.errors import InputError
 from rbd.external import External
 from rbd.model import CheckedModel
+from rbd.output_files import check_place
 from rbd.simulation.moment import Event, Moment
 from rbd.simulation.motion import ExternalAt, Integrator, Motion
 from rbd.simulation.recording import RESIDUALS, Recording
@@ -250,6 +251,7 @@ class Trajectory:
             InputError: another ending, a place that cannot be written, or no xarray for .nc.
         """
         where = a_trajectory_path(path)
+        check_place(where)
         if where.suffix == ".nc":
             write_netcdf(where, *for_netcdf(self))
         else:

@@ -11,15 +11,16 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib import format as npy
 
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.output_files import write_file
 
 if TYPE_CHECKING:
     import xarray
@@ -49,30 +50,10 @@ def a_trajectory_path(path: object) -> Path:
     return found
 
 
-def written(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file beside its place, then move it there: what was there stays until the new one is whole.
-
-    Raises:
-        InputError: if it cannot be written.
-    """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            with open(part, "wb") as file:
-                write(file)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{str(path)!r:.200} cannot be written: {error.strerror or error}.") from error
-
-
 def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
     """Header and arrays, float or text, uncompressed."""
     text = np.array(as_json(header))
-    written(path, lambda file: np.savez(file, allow_pickle=False, **{HEADER: text, **arrays}))
+    write_file(path, lambda file: np.savez(file, allow_pickle=False, **{HEADER: text, **arrays}))
 
 
 def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -101,7 +82,7 @@ def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset)
     content = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)}).to_netcdf(
         engine="scipy", format="NETCDF3_64BIT"
     )
-    written(path, lambda file: file.write(content))
+    write_file(path, lambda file: file.write(content))
 
 
 def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:

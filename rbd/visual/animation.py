@@ -18,7 +18,7 @@ from rbd.errors import InputError, PictureError
 from rbd.state import State
 from rbd.visual.animation_frames import Pushes, PushesAt, checked, frames_of, positive, robot_of
 from rbd.visual.animation_score import Score
-from rbd.visual.arguments import a_count, a_page, a_path
+from rbd.visual.arguments import a_count, a_page, a_path, a_picture
 from rbd.visual.page import write_page
 from rbd.visual.robot_parts import robot_parts
 from rbd.visual.scene import Scene
@@ -127,9 +127,9 @@ def motion_sheet(
         InputError: no trajectory, times outside it, sizes that mean nothing.
         PictureError: no browser, or no picture came of it.
     """
-    picture = a_path("the picture", png_path)
-    if picture.suffix.lower() != ".png":
-        raise PictureError(f"cannot write the picture {str(picture)!r:.80}: expected a name that ends in .png.")
+    if a_path("the picture", png_path).suffix.lower() != ".png":
+        raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
+    picture = a_picture(png_path)
     width, height = a_count("width", width, 4000), a_count("height", height, 4000)
     shown = checked(trajectory)
     at = _picture_times(times, float(shown.times[0]), float(shown.times[-1]))

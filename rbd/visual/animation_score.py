@@ -6,13 +6,12 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.visual.animation_frames import OPEN, Frames, Track
 from rbd.visual.colors import COM_COLOR, PUSH_COLOR, contact_colors
 from rbd.visual.marks import Sizes
@@ -54,19 +53,19 @@ class Score:
     ground: bool
     weight_N: float
 
-    @cached_property
+    @lazy
     def rows(self) -> Array:
         """What moves, one row a frame: see `Frames.rows`."""
         return self.frames.rows()
 
-    @cached_property
+    @lazy
     def words(self) -> list[str]:
         """The modes that occur, "open" first."""
         shown = {mode for modes in self.frames.modes.values() for mode in modes}
         between = {mode for some in self.frames.stretches.values() for _, _, mode in some}
         return [OPEN, *sorted((shown | between) - {OPEN})]
 
-    @cached_property
+    @lazy
     def codes(self) -> Array:
         """Mode of each constraint at each frame, as its place in `words`, shape (n, number of constraints)."""
         place = {word: i for i, word in enumerate(self.words)}

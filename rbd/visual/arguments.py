@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.arrays import a_number
 from rbd.errors import InputError, PictureError
+from rbd.output_files import check_place
 
 MOST_PIXELS = 30_000
 
@@ -29,11 +30,23 @@ def a_page(value: object) -> Path:
     """The path of a page to write.
 
     Raises:
-        PictureError: if it is none, or does not end in .html.
+        PictureError: if it is none, does not end in .html, or nothing can be written there.
     """
     target = a_path("the page", value)
     if target.suffix.lower() not in (".html", ".htm"):
         raise PictureError(f"cannot export to {str(target)!r}: expected a name that ends in .html.")
+    check_place(target, PictureError)
+    return target
+
+
+def a_picture(value: object) -> Path:
+    """The path of a picture to write.
+
+    Raises:
+        PictureError: if it is none, or nothing can be written there.
+    """
+    target = a_path("the picture", value)
+    check_place(target, PictureError)
     return target
 
 

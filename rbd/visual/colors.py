@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from colorsys import hls_to_rgb
 
 from rbd.errors import InputError
 
@@ -14,6 +15,7 @@ SUPPORT_COLOR = "#3f6f3f"
 SKELETON_COLOR = "#5b6470"
 INERTIA_COLOR = "#b08d57"
 COLLISION_COLOR = "#8fa3b5"
+GOLDEN = 0.6180339887498949
 
 
 def contact_colors(names: Iterable[str]) -> dict[str, str]:
@@ -29,6 +31,16 @@ def contact_colors(names: Iterable[str]) -> dict[str, str]:
     except TypeError:
         raise InputError(f"names are {names!r:.80}; expected a list of words.") from None
     return {name: CONTACT_COLORS[i % len(CONTACT_COLORS)] for i, name in enumerate(unique)}
+
+
+def distinct_colors(n: int) -> list[str]:
+    """N different colours as '#rrggbb': those of contacts, then others around the circle of hues."""
+    out = list(CONTACT_COLORS[:n])
+    for i in range(n - len(out)):
+        # The golden ratio's steps never meet; lightness goes round in thirds, so that neighbours in hue differ too.
+        red, green, blue = hls_to_rgb((0.11 + i * GOLDEN) % 1.0, (0.38, 0.52, 0.66)[i % 3], 0.62)
+        out.append(f"#{round(255 * red):02x}{round(255 * green):02x}{round(255 * blue):02x}")
+    return out
 
 
 def rgb_number(color: str, *, share: float = 1.0) -> int:

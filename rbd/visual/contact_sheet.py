@@ -15,7 +15,7 @@ from rbd.equilibrium import hold
 from rbd.errors import InputError
 from rbd.least_constraint import solve
 from rbd.robot import Robot, load_robot
-from rbd.visual.arguments import a_count, a_path
+from rbd.visual.arguments import a_count, a_picture
 from rbd.visual.scene import Scene
 from rbd.visual.screenshot import screenshot
 
@@ -74,7 +74,7 @@ def contact_sheet(
         PictureError: no browser, or no picture came of it.
     """
     columns, width, height = a_count("columns", columns, 100), a_count("width", width, 4000), a_count("height", height, 4000)
-    a_path("the picture", png_path)
+    a_picture(png_path)
     try:
         given = [robots] if isinstance(robots, str | Robot) else list(robots)
     except TypeError:

@@ -12,6 +12,7 @@ from pathlib import Path
 from string import Template
 
 from rbd.errors import PictureError
+from rbd.output_files import write_text
 
 # The page forbids the browser every request: what is not inside the file cannot be loaded.
 _POLICY = (
@@ -71,12 +72,7 @@ def write_page(target: Path, text: str) -> None:
     Raises:
         PictureError: if the file cannot be written.
     """
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise PictureError(
-            f"cannot write {str(target)!r}: {error.strerror}. Give a file in a folder that exists and is yours."
-        ) from error
+    write_text(target, text, PictureError)
 
 
 def _script(messages: Iterable[bytes | str]) -> str:

@@ -8,6 +8,8 @@ from typing import Any, Protocol
 
 import umsgpack
 
+from rbd.forks import renewed_after_fork
+
 
 class Command(Protocol):
     """A Meshcat command."""
@@ -28,6 +30,11 @@ class Recorder:
         self._kept: dict[tuple[str, str], tuple[int, bytes | str]] = {}
         self._count = 0
         self._listener: Callable[[bytes | str], None] | None = None
+        renewed_after_fork(self)
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: a new lock, and nobody listens, because a live server's thread stays with the parent."""
+        self._lock, self._listener = threading.Lock(), None
 
     def send(self, command: Command) -> None:
         """Keep a Meshcat command; a newer one of the same kind on the same path replaces it.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -219,3 +220,10 @@ def _bones(model: pin.Model) -> dict[int, list[Array]]:
 def _longest(bones: dict[int, list[Array]]) -> float:
     """Length of the longest bone [m]; 1 where all are points."""
     return max((float(np.linalg.norm(b)) for each in bones.values() for b in each), default=0.0) or 1.0
+
+
+def largest_color(parts: Sequence[RobotPart]) -> str:
+    """Colour of the largest part that moves: what a legend says of the robot as it is drawn."""
+    moving = [part for part in parts if part.joint] or list(parts)
+    largest = max(moving, key=lambda part: float(np.ptp(part.mesh.vertices, axis=0).max(initial=0.0)), default=None)
+    return SKELETON_COLOR if largest is None else largest.color

@@ -21,11 +21,11 @@ from rbd.model import CheckedModel
 from rbd.state import State
 from rbd.visual import marks
 from rbd.visual.arguments import a_length, a_page
-from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, rgb_number
+from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, distinct_colors, rgb_number
 from rbd.visual.forces import Push, ShownForce, pushes, shown_forces, support_polygon
 from rbd.visual.page import offline_page, write_page
 from rbd.visual.recorder import Recorder
-from rbd.visual.robot_parts import RobotPart, robot_parts
+from rbd.visual.robot_parts import RobotPart, largest_color, robot_parts
 from rbd.visual.server import LiveServer
 from rbd.visual.shapes import Mesh, outermost, round_number
 
@@ -186,27 +186,29 @@ class Scene:
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
-    def beside(self, states: Mapping[str, State]) -> None:
+    def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
 
         They stay until the next call; `{}` takes them away. The legend names them.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot, in the order of the colours (`contact_colors`).
+            states: {name: where the robot is}, of the scene's robot.
+            shown: Name of the pose that `show` drew, which the legend then lists too, in the colour of its largest part.
 
         Raises:
             InputError: if something else is given, or a state has another size.
             PictureError: if nothing has been shown yet.
         """
         self._shown()
-        if not isinstance(states, Mapping) or not all(isinstance(name, str) for name in states):
-            raise InputError(f"states are {states!r:.80}; expected {{name: rbd.State}}.")
+        if not isinstance(states, Mapping) or not all(isinstance(name, str) for name in (*states, shown)):
+            raise InputError(f"states are {states!r:.80}, shown is {shown!r:.80}; expected {{name: rbd.State}} and a name.")
         model = self._robot.model
         for name, state in states.items():
             if not isinstance(state, State) or len(state.q) != model.nq:
                 raise InputError(f"{name!r} is no state of {self._robot.name!r}; expected rbd.State(robot, q).")
         self._viewer["beside"].delete()
-        self._others = dict(zip(states, list(contact_colors(["", *states]).values())[1:], strict=True))  # blue is for contacts
+        colors = dict(zip(states, distinct_colors(len(states) + 1)[1:], strict=True))  # blue is for contacts
+        self._others = {shown: largest_color(self._parts)} | colors if shown else colors
         points = [np.zeros((0, 3))]
         for i, (name, state) in enumerate(states.items()):
             data = model.createData()
@@ -214,7 +216,7 @@ class Scene:
             for j, part in enumerate(self._parts):
                 if part.joint:  # what is fixed to the world is in the picture already
                     path = f"beside/{i}/{j}"
-                    tint = MeshPhongMaterial(color=rgb_number(self._others[name]), opacity=BESIDE_OPACITY)
+                    tint = MeshPhongMaterial(color=rgb_number(colors[name]), opacity=BESIDE_OPACITY)
                     self._send_mesh(path, part.mesh, tint)
                     self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
             points.append(self._extremes(data))

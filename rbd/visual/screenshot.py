@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
 import subprocess
 import tempfile
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from rbd.arrays import a_number
 from rbd.errors import InputError, PictureError
+from rbd.output_files import check_place, write_file
 from rbd.visual.arguments import a_count, a_path, is_there
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -67,8 +67,7 @@ def screenshot(
         raise InputError(f"at is {at!r:.80}; expected a time in seconds.")
     if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
-    if not os.path.isdir(picture.parent):
-        raise PictureError(f"no folder for {str(png_path)!r}; make it first.")
+    check_place(picture, PictureError)
     browser = find_browser()
     if browser is None:
         raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
@@ -83,5 +82,5 @@ def screenshot(
         if not taken.is_file():
             last = (run.stderr.strip().splitlines() or ["it said nothing"])[-1]
             raise PictureError(f"the browser made no picture of {str(html_path)!r} (exit {run.returncode}): {last}")
-        shutil.move(taken, picture)
+        write_file(picture, lambda file: file.write(taken.read_bytes()), PictureError)
     return picture

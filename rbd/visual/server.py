@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import re
+import socket
 import threading
+from collections.abc import Awaitable
+from contextlib import suppress
 from typing import Any
 
 from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
-from tornado.web import Application, RequestHandler
+from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rbd.errors import PictureError
+from rbd.forks import renewed_after_fork
 from rbd.visual.page import live_page
 from rbd.visual.recorder import Recorder
 
@@ -19,6 +25,12 @@ from rbd.visual.recorder import Recorder
 HOST = "127.0.0.1"
 # A page elsewhere could point its own name at this machine: requests under other names are refused.
 ALLOWED_HOSTS = r"^(127\.0\.0\.1|localhost)$"
+_WITH_PORT = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?", re.ASCII)
+_COUNT = re.compile(r"[0-9]{1,15}", re.ASCII)
+LARGEST_REQUEST = 10_000
+"""Bytes: browsers ask for a page and listen, they have nothing to send."""
+MOST_UNREAD = 400_000_000
+"""Bytes that wait for one browser; one that reads no more is sent away. Talos is 12 MB."""
 START_SECONDS = 10.0
 
 
@@ -39,7 +51,9 @@ class LiveServer:
         self._failure: OSError | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
+        self._listening: list[socket.socket] = []
         self.port = 0
+        renewed_after_fork(self)
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="rbd-live-scene", daemon=True)
         self._thread.start()
         self._started.wait(START_SECONDS)
@@ -62,17 +76,25 @@ class LiveServer:
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join()
 
+    def renew_after_fork(self) -> None:
+        """In a forked child: the thread stays with the parent, and so do its port and its browsers."""
+        self._loop = self._stop = None
+        for listening in self._listening:
+            with suppress(OSError):
+                os.close(listening.detach())
+        self._listening, self._watched = [], threading.Event()
+
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         # A port in use or an address refused must reach the caller, not die in this thread.
         try:
-            listening = bind_sockets(0, HOST)
+            listening = self._listening = bind_sockets(0, HOST)
         except OSError as error:
             self._failure = error
             self._started.set()
             return
         port = int(listening[0].getsockname()[1])
-        application = Application(log_function=lambda handler: None)
+        application = Application(log_function=lambda handler: None, websocket_max_message_size=LARGEST_REQUEST)
         application.add_handlers(
             ALLOWED_HOSTS,
             [
@@ -81,15 +103,16 @@ class LiveServer:
                 (r"/changes", _Socket, {"server": self}),
             ],
         )
-        server = HTTPServer(application)
+        server = HTTPServer(application, max_header_size=LARGEST_REQUEST, max_body_size=LARGEST_REQUEST)
         server.add_sockets(listening)
         self._recorder.listen(self._pass_on)
         self.port = port
         self._started.set()
         await self._stop.wait()
+        self._listening = []
         server.stop()
-        for socket in list(self._sockets):
-            socket.close()
+        for browser in list(self._sockets):
+            browser.close()
         await server.close_all_connections()
 
     def _pass_on(self, message: bytes | str) -> None:
@@ -97,24 +120,28 @@ class LiveServer:
             self._loop.call_soon_threadsafe(self._broadcast, message)
 
     def _broadcast(self, message: bytes | str) -> None:
-        for socket in list(self._sockets):
-            socket.pass_on(message)
+        for browser in list(self._sockets):
+            browser.pass_on(message)
 
-    def page(self) -> str:
-        """The present scene, as a page that asks for what comes after it."""
+    def page(self, host: str) -> str:
+        """The present scene, as a page that asks for what comes after it.
+
+        Args:
+            host: Name and port under which the browser knows this server: it may connect to no other.
+        """
         messages, count = self._recorder.messages()
-        return live_page(self._title, messages, f"ws://{HOST}:{self.port}/changes?after={count}")
+        return live_page(self._title, messages, f"ws://{host}/changes?after={count}")
 
-    def welcome(self, socket: _Socket, after: int) -> None:
+    def welcome(self, browser: _Socket, after: int) -> None:
         """Tell a new browser what came after its page was made, and then all that follows."""
+        self._sockets.add(browser)
         for message in self._recorder.messages(after=after)[0]:
-            socket.pass_on(message)
-        self._sockets.add(socket)
+            browser.pass_on(message)
         self._watched.set()
 
-    def farewell(self, socket: _Socket) -> None:
+    def farewell(self, browser: _Socket) -> None:
         """Forget a browser that left."""
-        self._sockets.discard(socket)
+        self._sockets.discard(browser)
 
 
 class _PageHandler(RequestHandler):
@@ -122,8 +149,14 @@ class _PageHandler(RequestHandler):
         self._server = server
 
     def get(self) -> None:
+        host = self.request.host.lower()
+        if not _WITH_PORT.fullmatch(host):  # the name was compared, but not what may stand after it
+            raise HTTPError(400)
         self.set_header("Cache-Control", "no-store")
-        self.write(self._server.page())
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("X-Frame-Options", "DENY")  # no page elsewhere shows this one inside itself
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.write(self._server.page(host))
 
 
 class _NoIcon(RequestHandler):
@@ -134,10 +167,17 @@ class _NoIcon(RequestHandler):
 class _Socket(WebSocketHandler):
     def initialize(self, server: LiveServer) -> None:
         self._server = server
+        self._after = self._unread = 0
+
+    def prepare(self) -> None:
+        """Refuse what is no count, before the connection becomes a socket."""
+        after = self.get_query_argument("after", "0")
+        if not _COUNT.fullmatch(after):
+            raise HTTPError(400)
+        self._after = int(after)
 
     def open(self, *args: str, **kwargs: str) -> None:
-        after = self.get_query_argument("after", "0")
-        self._server.welcome(self, int(after) if after.isdecimal() else 0)
+        self._server.welcome(self, self._after)
 
     def on_message(self, message: Any) -> None:
         """Browsers only listen."""
@@ -146,8 +186,21 @@ class _Socket(WebSocketHandler):
         self._server.farewell(self)
 
     def pass_on(self, message: bytes | str) -> None:
-        """Send to this browser; one that has just gone is no error."""
+        """Send to this browser; one that has just gone is no error, and one that does not read is sent away."""
+        size = len(message)
+        if self._unread + size > MOST_UNREAD:
+            self._server.farewell(self)
+            self.close(1013, "too slow")
+            return
         try:
-            self.write_message(message, binary=isinstance(message, bytes))
+            sending = self.write_message(message, binary=isinstance(message, bytes))
         except WebSocketClosedError:
             self._server.farewell(self)
+            return
+        self._unread += size
+        asyncio.ensure_future(self._sent(sending, size))
+
+    async def _sent(self, sending: Awaitable[None], size: int) -> None:
+        with suppress(WebSocketClosedError):
+            await sending
+        self._unread -= size

@@ -1,0 +1,114 @@
+"""Files that are written: whole or not at all, and their places checked before the work starts."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import stat
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from rbd.errors import InputError, RbdError
+
+
+def check_place(path: Path, error: type[RbdError] = InputError, *, what: str = "") -> None:
+    """Refuse a place where no file could be written, before anything is computed for it.
+
+    Args:
+        path: Where the file is to go.
+        error: What is raised.
+        what: Named before the path, such as the option it came with.
+
+    Raises:
+        RbdError: `error`, if the folder is missing or no folder, if the place is a folder, or if writing is not permitted.
+    """
+    try:
+        _place(path)
+    except (OSError, ValueError) as reason:
+        raise error(_complaint(path, reason, what)) from None
+
+
+def write_file(path: Path, write: Callable[[BinaryIO], object], error: type[RbdError] = InputError) -> None:
+    """Write a file beside its place, then move it there: what was there stays until the new one is whole.
+
+    The new file has the permissions of the old one, else those that new files have here. Where the path is a symbolic link,
+    the file that it leads to is replaced. A device or a pipe (/dev/stdout) is written directly.
+
+    Args:
+        path: Where the file is to go.
+        write: Is given the open file.
+        error: What is raised.
+
+    Raises:
+        RbdError: `error`, if it cannot be written; the old file is still there then.
+    """
+    try:
+        place, old = _place(path)
+        if old is not None and not stat.S_ISREG(old.st_mode):
+            with open(path, "wb") as file:
+                write(file)
+            return
+        part = place.with_name(f".{secrets.token_hex(8)}.part")
+        try:
+            with os.fdopen(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb") as file:
+                if old is not None:
+                    os.chmod(part, stat.S_IMODE(old.st_mode))
+                write(file)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(part, place)
+        finally:
+            with suppress(OSError):  # so that the reason why it could not be written is told, and not this
+                part.unlink(missing_ok=True)
+    except OSError as reason:
+        raise error(_complaint(path, reason)) from reason
+
+
+def write_text(path: Path, text: str, error: type[RbdError] = InputError) -> None:
+    """Write text in UTF-8, as `write_file` does; what is no character of Unicode is written as a question mark."""
+    write_file(path, lambda file: file.write(text.encode("utf-8", errors="replace")), error)
+
+
+def _place(path: Path) -> tuple[Path, os.stat_result | None]:
+    """Where the bytes of a path go, links followed, and what is there now.
+
+    Raises:
+        OSError: what opening it for writing would raise.
+    """
+    try:
+        old = os.stat(path)
+    except FileNotFoundError:
+        old = None
+    if old is not None and stat.S_ISDIR(old.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "it is a folder")
+    if old is not None and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, "it may not be overwritten: permission denied")
+    if old is not None and not stat.S_ISREG(old.st_mode):
+        return path, old
+    place = Path(os.path.realpath(path))
+    folder = place.parent
+    if not folder.exists():
+        raise FileNotFoundError(errno.ENOENT, f"there is no folder {str(folder)!r:.200}: {os.strerror(errno.ENOENT)}")
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, f"{str(folder)!r:.200} is no folder")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, f"no file may be made in the folder {str(folder)!r:.200}: permission denied")
+    if len(os.fsencode(place.name)) > _longest_name(folder):
+        raise OSError(errno.ENAMETOOLONG, "its name is too long")
+    return place, old
+
+
+def _longest_name(folder: Path) -> int:
+    try:
+        return os.pathconf(folder, "PC_NAME_MAX")
+    except (OSError, ValueError, AttributeError):
+        return 255
+
+
+def _complaint(path: Path, reason: Exception, what: str = "") -> str:
+    why = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
+    name = f"{what} {str(path)!r:.300}".lstrip()
+    return f"{name} cannot be written: {why}. Give a file in a folder that is there and is yours."

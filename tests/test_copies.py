@@ -1,0 +1,253 @@
+"""Every record can be pickled and deep-copied: sent to another process, kept in a file, returned from a worker."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+import pickle
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from copied import difference, instances
+
+import rbd
+from rbd.mechanism_report import mechanism_report
+from rbd.sensitivity import StateOrigin
+
+URDF = Path(__file__).parents[1] / "urdf"
+WAYS: dict[str, Callable[[Any], Any]] = {
+    "pickle": lambda x: pickle.loads(pickle.dumps(x)),
+    "deepcopy": copy.deepcopy,
+    "copy": copy.copy,
+}
+
+
+def fixed(state: rbd.State) -> np.ndarray:
+    """A function of the configuration, for a constraint: one that a pickle can name."""
+    return state.q[:1]
+
+
+def errors(*asks: Callable[[], object]) -> Iterator[BaseException]:
+    """What each of some questions raises."""
+    for ask in asks:
+        try:
+            ask()
+        except rbd.RbdError as error:
+            yield error
+        else:
+            raise AssertionError("the question has an answer")
+
+
+def contact_answers() -> Iterator[object]:
+    """States, torques, answers, errors, derivatives of robots in contact."""
+    talos = rbd.load_robot("talos")
+    box = rbd.load_robot(URDF / "box.urdf")
+    state, soles = talos.standing(), talos.soles()
+    held = rbd.hold(state, soles)
+    push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
+    yield from (talos, state, held, push, rbd.doctor(talos), state.frame("left_sole_link"))
+    for solver in (rbd.ProxQP(), rbd.ADMM()):
+        solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
+        assert str(solution)
+        yield from (solver, solution, solution.uniqueness(), solution.derivatives())
+    yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
+    yield rbd.compare_laws(state, held.tau, soles)
+    yield rbd.agree(state, held.tau, soles)
+    pair = rbd.combine(talos, box)
+    yield from (pair, pair.at())
+    yield rbd.model.CheckedModel(talos.model)
+    yield from rbd.joint_limits(talos)
+    yield from rbd.joint_frictions(talos)
+    ground = rbd.CollisionContacts("ground", talos)
+    yield from (ground, ground.points(state), ground.rows(state))
+    twice = [rbd.JointLock("one", "arm_left_4_joint", position=-1.0), rbd.JointLock("two", "arm_left_4_joint", position=-1.2)]
+    with_pull = [rbd.Baumgarte(10.0).of(lock) for lock in twice]
+    yield from with_pull
+    yield rbd.FunctionConstraint("fixed", fixed)
+    yield rbd.VelocityConstraint("turn", fixed)
+    for ask in errors(
+        lambda: rbd.hold(state, soles[:1]),
+        lambda: rbd.solve(state, held.tau, with_pull),
+        lambda: talos.frame("left_sol"),
+    ):
+        if isinstance(ask, rbd.NoSolution) and ask.problem is not None:
+            yield ask.nearest()
+        yield ask
+    yield rbd.nearest_motion(rbd.gauss_problem(state, held.tau, with_pull))
+
+
+def motions() -> Iterator[object]:
+    """Trajectories, their settings, events and errors."""
+    box = rbd.load_robot(URDF / "box.urdf")
+    start = box.at(np.array([0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0]))
+    floor = rbd.CollisionContacts("floor", box, friction=0.5)
+    nudge = rbd.Push("box", (0.0, 3.0, 0.0), start=0.02, duration=0.05)
+    fall = rbd.simulate(start, [floor], duration=0.25, step=5e-3, external=rbd.Pushes([nudge]), progress=False)
+    assert fall.events
+    yield from (fall, fall[0], nudge, rbd.Pushes([nudge]))
+    yield from (rbd.TimeStepping(), rbd.RungeKutta4(), rbd.Adaptive(), rbd.Projection(), rbd.Baumgarte(5.0))
+    arm = rbd.load_robot("panda", root="fixed")
+    tau = np.zeros((2, arm.nu))
+    yield from (rbd.HoldPosture(arm.at()), rbd.TorqueScript([0.0, 1.0], tau), rbd.Sampled(rbd.HoldPosture(arm.at()), 0.01))
+    lock = rbd.JointLock("lock", "panda_joint1", position=0.0)
+    yield rbd.simulate(arm.at(), [lock], duration=0.02, step=0.01, progress=False)
+    locks = [rbd.Baumgarte(9.0).of(rbd.JointLock(f"at {q}", "panda_joint1", position=q)) for q in (0.1, 0.2)]
+    [cause] = errors(lambda: rbd.solve(arm.at(), np.zeros(arm.nu), locks))
+    stopped = rbd.SimulationStopped("no step", state=start, t=0.1, names=("floor",), trajectory=fall, cause=cause)
+    assert stopped.problem is not None and stopped.contradiction is not None
+    yield stopped
+
+
+def mechanisms() -> Iterator[object]:
+    """What the analysis of loops and wheels returns."""
+    four_bar = rbd.load_robot(URDF / "four_bar.urdf")
+    unicycle = rbd.load_robot(URDF / "unicycle.urdf")
+    yield from (*four_bar.loops, *unicycle.wheels, four_bar, unicycle)
+    for robot in (four_bar, unicycle):
+        report = mechanism_report(robot, next(iter(robot.postures.values()), robot.neutral()))
+        assert str(report)
+        yield from (report, report.state)
+    state = report.state if not four_bar.loops else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
+    moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
+    rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
+    yield from (rbd.mechanism.assemble(four_bar, None, four_bar.neutral()), moving, rates)
+    yield rbd.mechanism.trace(four_bar, None, state.q, "crank_joint", (state.q[0], state.q[0] + 0.2), steps=4)
+
+
+def more_constraints() -> Iterator[object]:
+    """One of each that no robot above has."""
+    yield rbd.LineContact("edge", "box", half_length=0.1, friction=0.5)
+    yield rbd.JointCoupling("gear", "a", "b", ratio=2.0)
+    yield rbd.KnifeEdge("blade", "box")
+    yield rbd.RollingBall("ball", "box", radius=0.1)
+    yield rbd.RollingDisk("disk", "box", radius=0.1)
+    yield rbd.PointContact("tip", "box", friction=0.5)
+    yield rbd.NonNegative(3)
+    yield rbd.Product([rbd.Free(1), rbd.LineCone(0.1, 0.5)])
+
+
+def planar_chains() -> Iterator[object]:
+    """Symbols, compiled functions once used, and numbers."""
+    planar = pytest.importorskip("rbd.planar")
+    chain = planar.Chain(2, lengths=[1.0, 0.8])
+    equations = planar.dynamics(chain, masses=[1.0, 2.0], centres=[0.5, 0.4], inertias=[0.1, 0.1], gravity=9.81)
+    assert np.isfinite(equations.inverse([0.1, 0.2], [0.0, 0.1], [0.3, 0.0])).all()
+    assert np.isfinite(equations.forward([0.1, 0.2], [0.0, 0.1])).all()
+    linear = equations.linearised([-np.pi / 2.0, 0.0])
+    held = planar.constrained(planar.Chain(3), {2: 0})
+    path = planar.minimum_jerk([1.2, 0.3], [0.5, 0.9], 1.0)
+    motion = planar.endpoint_motion(chain, path)
+    reach = planar.inverse(chain, [0.5, 0.9])
+    yield from (chain, equations, linear, linear.modes(), held, path, motion, reach, motion.split, path.peaks, equations.bodies)
+    yield from (held.split(), chain.ellipse([0.1, 0.9]), chain.angle_map("segment"), chain.numeric, planar.words(chain))
+    yield from (planar.inverse_path(chain, motion.x[:5]), planar.robot_coordinates(chain))
+    yield chain.function(chain.position())
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[type, list[Any]]:
+    """{class: instances} of all questions above."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        questions = (contact_answers, motions, mechanisms, more_constraints, planar_chains)
+        return instances([answer for ask in questions for answer in ask()])
+
+
+KEPT = 3
+"""So many instances of a class are copied."""
+PUBLIC = ("rbd", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints")
+
+
+def public_classes() -> list[type]:
+    """Classes that a user can name, but for warnings and errors, which `test_errors` sends."""
+    out: dict[type, None] = {}
+    for module in map(importlib.import_module, PUBLIC):
+        for name in module.__all__:
+            kind = getattr(module, name)
+            if inspect.isclass(kind) and not issubclass(kind, BaseException | Enum):
+                out[kind] = None
+    return list(out)
+
+
+PUBLIC_CLASSES = tuple(public_classes())
+
+
+@pytest.mark.parametrize("kind", PUBLIC_CLASSES, ids=lambda kind: kind.__name__)
+def test_every_public_class_has_a_real_instance_here(kind: type, found: dict[type, list[Any]]):
+    """A new class of the package must be made by one of the questions above, used, and then copied below."""
+    assert kind in found, f"no question above returns a {kind.__name__}: add one"
+
+
+def records(found: dict[type, list[Any]]) -> Iterator[Any]:
+    """A few instances of each class that keeps data, errors among them."""
+    for kind, some in found.items():
+        if is_dataclass(kind) or kind in PUBLIC_CLASSES or issubclass(kind, BaseException | float | rbd.model.CheckedModel):
+            yield from some[:KEPT]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_copy_is_the_same(found: dict[type, list[Any]], way: str):
+    """Pickled, deep-copied, copied: all fields are equal, to the last bit; also after everything lazy was computed."""
+    wrong = []
+    for one in records(found):
+        try:
+            told = difference(one, WAYS[way](one), type(one).__name__)
+        except Exception as error:
+            told = f"{type(one).__name__}: {error!r:.200}"
+        if told and not (way == "pickle" and isinstance(one, StateOrigin)):  # of which another test tells
+            wrong.append(told)
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_copy_answers_the_same(talos: rbd.Robot):
+    """A state that was sent gives the same answer, bit by bit; so do a held pose and a trajectory."""
+    state, soles = talos.standing(), talos.soles()
+    held = rbd.hold(state, soles)
+    expected = rbd.solve(state, held.tau, soles).multipliers
+    for copied in (ask(held) for ask in WAYS.values()):
+        assert np.array_equal(copied.state.q, state.q) and not copied.state.q.flags.writeable
+        assert copied.margins.friction == held.margins.friction
+        assert np.array_equal(rbd.solve(copied.state, copied.tau, soles).multipliers, expected)
+
+
+def test_q_keeps_its_last_bit(talos: rbd.Robot, rng: np.random.Generator):
+    """Normalising a quaternion a second time may change it: a copy takes it as it is."""
+    for _ in range(50):
+        state = rbd.State(talos, pin.randomConfiguration(talos.model, -np.ones(talos.nq), np.ones(talos.nq)))
+        for copied in (ask(state) for ask in (WAYS["pickle"], WAYS["copy"])):
+            assert np.array_equal(copied.q, state.q) and np.array_equal(copied.M, state.M)
+
+
+def test_an_error_keeps_what_it_carries(talos: rbd.Robot):
+    """`NoSolution` with its problem, result and proof, and its way to the nearest motion."""
+    locks = [rbd.JointLock(name, "arm_left_4_joint", position=p) for name, p in (("one", -1.0), ("two", -1.2))]
+    state = talos.standing()
+    with pytest.raises(rbd.NoSolution) as caught, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        rbd.solve(state, np.zeros(talos.nu), [rbd.Baumgarte(10.0).of(lock) for lock in locks])
+    for ask in WAYS.values():
+        sent = ask(caught.value)
+        assert str(sent) == str(caught.value) and sent.problem.m == 2
+        assert np.array_equal(sent.nearest().a, caught.value.nearest().a)
+
+
+def test_a_copy_in_a_fresh_process(tmp_path: Path):
+    """As a worker that was not forked finds it: nothing is imported there but what the pickle names."""
+    box = rbd.load_robot(URDF / "box.urdf")
+    state = box.at(np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]))
+    solution = rbd.solve(state, [], [rbd.SurfaceContact("side", "box", half_lengths=(0.1, 0.1), friction=0.5)])
+    assert str(solution)
+    (tmp_path / "sent").write_bytes(pickle.dumps((state, solution)))
+    code = "import pickle, sys; s, x = pickle.load(open(sys.argv[1], 'rb')); print(s.M.shape, x.status, x.rank)"
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "sent")], capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "(6, 6) solved 6", done.stderr

@@ -1,0 +1,157 @@
+"""The live scene's server: what browsers ask, what others on the machine may send."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import re
+import socket
+import urllib.request
+from collections.abc import Iterator
+
+import pytest
+from tornado.websocket import websocket_connect
+
+import rbd
+from rbd.visual import Scene, server
+
+
+@pytest.fixture(scope="module")
+def scene(g1: rbd.Robot) -> Iterator[Scene]:
+    """A live scene of a standing robot."""
+    with Scene(g1) as scene:
+        scene.show(g1.standing())
+        assert scene.url
+        yield scene
+
+
+def port_of(scene: Scene) -> int:
+    """The port it listens on."""
+    return int(scene.url.rstrip("/").rsplit(":", 1)[1])
+
+
+def answer(scene: Scene, request: str, *, body: bytes = b"") -> tuple[int, str]:
+    """Status and text of the answer to bytes as they are; 0 if the connection was closed without one."""
+    with socket.create_connection(("127.0.0.1", port_of(scene)), timeout=10) as connection:
+        connection.sendall(request.replace("\n", "\r\n").encode("latin-1") + body)
+        got = http.client.HTTPResponse(connection)
+        try:
+            got.begin()
+        except (http.client.HTTPException, ConnectionError):
+            return 0, ""
+        return got.status, got.read().decode()
+
+
+def upgrade(scene: Scene, after: str, **headers: str) -> int:
+    """Status of the answer to a browser that wants what comes after so many messages; 101 is a socket."""
+    given = {"Host": f"127.0.0.1:{port_of(scene)}", "Upgrade": "websocket", "Connection": "Upgrade"} | headers
+    given |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version": "13"}
+    lines = "".join(f"{name}: {value}\n" for name, value in given.items())
+    with socket.create_connection(("127.0.0.1", port_of(scene)), timeout=10) as connection:
+        connection.sendall(f"GET /changes{after} HTTP/1.1\n{lines}\n".replace("\n", "\r\n").encode())
+        return int(connection.recv(12).split()[1])
+
+
+@pytest.mark.parametrize(
+    "after", ["9" * 5000, "9" * 16, "-1", "x", "1e3", "٣", "1_0", "%00", "+1", "nan", "0x1"], ids=lambda text: text[:8]
+)
+def test_what_is_no_count_is_a_bad_request(scene: Scene, after: str, caplog: pytest.LogCaptureFixture):
+    """Refused as 400 before the connection becomes a socket, without a traceback; the server answers the next one."""
+    assert upgrade(scene, "?after=" + urllib.request.quote(after, safe="%")) == 400
+    assert not [record for record in caplog.records if record.exc_info]
+    assert upgrade(scene, "?after=0") == 101
+
+
+def test_counts_are_taken(scene: Scene):
+    """None is zero; one of a page that knows more than there is gets nothing."""
+    assert [upgrade(scene, after) for after in ("", "?after=0", "?after=000", "?after=999999999999999")] == [101] * 4
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "LOCALHOST"])
+def test_a_page_connects_to_the_name_it_was_asked_under(scene: Scene, name: str):
+    """A browser sends the page's name as the socket's origin: page, policy and socket must agree on it."""
+    host = f"{name}:{port_of(scene)}"
+    status, page = answer(scene, f"GET / HTTP/1.1\nHost: {host}\n\n")
+    address = json.loads(re.search(r'stage\.connect\((".*?")\)', page)[1])
+    assert status == 200 and address.startswith(f"ws://{host.lower()}/changes?after=")
+    assert f"connect-src ws://{host.lower()}/changes" in page
+    query = address.partition("/changes")[2]
+    assert upgrade(scene, query, Origin=f"http://{host.lower()}", Host=host.lower()) == 101
+
+
+def test_localhost_is_reached_as_a_browser_does(scene: Scene):
+    """Name look-up and all."""
+    with urllib.request.urlopen(f"http://localhost:{port_of(scene)}/", timeout=10) as found:
+        assert b"ws://localhost:" in found.read()
+
+
+def test_a_forwarded_port_is_kept(scene: Scene):
+    """Through `ssh -L 9000:127.0.0.1:port` the browser knows another port."""
+    assert "ws://localhost:9000/changes" in answer(scene, "GET / HTTP/1.1\nHost: localhost:9000\n\n")[1]
+
+
+@pytest.mark.parametrize(
+    "host", ["elsewhere.example", "127.0.0.1.example", "localhost:1'><script>", "localhost:1\"", "localhost:123456", ""]
+)
+def test_other_names_are_refused(scene: Scene, host: str):
+    """A page elsewhere may point its own name at this machine; and nothing of the name can stand in the page."""
+    status, text = answer(scene, f"GET / HTTP/1.1\nHost: {host}\n\n")
+    assert status in (400, 404) and "stage" not in text and "<script>" not in text
+
+
+@pytest.mark.parametrize("origin", ["http://elsewhere.example", "null", "http://127.0.0.1:1", "file://"])
+def test_pages_elsewhere_get_no_socket(scene: Scene, origin: str):
+    """A browser tells whose page asks."""
+    assert upgrade(scene, "?after=0", Origin=origin) == 403
+
+
+def test_a_page_elsewhere_cannot_show_or_load_it(scene: Scene):
+    """Headers that browsers obey."""
+    with urllib.request.urlopen(scene.url, timeout=10) as found:
+        assert found.headers["X-Frame-Options"] == "DENY" and found.headers["X-Content-Type-Options"] == "nosniff"
+        assert found.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert "Access-Control-Allow-Origin" not in found.headers
+
+
+def test_what_is_too_long_is_not_kept(scene: Scene):
+    """Long headers, addresses and bodies are refused as they are announced; other methods do nothing."""
+    host = f"Host: 127.0.0.1:{port_of(scene)}\n"
+    assert answer(scene, f"GET /?{'x' * 20_000} HTTP/1.1\n{host}\n")[0] in (0, 400, 431)
+    assert answer(scene, f"POST / HTTP/1.1\n{host}Content-Length: 100000000\n\n")[0] in (0, 400, 405, 413)
+    assert answer(scene, f"POST / HTTP/1.1\n{host}Content-Length: 2\n\n", body=b"{}")[0] == 405
+    assert answer(scene, f"GET /changes HTTP/1.1\n{host}\n")[0] == 400
+    assert answer(scene, "nonsense\n\n")[0] in (0, 400)
+    assert answer(scene, f"GET / HTTP/1.1\n{host}\n")[0] == 200
+
+
+def test_a_browser_that_sends_much_is_sent_away(scene: Scene):
+    """Browsers only listen."""
+
+    async def send() -> object:
+        found = await websocket_connect(f"ws://127.0.0.1:{port_of(scene)}/changes?after=999999")
+        await found.write_message("x" * 100_000)
+        told = await asyncio.wait_for(found.read_message(), 10)
+        found.close()
+        return told
+
+    assert asyncio.run(send()) is None  # closed
+
+
+def test_a_browser_that_does_not_read_is_sent_away(scene: Scene, g1: rbd.Robot, monkeypatch: pytest.MonkeyPatch):
+    """What waits for it does not grow for ever."""
+    monkeypatch.setattr(server, "MOST_UNREAD", 1000)
+
+    async def watch() -> list[object]:
+        found = await websocket_connect(f"ws://127.0.0.1:{port_of(scene)}/changes?after=0")
+        told = [await asyncio.wait_for(found.read_message(), 10)]
+        while told[-1] is not None:
+            told.append(await asyncio.wait_for(found.read_message(), 10))
+        found.close()
+        return told
+
+    assert sum(len(m) for m in asyncio.run(watch()) if m is not None) <= 1000
+    assert not scene._server._sockets
+    monkeypatch.undo()
+    scene.show(g1.standing())
+    assert upgrade(scene, "?after=0") == 101
