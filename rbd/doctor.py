@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +42,14 @@ SUMMARY = {
         "joint has damping or friction that the dynamics leave out",
         "joints have damping or friction that the dynamics leave out",
     ),
+    "spring": ("joint has a spring that is left out", "joints have springs that are left out"),
+    "gravcomp": ("body has its weight, which the file takes off it", "bodies have their weight, which the file takes off them"),
+    "tendon": ("tendon is left out", "tendons are left out"),
+    "servo": ("actuator is taken as a plain motor", "actuators are taken as plain motors"),
+    "one-sided": ("actuator has limits that differ by direction", "actuators have limits that differ by direction"),
+    "limit": ("joint has a limit that is left out", "joints have limits that are left out"),
+    "fluid": ("fluid is left out", "fluids are left out"),
+    "armature": ("joint has a rotor inertia that is not read", "joints have rotor inertias that are not read"),
     "mimic": ("joint mimics another in the file, and is free here", "joints mimic others in the file, and are free here"),
     "planar": ("planar joint has an axis that is not its z", "planar joints have axes that are not their z"),
     "equality": ("equality constraint is left out", "equality constraints are left out"),
@@ -117,21 +125,28 @@ def doctor(robot: Robot) -> Report:
     loops and wheels, and where the loops are closed. M is tried at neutral and at
     random configurations (the same ones each time); no mesh is opened.
 
+    Where the file is no longer there, what was found when it was loaded, and a note that says so.
+
     Raises:
         InputError: not a robot.
-        ModelError: its file is no longer there, or broken since.
+        ModelError: its file is broken since.
     """
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
     source = robot.source
-    file = read(source.urdf, robot.limits, base=ROOTS[robot.root])
+    if robot.report is not None and not source.urdf.is_file():
+        gone = Finding("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
+        return replace(robot.report, notes=(*robot.report.notes, gone))
+    file = read(
+        source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out
+    )
     return examine(robot, file, robot.postures, source.package_dirs)
 
 
 def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> Report:
     """The report on a model and its file, already read."""
     errors = [*_bad_numbers(robot.model), *_lost(robot, file)]
-    bodies = Bodies.of(robot.model, file)
+    bodies = Bodies.of(file)
     if not errors:
         errors += _weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE)
     warnings = [
@@ -180,7 +195,7 @@ def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[Finding]:
         if name not in frames:
             yield Finding("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
     lost, rounding = file.mass - robot.mass, 1e-9 * max(1.0, file.mass)
-    if lost > rounding or (file.kind == "urdf" and -lost > rounding):  # an MJCF's shapes weigh too
+    if abs(lost) > rounding:
         told = f"the moving links of the file weigh {file.mass:.9g} kg, and the model {robot.mass:.9g} kg"
         yield Finding("mass", robot.name, f"{told}: mass was lost between them.")
 
@@ -233,7 +248,7 @@ def _joint_of(model: pin.Model, index: int, begin: str, size: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Links of a URDF, or the bodies at each joint of an MJCF, and their principal moments of inertia, ascending [kg m2]."""
+    """Links of a URDF, or bodies of an MJCF, and their principal moments of inertia, ascending [kg m2]."""
 
     what: str
     names: list[str]
@@ -241,12 +256,12 @@ class Bodies:
     moments: Array
 
     @classmethod
-    def of(cls, model: pin.Model, file: RobotFile) -> Bodies:
-        """The bodies of a model."""
+    def of(cls, file: RobotFile) -> Bodies:
+        """The bodies of a file."""
         if file.urdf is None:
-            names, inertias = list(model.names)[1:], list(model.inertias)[1:]
-            masses, tensors = [inertia.mass for inertia in inertias], np.array([inertia.inertia for inertia in inertias])
-            return cls("the bodies at joint", names, np.array(masses), _moments(tensors))
+            bodies = () if file.mjcf is None else file.mjcf.bodies[1:]
+            masses, tensors = [body.solid.mass for body in bodies], np.array([body.solid.inertia for body in bodies])
+            return cls("body", [body.name for body in bodies], np.array(masses), _moments(tensors))
         links = list(file.urdf.links.values())
         tensors = np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3)
         return cls("link", [link.name for link in links], np.array([link.mass for link in links]), _moments(tensors))

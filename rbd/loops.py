@@ -193,8 +193,8 @@ def _gear(model: pin.Model, file: str, equality: Equality, rest: Array) -> Coupl
     for name in equality.ends:
         if not model.existJointName(name) or model.joints[model.getJointId(name)].nv != 1:
             raise ModelError(
-                f"{file}: equality {equality.name!r:.80} ties joint {name!r:.80}, which has several freedoms in Pinocchio's "
-                f"model, or shares a body with other joints. {_OPEN}"
+                f"{file}: equality {equality.name!r:.80} ties joint {name!r:.80}, which has several freedoms; expected a hinge "
+                f"or a slide. {_OPEN}"
             )
         angles.append(float(rest[model.joints[model.getJointId(name)].idx_q]))
     constant, slope = equality.polynomial

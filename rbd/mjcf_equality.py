@@ -42,8 +42,15 @@ class Equality:
     polynomial: tuple[float, float] = (0.0, 1.0)
 
 
-def read_equalities(file: str, root: ElementTree.Element) -> tuple[tuple[Equality, ...], tuple[tuple[str, str, str], ...]]:
+def read_equalities(
+    file: str, root: ElementTree.Element, *, off: bool = False
+) -> tuple[tuple[Equality, ...], tuple[tuple[str, str, str], ...]]:
     """(what is read, (kind, where, text) of what is left out).
+
+    Args:
+        file: Its name, for messages.
+        root: Its first element.
+        off: Whether the file switches all of them off.
 
     Raises:
         ModelError: an equality between things that are not in the file, or with numbers that are none.
@@ -51,12 +58,12 @@ def read_equalities(file: str, root: ElementTree.Element) -> tuple[tuple[Equalit
     wrong = Complaints(file)
     names = {tag: {e.get("name", "") for e in root.iterfind(f"worldbody//{tag}")} - {""} for tag in ("body", "site", "joint")}
     names["body"].add(WORLD)
-    off = _inactive(root)
+    inactive = _inactive(root)
     found: dict[str, Equality] = {}
     lost: list[tuple[str, str, str]] = []
     for element in root.findall("equality/*"):
         tag, name = element.tag, element.get("name") or _made_name(element)
-        active = element.get("active", "false" if element.get("class", "") in off else "true")
+        active = "false" if off else element.get("active", "false" if element.get("class", "") in inactive else "true")
         if reason := _left_out(element, active=active):
             lost.append(("equality", name, reason))
             continue

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os.path
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from rbd.errors import ModelError
+from rbd.mjcf import Mjcf, read_mjcf
 from rbd.mjcf_equality import Equality, read_equalities
-from rbd.mjcf_file import check_mjcf
 from rbd.urdf_file import UrdfFile, check_urdf
 from rbd.xml_file import FileLimits, read_xml
 
@@ -27,8 +27,9 @@ class RobotFile:
         path: Where it is.
         kind: "urdf" or "mjcf".
         urdf: Its links and joints; None for an MJCF.
+        mjcf: Its bodies, joints and motors; None for a URDF.
         bodies: Names of its links or bodies.
-        mass: That of the moving links [kg]; for an MJCF only what its <inertial> elements say.
+        mass: That of the moving links [kg].
         remarks: (kind, where, text) of what the file says and the model leaves out.
         meshes: (as named, where it may be relative to a folder) of each mesh, once.
         equalities: Loops of an MJCF, between its bodies, sites and joints.
@@ -37,6 +38,7 @@ class RobotFile:
     path: Path
     kind: Literal["urdf", "mjcf"]
     urdf: UrdfFile | None
+    mjcf: Mjcf | None
     bodies: tuple[str, ...]
     mass: float
     remarks: tuple[tuple[str, str, str], ...]
@@ -51,7 +53,15 @@ class RobotFile:
                 yield name
 
 
-def read(path: Path, limits: FileLimits | None = None, *, base: int = 6, known: bool = False) -> RobotFile:
+def read(
+    path: Path,
+    limits: FileLimits | None = None,
+    *,
+    base: int = 6,
+    known: bool = False,
+    folders: tuple[Path, ...] = (),
+    leave_out: Collection[str] = (),
+) -> RobotFile:
     """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
 
     Args:
@@ -60,6 +70,8 @@ def read(path: Path, limits: FileLimits | None = None, *, base: int = 6, known: 
         base: Freedoms of the joint that a URDF's root link is to get: 6 for a floating base, 3 for one that slides and turns
             on the ground, 0 where it is welded to the world.
         known: A file of the robot data: a mimic of nothing is passed over, as the dynamics mimic nothing anyway.
+        folders: Where an MJCF's meshes and included files may lie, beside its own folder.
+        leave_out: Of `rbd.mjcf.LEAVABLE`: what of an MJCF the dynamics may pass over.
 
     Raises:
         ModelError: naming what is wrong.
@@ -67,10 +79,7 @@ def read(path: Path, limits: FileLimits | None = None, *, base: int = 6, known: 
     limits = FileLimits() if limits is None else limits
     element = read_xml(path, limits)
     if element.tag == "mujoco":
-        mass = check_mjcf(path, element)
-        bodies = tuple(body.get("name", "") for body in element.findall("worldbody//body"))
-        equalities, lost = read_equalities(path.name, element)
-        return RobotFile(path, "mjcf", None, bodies, mass, lost, _mjcf_meshes(element), equalities)
+        return _read_mjcf(path, element, limits, folders, leave_out)
     if element.tag != "robot":
         raise ModelError(
             f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>."
@@ -78,7 +87,19 @@ def read(path: Path, limits: FileLimits | None = None, *, base: int = 6, known: 
     urdf = check_urdf(path, element, floating=base > 0, known=known)
     check_freedoms(path, urdf.freedoms + base, limits)
     mass = sum(link.mass for link in urdf.links.values() if base or link.name not in urdf.base)
-    return RobotFile(path, "urdf", urdf, tuple(urdf.links), mass, tuple(_remarks(urdf)), _urdf_meshes(element))
+    return RobotFile(path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf)), _urdf_meshes(element))
+
+
+def _read_mjcf(
+    path: Path, element: ElementTree.Element, limits: FileLimits, folders: tuple[Path, ...], leave_out: Collection[str]
+) -> RobotFile:
+    mjcf = read_mjcf(path, element, limits, folders, leave_out)
+    mjcf.meshes.check_folders()
+    off = "equality" in mjcf.settings.off
+    equalities, lost = read_equalities(path.name, mjcf.root, off=off)
+    bodies = tuple(body.name for body in mjcf.bodies[1:])
+    meshes = tuple(mjcf.meshes.files().items())[:MOST_MESHES]
+    return RobotFile(path, "mjcf", None, mjcf, bodies, mjcf.mass, (*mjcf.remarks, *lost), meshes, equalities)
 
 
 def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:
@@ -106,13 +127,6 @@ def _urdf_meshes(robot: ElementTree.Element) -> tuple[tuple[str, str], ...]:
     meshes = (mesh for part in ("visual", "collision") for mesh in robot.iterfind(f"link/{part}/geometry/mesh"))
     found = list(dict.fromkeys(mesh.get("filename", "") for mesh in meshes))[:MOST_MESHES]
     return tuple((name, _without_scheme(name)) for name in found)
-
-
-def _mjcf_meshes(root: ElementTree.Element) -> tuple[tuple[str, str], ...]:
-    compiler = root.find("compiler")
-    folder = "" if compiler is None else compiler.get("meshdir") or compiler.get("assetdir") or ""
-    names = list(dict.fromkeys(mesh.get("file", "") for mesh in root.iterfind("asset/mesh") if mesh.get("file")))
-    return tuple((name, os.path.join(folder, name)) for name in names[:MOST_MESHES])
 
 
 def _without_scheme(name: str) -> str:

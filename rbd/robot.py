@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
-from rbd import catalogue
+from rbd import catalogue, mjcf
 from rbd.arrays import Array, lazy
 from rbd.constraints.contact import PointContact, SurfaceContact
-from rbd.doctor import examine, refuse
+from rbd.doctor import Report, examine, refuse
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.geometry import Geometry, load_geometry, sole_of
 from rbd.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
@@ -39,6 +39,8 @@ class Robot(CheckedModel):
         loops: The constraints that close its tree, of the loop file beside the URDF or of an MJCF's <equality>; empty for a
             tree. They are in force only where they are given: `rbd.solve(state, tau, robot.loops)`.
         wheels: Wheels, balls and blades on the ground, likewise.
+        leave_out: Parts of an MJCF file that were left out, as `load_robot` was told.
+        report: What the doctor found when it was loaded; None where it was not loaded from a file.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class Robot(CheckedModel):
         passive: Iterable[str] = (),
         limits: FileLimits = FileLimits(),  # noqa: B008  frozen
         mechanism: Mechanism = Mechanism(),  # noqa: B008  frozen
+        leave_out: Iterable[str] = (),
     ) -> None:
         # Nobody can put a force on a base that slides on the ground.
         base = (BASE_JOINT,) if root == "planar" else ()
@@ -57,6 +60,8 @@ class Robot(CheckedModel):
         self.urdf = source.urdf
         self.root: Root = root
         self.limits = limits
+        self.leave_out = frozenset(leave_out)
+        self.report: Report | None = None
         found = {} if source.srdf is None else semantic_postures(self, source.srdf)
         for keyframe in model.referenceConfigurations:  # of an MJCF file
             found[keyframe.key()] = pin.normalize(model, keyframe.data())
@@ -72,8 +77,8 @@ class Robot(CheckedModel):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
-        args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism
-        return Robot, args, {"sound": self.sound}
+        args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism, sorted(self.leave_out)
+        return Robot, args, {"sound": self.sound, "report": self.report}
 
     def neutral(self) -> Array:
         """The configuration with every joint at zero, shape (nq,)."""
@@ -185,7 +190,8 @@ class Robot(CheckedModel):
         return self._geometry(pin.GeometryType.COLLISION)
 
     def _geometry(self, kind: pin.GeometryType) -> Geometry:
-        found = load_geometry(self.model, read_xml(self.urdf, self.limits), self.urdf, self.source.package_dirs, kind)
+        element = read_xml(self.urdf, self.limits)
+        found = load_geometry(self.model, element, self.urdf, self.source.package_dirs, kind, self.limits)
         if found.complaint:
             warnings.warn(f"the {kind.name.lower()} geometry of {self.name} {found.complaint}", ModelWarning, stacklevel=4)
         return found
@@ -235,6 +241,7 @@ def load_robot(
     package_dirs: Iterable[str | os.PathLike[str]] = (),
     limits: FileLimits | None = None,
     loops: str | os.PathLike[str] | bool | None = True,
+    leave_out: Collection[str] = (),
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
@@ -244,10 +251,14 @@ def load_robot(
             and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
             By default what the loop file says, else "free_flyer". An MJCF file says itself whether it floats.
         passive: Joints that carry no motor, beside those of the loop file.
-        package_dirs: Folders that hold the packages of `package://` meshes.
+        package_dirs: Folders that hold the packages of `package://` meshes, or the meshes and included files of an MJCF that
+            are not in its own folder.
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
         loops: The file that closes its tree, see `rbd.loop_file`; by default `<stem>.loops.yaml` beside the robot's file, if
             there is one, and the <equality> of an MJCF. None leaves all loops open.
+        leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
+            else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
+            a motor without limits in place of those of the file.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     tells it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -264,19 +275,23 @@ def load_robot(
     if limits is not None and not isinstance(limits, FileLimits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
+    _check_leave_out(leave_out)
     source = catalogue.find(name_or_path, package_dirs)
     closing = _loop_file(source.urdf, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
-    file = read(source.urdf, limits, base=ROOTS[root], known=source.known)
+    file = read(
+        source.urdf, limits, base=ROOTS[root], known=source.known, folders=source.package_dirs, leave_out=leave_out
+    )
     model = _built(file, root)
-    if file.kind == "mjcf":
+    if file.mjcf is not None:
+        passive = tuple(_joined(passive, mjcf.passive(file.mjcf)))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
     check_freedoms(source.urdf, model.nv, limits)
     if model.nv == 0:
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
     closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
-    robot = Robot(model, source, root, passive, limits, closed)
-    report = examine(robot, file, robot.postures, source.package_dirs)
+    robot = Robot(model, source, root, passive, limits, closed, leave_out)
+    robot.report = report = examine(robot, file, robot.postures, source.package_dirs)
     robot.sound = report.ok
     if not source.known:
         refuse(report, source.urdf.name)
@@ -293,6 +308,15 @@ def _loop_file(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopF
     return None if found is None else read_loop_file(found)
 
 
+def _check_leave_out(leave_out: Collection[str]) -> None:
+    try:
+        wrong = [each for each in leave_out if each not in mjcf.LEAVABLE] if not isinstance(leave_out, str) else [leave_out]
+    except TypeError:
+        wrong = [leave_out]  # type: ignore[list-item]
+    if wrong:
+        raise InputError(f"leave_out has {wrong[0]!r:.80}; expected a list of some of {', '.join(map(repr, mjcf.LEAVABLE))}.")
+
+
 def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
     given = (passive,) if isinstance(passive, str) else passive
     try:
@@ -304,16 +328,16 @@ def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
 def _built(file: RobotFile, root: Root) -> pin.Model:
     """Pinocchio's model of a checked file."""
     path = file.path
-    if file.urdf is None and root == "planar":
+    if file.mjcf is not None and root == "planar":
         raise InputError(
             f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
         )
     try:
-        if file.urdf is None:
-            model = pin.buildModelFromMJCF(str(path))
-        elif root == "fixed":
+        if file.mjcf is not None:
+            model = mjcf.build(file.mjcf)
+        elif file.urdf is not None and root == "fixed":
             model = pin.buildModelFromXML(file.urdf.text)
-        else:
+        elif file.urdf is not None:
             base = pin.JointModelPlanar() if root == "planar" else pin.JointModelFreeFlyer()
             model = pin.buildModelFromXML(file.urdf.text, base, BASE_JOINT)
     except (ValueError, RuntimeError, IndexError) as error:
@@ -321,6 +345,6 @@ def _built(file: RobotFile, root: Root) -> pin.Model:
         raise ModelError(
             f"Pinocchio cannot build {path.name}: {reason:.400}. What its parser printed on stderr says more."
         ) from None
-    if file.urdf is None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
+    if file.mjcf is not None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
         raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
     return model

@@ -294,7 +294,7 @@ def test_rotors_count_and_damping_does_not(tmp_path: Path) -> None:
     robot = rbd.load_robot(path)
     state = rbd.State(robot, np.array([0.0]), np.array([5.0]))
     assert abs(state.M[0, 0] - (0.25 + 0.2 + 0.1)) < 1e-15
-    assert abs(dynamics.free_acceleration(state, np.zeros(1))[0]) < 1e-14
+    assert abs(dynamics.free_acceleration(state, np.zeros(0))[0]) < 1e-14
 
 
 def test_terms_given_out_are_copies(talos: rbd.Robot) -> None:

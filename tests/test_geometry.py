@@ -259,7 +259,7 @@ def test_a_link_with_an_odd_inertia_gets_a_small_box(package, inertia):
 
 @pytest.mark.parametrize("file", ["../../secret/plan.stl", "{}/secret/plan.stl", "meshes/none.stl", "meshes/empty.stl"])
 def test_meshes_of_an_mjcf_are_contained_too(package, file):
-    """A mesh outside, missing or empty gets the corners of a small box."""
+    """A small box stands in for a mesh that is outside, missing or empty."""
     top = package.parents[1]
     (package / "meshes" / "empty.stl").write_bytes(b"")
     text = f"""<mujoco model="it"><asset><mesh name="a" file="{file.format(top)}"/>
@@ -274,7 +274,8 @@ def test_meshes_of_an_mjcf_are_contained_too(package, file):
     found = load_geometry(model, ElementTree.fromstring(text), path, [package], pin.GeometryType.VISUAL)
     assert "boxes in place of 1 mesh" in found.complaint
     stand_in, mesh = found.model.geometryObjects
-    assert np.ptp([stand_in.geometry.point(i) for i in range(8)], axis=0) == pytest.approx([0.05] * 3)
+    assert found.stand_ins == {stand_in.name}
+    assert 2.0 * stand_in.geometry.halfSide == pytest.approx([0.05] * 3)
     assert mesh.geometry.num_tris == 4
 
 

@@ -31,7 +31,7 @@ LAYERS: dict[str, int] = {
     "catalogue": 1,
     "xml_file": 1,
     "urdf_file": 1,
-    "mjcf_file": 1,
+    "mjcf": 1,
     "mjcf_equality": 1,
     "loop_file": 1,
     "model_file": 1,
@@ -99,12 +99,13 @@ BESIDE: set[tuple[str, str]] = {
     ("polygon", "arrays"),  # the type Array
     ("output_files", "errors"),  # what cannot be written is refused
     ("engine", "errors"),  # another Pinocchio is refused
-    ("mjcf_file", "urdf_file"),  # complaints and numbers are told alike
+    ("mjcf", "urdf_file"),  # complaints and numbers are told alike
+    ("mjcf", "xml_file"),  # included files are read alike
     ("mjcf_equality", "urdf_file"),
     ("loop_file", "urdf_file"),  # the same largest numbers and names
     ("model_file", "xml_file"),  # a robot's file is read, then checked as URDF or MJCF
     ("model_file", "urdf_file"),
-    ("model_file", "mjcf_file"),
+    ("model_file", "mjcf"),
     ("model_file", "mjcf_equality"),
     ("catalogue", "errors"),
     ("parts", "rows"),  # sets and velocities of rows

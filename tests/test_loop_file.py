@@ -481,7 +481,7 @@ def test_a_four_bar_by_connect_moves_as_the_urdf_with_a_planar_pin(tmp_path: Pat
     q = [np.arctan2(*state.q[urdf.model.joints[urdf.joint_id(j)].idx_q :][1::-1]) for j in robot.joints()]
     v_xml = [v[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints()]
     assert robot.loops[0].name == "connect_a_b" and np.abs(robot.loops[0].rows(robot.at(np.array(q))).error).max() < 1e-15
-    found = rbd.solve(robot.at(np.array(q), np.array(v_xml)), np.zeros(3), robot.loops).a
+    found = rbd.solve(robot.at(np.array(q), np.array(v_xml)), np.zeros(0), robot.loops).a
     expected = rbd.solve(state, [0.0], urdf.loops).a
     expected = [expected[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints()]
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
@@ -555,14 +555,19 @@ def test_equalities_without_names_get_some(tmp_path: Path) -> None:
     assert rbd.load_robot(path, loops=None).loops == () and "weld_rocker_a" not in rbd.load_robot(path, loops=None).frames()
 
 
-def test_joints_that_share_a_body_are_named(tmp_path: Path) -> None:
-    """Pinocchio makes one joint of them; a gear on one of them cannot be read, and the word tells a way out."""
+def test_joints_that_share_a_body_can_be_coupled(tmp_path: Path) -> None:
+    """Each is a joint of its own; one with several freedoms cannot be coupled, and the word tells a way out."""
     text = mjcf(tmp_path, '<joint name="g" joint1="j1" joint2="extra"/>').read_text()
     path = tmp_path / "chain.xml"
     path.write_text(text.replace('<joint name="j1"', '<joint name="extra" axis="0 0 1"/><joint name="j1"'))
-    with pytest.raises(ModelError, match="equality 'g' ties joint 'j1', .*shares a body with other joints.*loops=None"):
+    robot = rbd.load_robot(path)
+    (gear,) = robot.loops
+    assert robot.nv == 4 and isinstance(gear, rbd.JointCoupling) and np.abs(gear.rows(robot.at("qpos0")).error).max() < 1e-14
+    path.write_text(text.replace('<joint name="j1"', '<joint name="extra" type="ball"/><joint name="was_j1"').replace(
+        '<joint name="was_j1" axis="0 -1 0" ref="0.3"/>', "").replace('joint1="j1"', 'joint1="j2"'))
+    with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several freedoms.*loops=None"):
         rbd.load_robot(path)
-    assert rbd.load_robot(path, loops=None).nv == 4
+    assert rbd.load_robot(path, loops=None).nv == 5
 
 
 def test_a_yaml_beside_an_mjcf_is_read_too(tmp_path: Path) -> None:
@@ -571,7 +576,7 @@ def test_a_yaml_beside_an_mjcf_is_read_too(tmp_path: Path) -> None:
     beside = path.with_suffix(".loops.yaml")
     beside.write_text("passive: [j2]\nloops: [{name: v, kind: point, frame_a: tip, frame_b: rocker}]")
     robot = rbd.load_robot(path)
-    assert [loop.name for loop in robot.loops] == ["v", "w"] and robot.passive == {"j2"}
+    assert [loop.name for loop in robot.loops] == ["v", "w"] and "j2" in robot.passive
     beside.write_text("loops: [{name: w, kind: point, frame_a: tip, frame_b: rocker}]")
     with pytest.raises(ModelError, match="'w' is the name of an equality of chain.xml too"):
         rbd.load_robot(path)

@@ -181,7 +181,7 @@ def mjcf(folder: Path, joint: str, more: str = "") -> Path:
 def test_an_mjcf_file_says_itself_whether_it_floats(tmp_path: Path) -> None:
     """With a freejoint it floats, without it is fixed, whatever the default of `root`; its shapes are drawn."""
     fixed = rbd.load_robot(mjcf(tmp_path, '<joint name="j" type="hinge" axis="0 1 0"/>'))
-    assert (fixed.root, fixed.nv, fixed.nu, fixed.floating) == ("fixed", 1, 1, False)
+    assert (fixed.root, fixed.nv, fixed.nu, fixed.floating) == ("fixed", 1, 0, False)
     assert fixed.at().frame("b").X_WF.translation.tolist() == [0.0, 0.0, 2.0]
     assert fixed.visual_model.ngeoms == 1
     free = rbd.load_robot(mjcf(tmp_path, "<freejoint/>"))

@@ -7,7 +7,6 @@ So nothing outside the package folders is opened, whatever `..`, links or the en
 from __future__ import annotations
 
 import copy
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -20,6 +19,9 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import ModelError
 from rbd.geometry.mesh_files import LARGEST, MISSING, OUTSIDE, check_mesh, check_scale, find_mesh
+from rbd.geometry.mjcf_shapes import mjcf_geometry
+from rbd.mjcf import LEAVABLE, carry_out_includes, read_mjcf
+from rbd.xml_file import FileLimits
 
 Element = ElementTree.Element
 STAND_IN_M = 0.05
@@ -43,7 +45,12 @@ class Geometry:
 
 
 def load_geometry(
-    model: pin.Model, element: Element, path: Path, package_dirs: Iterable[Path], kind: pin.GeometryType
+    model: pin.Model,
+    element: Element,
+    path: Path,
+    package_dirs: Iterable[Path],
+    kind: pin.GeometryType,
+    limits: FileLimits = FileLimits(),  # noqa: B008  frozen
 ) -> Geometry:
     """The visual or collision shapes of a robot's file.
 
@@ -53,13 +60,16 @@ def load_geometry(
         path: The file.
         package_dirs: Where `package://` starts from; meshes are opened only inside these folders, links resolved.
         kind: pin.GeometryType.VISUAL or COLLISION.
+        limits: For the files that an MJCF includes.
     """
+    if element.tag == "mujoco":
+        return _mjcf(model, copy.deepcopy(element), path, kind, tuple(package_dirs), limits)
     meshes = _Meshes(path.parent, tuple(package_dirs))
     reason = ""
     for attempt in (meshes.read_each, meshes.read_each, None):
         # A first pass reads every mesh once. Only if that fails are they read one by one, to find which cannot be.
         try:
-            found, stand_ins = _built(model, copy.deepcopy(element), path, kind, meshes)
+            found, stand_ins = _built(model, copy.deepcopy(element), kind, meshes)
         except (ValueError, RuntimeError, IndexError) as error:
             reason = str(error).strip().split("\n")[0].rstrip(".")
             if attempt is None or not attempt():
@@ -71,10 +81,8 @@ def load_geometry(
 
 
 def _built(
-    model: pin.Model, element: Element, path: Path, kind: pin.GeometryType, meshes: _Meshes
+    model: pin.Model, element: Element, kind: pin.GeometryType, meshes: _Meshes
 ) -> tuple[pin.GeometryModel, frozenset[str]]:
-    if element.tag == "mujoco":
-        return _mjcf(model, element, path, kind, meshes), frozenset()
     stand_ins = frozenset(_replaced(element, "visual" if kind == pin.GeometryType.VISUAL else "collision", meshes))
     text = ElementTree.tostring(element, encoding="unicode")
     return pin.buildGeomFromUrdfString(model, text, kind, package_dirs=[], mesh_loader=meshes.loader), stand_ins
@@ -104,6 +112,16 @@ class _Meshes:
         except ModelError as error:
             self.refused[name] = str(error)
         return None
+
+    def look_at(self, name: str, place: str) -> None:
+        """Refuse an MJCF's mesh file that may not be opened.
+
+        Raises:
+            ModelError: why not.
+        """
+        path = find_mesh(place, self._base, self._folders)
+        if path.suffix.lower() != ".msh":  # whose size says all
+            check_mesh(path, self._folders)
 
     def read_each(self) -> bool:
         """Read every usable mesh, and refuse those that cannot be; whether there were any."""
@@ -191,30 +209,15 @@ def _equivalent_box(inertial: Element | None) -> Array | None:
     return np.clip(np.sqrt(6.0 * squares / m), 0.01, 1.0)
 
 
-def _mjcf(model: pin.Model, element: Element, path: Path, kind: pin.GeometryType, meshes: _Meshes) -> pin.GeometryModel:
-    """As for URDF; a mesh that cannot be had gets the corners of a small box, and the file that Pinocchio reads is a copy."""
-    compilers = element.findall("compiler")
-    folder = next((c.get(a, "") for c in compilers for a in ("meshdir", "assetdir") if c.get(a)), "")
-    bare = any(c.get("strippath") == "true" for c in compilers)
-    half = STAND_IN_M / 2.0
-    for mesh in element.iterfind("asset/mesh"):
-        name = mesh.get("file")
-        if name is None:
-            continue
-        wanted = Path(name).name if bare else name
-        found = meshes.usable(str(Path(folder) / wanted), mesh.get("scale"))
-        mesh.set("name", mesh.get("name") or Path(name).stem)
-        if found is not None:
-            mesh.set("file", str(found))
-            continue
-        del mesh.attrib["file"]
-        mesh.attrib.pop("scale", None)
-        corners = [(x, y, z) for x in (-half, half) for y in (-half, half) for z in (-half, half)]
-        mesh.set("vertex", " ".join(f"{c:g}" for corner in corners for c in corner))
-    for compiler in compilers:
-        for attribute in ("meshdir", "assetdir", "strippath"):
-            compiler.attrib.pop(attribute, None)
-    with tempfile.TemporaryDirectory(prefix="rbd-mjcf-") as safe:
-        written = Path(safe) / path.name
-        written.write_text(ElementTree.tostring(element, encoding="unicode"), encoding="utf-8")
-        return pin.buildGeomFromMJCF(model, str(written), kind)
+def _mjcf(
+    model: pin.Model, element: Element, path: Path, kind: pin.GeometryType, folders: tuple[Path, ...], limits: FileLimits
+) -> Geometry:
+    """As for URDF; what is missing is drawn as small boxes."""
+    meshes = _Meshes(path.parent, folders)
+    try:
+        carry_out_includes(path, element, limits, folders)
+        file = read_mjcf(path, element, limits, folders, LEAVABLE)
+        found, stand_ins, meshes.refused = mjcf_geometry(model, file, kind, meshes.look_at, STAND_IN_M)
+    except ModelError as error:
+        return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {error}")
+    return Geometry(found, stand_ins, meshes.complaint())

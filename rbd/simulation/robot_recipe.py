@@ -50,6 +50,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "loops": loops,
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
         "limits": asdict(robot.limits),
+        "leave_out": sorted(robot.leave_out),
     }
 
 
@@ -133,6 +134,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 package_dirs=given.get("package_dirs", ()),
                 limits=FileLimits(**given.get("limits", {})),
                 loops=loops,
+                leave_out=given.get("leave_out", ()),
             )
     except (RbdError, TypeError) as error:
         raise ModelError(
