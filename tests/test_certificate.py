@@ -1,0 +1,206 @@
+"""The second certificate: zero on closed forms, and not fooled by an answer that is wrong by one part in a million."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import certificate as C
+import numpy as np
+import pinocchio as pin
+import pytest
+import random_problems as R
+
+import rbd
+from rbd.testing import reference_problems
+
+pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.RbdWarning")
+LIMIT = 1e-7
+WRONG = 1e-6
+FAMILIES = ("one point", "opposed", "soles", "mixed", "a hundred")
+
+
+def _corners(s: rbd.Solution) -> dict:
+    patches = {r.name: r.patch for r in s.problem.rows}
+    return {
+        name: corners if patches[name] is None else corners @ patches[name].axes for name, corners in s.corner_forces.items()
+    }
+
+
+def _of(s: rbd.Solution) -> C.Certificate:
+    return C.of_arrays(s.problem.M, s.problem.rhs, s.problem.rows, s.a, s.multipliers, _corners(s), s.law)
+
+
+@pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ADMM(), rbd.ADMM(law="convex")], ids=repr)
+def test_known_answers_have_a_clean_certificate(solver) -> None:
+    """Boxes at rest, slipping, lifting; stops, linkages, made-up sets: every solver's answers meet every equation."""
+    taken = 0
+    for reference in reference_problems():
+        if solver.reason_unsupported(reference.problem):
+            continue
+        s = solver.solve(reference.problem)
+        if s.status == "solved":
+            taken += 1
+            assert _of(s).worst <= LIMIT, f"{reference.name}: {_of(s)}"
+    assert taken >= 10
+
+
+def _slider(p: tuple[float, float, float], c: tuple[float, float, float], u: tuple[float, float, float], law: str) -> float:
+    return C.point_miss(law, 0.5, 4, np.array(p), np.array(c), np.array(u), 10.0, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("p", "c", "u", "law"),
+    [
+        ((1.0, 2.0, 10.0), (0, 0, 0), (0, 0, 0), "coulomb"),  # sticks
+        ((-5.0, 0, 10.0), (3.0, 0, 0), (0, 0, 0), "coulomb"),  # slips: friction against the motion, no lift
+        ((0, 0, 0), (1.0, 5.0, 2.0), (0, 0, 0), "coulomb"),  # opens
+        ((0, -5.0, 10.0), (3.0, 1.0, 0), (0, 0.2, 0), "coulomb"),  # slides: friction against the velocity
+        ((0, 0, 0), (0, 0, -9.0), (0, 0, 0.2), "coulomb"),  # leaves already
+        ((-5.0, 0, 10.0), (4.0, 0, 2.0), (0, 0, 0), "convex"),  # the cone's edge, and its normal there
+        ((-5.0, 3.0, 10.0), (4.0, 0, 2.0), (0, 0, 0), "convex, 4 facets"),  # anywhere on the pyramid's facet
+    ],
+)
+def test_points_that_obey_their_law_are_clean_and_others_are_not(p, c, u, law: str) -> None:
+    """Each mode of a point in closed form; spoilt by a part in a million in force or acceleration it is seen."""
+    assert _slider(p, c, u, law) < 1e-15
+    seen = [_slider(tuple(np.add(p, d)), c, u, law) for d in (*(1e-5 * np.eye(3)), *(-1e-5 * np.eye(3)))]
+    seen += [_slider(p, tuple(np.add(c, d)), u, law) for d in (*(1e-5 * np.eye(3)), *(-1e-5 * np.eye(3)))]
+    assert max(seen) >= 0.5e-6
+
+
+def test_convex_answers_are_none_of_coulombs_and_the_other_way_round() -> None:
+    """A contact that slips tells the laws apart."""
+    assert _slider((-5.0, 0, 10.0), (4.0, 0, 2.0), (0, 0, 0), "coulomb") > 0.1
+    assert _slider((-5.0, 0, 10.0), (3.0, 0, 0), (0, 0, 0), "convex") > 0.1
+    assert _slider((-5.0, 3.0, 10.0), (4.0, 0, 2.0), (0, 0, 0), "convex") > 0.01
+
+
+def _answers(seed: int, *, moving: bool) -> list[tuple[R.Tree, list[R.Given], rbd.State, np.ndarray, rbd.Solution]]:
+    """Solved draws of every family, no more than nine decades of mass."""
+    out = []
+    rng = np.random.default_rng(seed)
+    for _ in range(60):
+        _, made = R.tree(rng, most=5, spread=R.pick(rng, (0.0, 2.0)), root="free_flyer")
+        q = R.posture(rng, made.robot)
+        _, given = R.contacts(rng, made, q, unlimited=False)
+        v = R.still_velocity(rng, made.robot, q, given) if moving else np.zeros(made.robot.nv)
+        if moving and not v.any():
+            continue
+        state, tau = rbd.State(made.robot, q, v), R.torques(rng, made.robot)
+        s = rbd.solve(state, tau, [g.constraint for g in given], check=False)
+        if s.status == "solved":
+            out.append((made, given, state, tau, s))
+        if len(out) == 8:
+            break
+    assert len(out) == 8
+    return out
+
+
+def _of_robot(made, given, state, tau, s, **other) -> C.Certificate:
+    force = np.zeros(made.robot.nv)
+    force[made.robot.actuated] = tau
+    forces = other.get("forces", s.forces)
+    corners = other.get("corners", s.corner_forces)
+    things = [g.thing(state, forces, corners) for g in other.get("given", given)]
+    q, v, a = (other.get(name, value) for name, value in (("q", state.q), ("v", state.v), ("a", s.a)))
+    return C.of_robot(made.robot.model, q, v, a, force, things, s.law)
+
+
+def test_an_answer_wrong_by_a_part_in_a_million_is_seen_on_the_robot() -> None:
+    """Accelerations, forces, the configuration, the velocities (J_dot v), the points' places: each spoilt alone."""
+    rng = np.random.default_rng(1)
+    caught = dict.fromkeys(("a", "forces", "q", "J"), 0)
+    drawn = _answers(3, moving=False)
+    for one in drawn:
+        made, given, state, _, s = one
+        assert _of_robot(*one).worst <= LIMIT
+        more = (1.0 + WRONG) * np.ones(made.robot.nv)
+        caught["a"] += _of_robot(*one, a=s.a * more).worst > LIMIT or not s.a.any()
+        forces = {name: (1.0 + WRONG) * f for name, f in s.forces.items()}
+        corners = {name: (1.0 + WRONG) * f for name, f in s.corner_forces.items()}
+        caught["forces"] += _of_robot(*one, forces=forces, corners=corners).worst > LIMIT
+        q = pin.integrate(made.robot.model, state.q, np.r_[np.zeros(3), 10.0 * WRONG * rng.normal(size=made.robot.nv - 3)])
+        caught["q"] += _of_robot(*one, q=q).worst > LIMIT
+        caught["J"] += _of_robot(*one, given=[_elsewhere(g, made) for g in given]).worst > LIMIT
+    # Where nothing pushes, as in free fall, forces and places of contacts are no matter.
+    idle = sum(all(not np.any(f) for f in s.forces.values()) for *_, s in drawn)
+    assert caught["a"] == len(drawn) and min(caught.values()) >= len(drawn) - idle and idle < 3, caught
+
+
+def _elsewhere(g: R.Given, made: R.Tree) -> R.Given:
+    """The same, its points moved by a few parts in a million of the robot's size."""
+    off = 10.0 * WRONG * np.array([1.0, -1.0, 1.0]) * max(0.1, float(np.abs(made.robot.model.inertias[-1].lever).max()))
+
+    def thing(state, forces, corners):
+        x = g.thing(state, forces, corners)
+        if isinstance(x, C.Held):
+            return replace(x, placement=pin.SE3(x.placement.rotation, x.placement.translation + off))
+        return replace(x, points=x.points + off)
+
+    out = R.Given(g.constraint, thing, g.holds)
+    return out
+
+
+def test_a_wrong_bias_is_seen_on_the_robot() -> None:
+    """A velocity that differs by a part in a million from the one that was solved."""
+    for one in _answers(5, moving=True):
+        assert _of_robot(*one).worst <= LIMIT
+        state = one[2]
+        big = 10.0 * float(np.abs(state.h).max()) / max(float(np.abs(state.h - one[0].robot.at(state.q).h).max()), 1e-300)
+        assert _of_robot(*one, v=state.v * (1.0 + WRONG * max(1.0, big))).worst > LIMIT
+
+
+@pytest.mark.parametrize("what", ["J", "bias"])
+def test_rows_that_are_wrong_and_used_consistently_are_seen_on_the_robot(what: str) -> None:
+    """The arrays agree with themselves; the forces on the bodies and the motion of the points do not."""
+    seen = 0
+    for made, given, state, tau, s in _answers(7, moving=True):
+        rows = [replace(r, **{what: getattr(r, what) * (1.0 + 10.0 * WRONG)}) for r in s.problem.rows]
+        P = rbd.GaussProblem(s.problem.M, s.problem.rhs, rows)
+        wrong = rbd.ProxQP().solve(P)
+        if wrong.status != "solved" or not wrong.multipliers.any() or not all(r.bias.any() for r in rows):
+            continue
+        assert _of(wrong).worst <= LIMIT
+        seen += _of_robot(made, given, state, tau, wrong).worst > LIMIT
+    assert seen >= 3
+
+
+def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
+    """Masses over nine decades: each acceleration and each force that counts in its own row, one at a time."""
+    rng, tried = np.random.default_rng(11), 0
+    for _ in range(40):
+        _, P = R.arrays(rng)
+        s = rbd.ADMM(law="convex").solve(P)
+        if s.status != "solved" or P.m > 60 or _of(s).worst > LIMIT:
+            continue
+        terms = np.abs(P.M) @ np.abs(s.a) + np.abs(P.rhs) + np.abs(P.J).T @ np.abs(s.multipliers)
+        for i in range(P.nv):
+            if P.M[i, i] * abs(s.a[i]) > 0.2 * terms[i]:
+                a = s.a.copy()
+                a[i] *= 1.0 + WRONG
+                assert _of(replace(s, a=a)).worst > LIMIT
+                tried += 1
+        for r in range(P.m):
+            if (np.abs(P.J[r] * s.multipliers[r]) > 0.2 * terms).any():
+                f = s.multipliers.copy()
+                f[r] *= 1.0 + WRONG
+                found = C.of_arrays(P.M, P.rhs, P.rows, s.a, f, _corners(s), s.law)
+                assert found.worst > LIMIT
+                tried += 1
+    assert tried > 100
+
+
+def test_what_is_not_a_number_is_never_clean() -> None:
+    """NaN and infinity in an answer."""
+    s = rbd.ProxQP().solve(next(p.problem for p in reference_problems() if "patch sticks" in p.name))
+    for bad in (np.nan, np.inf):
+        a = s.a.copy()
+        a[0] = bad
+        assert not _of(replace(s, a=a)).worst <= LIMIT
+
+
+def test_an_own_linear_program_tells_whether_there_are_accelerations() -> None:
+    """Two stops that contradict each other by 1 m/s2 miss by half of it at least; two that agree, by nothing."""
+    for bias, least in ((-1.0, 0.5), (1.0, 0.0)):
+        rows = [rbd.Rows(name, s * np.ones((1, 1)), np.array([bias]), rbd.NonNegative(1)) for name, s in (("a", 1.0), ("b", -1.0))]
+        assert C.least_miss(np.eye(1), rows) == pytest.approx(2.0 * least, abs=1e-9)
