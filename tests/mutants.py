@@ -52,7 +52,7 @@ PLACES = """dynamics.py constraints solvers simulation mechanism planar problem.
 contact_force.py state.py equilibrium.py""".split()
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.txt")
 LOADED_ONCE = """coverage hypothesis numpy scipy.linalg scipy.optimize scipy.spatial scipy.integrate scipy.sparse pinocchio coal
-proxsuite meshcat sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()
+meshcat sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()
 QUIET = ["-q", "--tb=no", "-p", "no:cacheprovider", "--assert=plain"]
 BATCHES = (15, 60, 10**6)  # tests run at a time: the quickest need few files collected
 BUDGET_SECONDS = 240.0  # of tests per mutant, by the times that were recorded
@@ -219,7 +219,8 @@ def observe(file: str, folder: Path, tell: Tell) -> None:
     whole.save()
     data = whole.get_data()
     lines = {os.path.relpath(path, ROOT): data.contexts_by_lineno(path) for path in data.measured_files()}
-    found = {"digest": digest(file), "sources": {path: digest(path) for path in lines}, "lines": lines}
+    executed = [path for path, names in lines.items() if any(any(each) for each in names.values())]  # and not imported alone
+    found = {"digest": digest(file), "sources": {path: digest(path) for path in executed}, "lines": lines}
     (folder / "map.json").write_text(json.dumps(found | {"seconds": watch.seconds, "failed": watch.failed}))
 
 

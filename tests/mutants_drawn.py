@@ -12,7 +12,8 @@ Left out are messages (`raise`, `warn`, f-strings), `assert`, annotations, decor
 from __future__ import annotations
 
 import ast
-import random
+import bisect
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -226,15 +227,25 @@ def mutated(file: str, source: str, change: Change) -> Mutant | None:
 
 
 def drawn(n: int, seed: int, sources: Mapping[str, str], line: int = 0) -> dict[str, Mutant]:
-    """{key: mutant} of n mutants, those of a larger n begin with them; of one line, where it is given."""
-    changes = [(file, change) for file, source in sources.items() for change in Drawer(source).found]
-    random.Random(seed).shuffle(changes)
+    """{key: mutant} of n mutants; of one line, where it is given.
+
+    Each change has its own number, drawn from the seed and its line alone; the n least are taken. So those of a larger n begin
+    with those of a smaller one, and code that changes elsewhere changes few of them.
+    """
+    numbered = []
+    for file, source in sources.items():
+        drawer = Drawer(source)
+        for change in drawer.found:
+            at = bisect.bisect_right(drawer.starts, change.first)
+            begin, end = drawer.starts[at - 1], drawer.starts[at]
+            told = f"{seed} {file} {change.function} {change.first - begin} {change.new} ".encode() + drawer.source[begin:end]
+            if not line or at == line:
+                numbered.append((hashlib.sha256(told).digest(), file, change))
     out: dict[str, Mutant] = {}
-    for file, change in changes:
+    for _, file, change in sorted(numbered, key=lambda each: each[0]):
         if len(out) == n:
             break
-        if not line or sources[file].encode()[: change.first].count(b"\n") + 1 == line:
-            mutant = mutated(file, sources[file], change)
-            if mutant:
-                out.setdefault(mutant.key, mutant)
+        mutant = mutated(file, sources[file], change)
+        if mutant:
+            out.setdefault(mutant.key, mutant)
     return out
