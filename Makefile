@@ -4,13 +4,15 @@ VENV := .venv
 BIN := $(VENV)/bin
 MARKER := $(VENV)/installed
 
-.PHONY: help demo test lint bench fuzz pictures clean
+.PHONY: help demo test lint bench fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
 	@echo "make test      all tests"
 	@echo "make bench     what an answer costs beside one constraintDynamics call"
 	@echo "make fuzz      robot files broken on purpose, N=20000 of them: each refused by name, or loaded right"
+	@echo "make mutants   small faults put into the code on purpose, N=300 of them by SEED=0: each noticed by a test"
+	@echo "make coverage  which lines and branches the tests execute, in processes that they start, too"
 	@echo "make lint      ruff and mypy"
 	@echo "make pictures  the pictures of README and docs again (needs Chromium)"
 
@@ -35,13 +37,24 @@ lint: $(MARKER)
 bench: $(MARKER)
 	$(BIN)/python tests/bench.py
 
-N ?= 20000
+fuzz: N ?= 20000
+mutants: N ?= 300
 SEED ?= 0
 fuzz: $(MARKER)
 	$(BIN)/python tests/fuzz.py --n $(N) --seed $(SEED) --keep $(VENV)/fuzz_failures
+
+# What was found is kept in .mutants: an interrupted run goes on where it stopped.
+mutants: $(MARKER)
+	$(BIN)/python tests/mutants.py --n $(N) --seed $(SEED)
+
+coverage: $(MARKER)
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report
 
 pictures: $(MARKER)
 	$(BIN)/python docs/pictures/make.py
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache talos.html
+	rm -rf $(VENV) .mutants .coverage* .pytest_cache .mypy_cache .ruff_cache talos.html

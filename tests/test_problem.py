@@ -111,6 +111,26 @@ def test_an_inertia_that_is_not_positive_definite_is_named():
         rbd.KKT().solve(rbd.GaussProblem(np.diag([1.0, -1.0]), np.zeros(2), [_toe()]))
 
 
+@pytest.mark.parametrize("unit", [1e-15, 1e-6, 1.0, 1e6, 1e12])
+def test_inertia_is_judged_by_its_own_size(unit):
+    """Grams or tonnes: what is regular, singular or unsymmetric in kilograms is so in any unit of mass."""
+    regular = np.array([[2.0, 1.0], [1.0, 2.0]])
+    a = rbd.GaussProblem(unit * regular, unit * np.array([3.0, 3.0])).a_free
+    assert a == pytest.approx([1.0, 1.0], rel=1e-14)
+    barely = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-14]])  # positive definite by rounding alone
+    with pytest.raises(SingularInertia, match="coordinate 1"):
+        rbd.GaussProblem(unit * barely, np.zeros(2))
+    rbd.GaussProblem(unit * (regular + [[0.0, 1e-10], [0.0, 0.0]]), np.zeros(2))  # rounding
+    with pytest.raises(rbd.InputError, match="not symmetric"):
+        rbd.GaussProblem(unit * (regular + [[0.0, 1e-7], [0.0, 0.0]]), np.zeros(2))
+
+
+def test_a_light_body_beside_a_heavy_one_is_regular():
+    """Each pivot is compared with its own coordinate's inertia: 1e-6 kg beside 1e9 kg is no rounding."""
+    P = rbd.GaussProblem(np.diag([1e9, 1e-6]), np.array([2e9, 3e-6]))
+    assert P.a_free == pytest.approx([2.0, 3.0], rel=1e-14)
+
+
 @pytest.mark.parametrize("solver", [rbd.ProxQP(), rbd.KKT()])
 def test_a_singular_inertia_is_an_error_in_every_solver(solver):
     """Never an answer."""

@@ -94,6 +94,8 @@ class Linearised:
         b = K[0, 0] * M[1, 1] + K[1, 1] * M[0, 0] - 2 * K[0, 1] * M[0, 1]
         # factor, not simplify: a hundred times as fast, and roots of squares are taken.
         half, inside = sp.factor(b / (2 * a)), sp.factor((b**2 - 4 * a * c) / (4 * a**2))
+        if inside == 0:  # K = w^2 M: every shape is one
+            return Modes((sp.factor_terms(half),) * 2, sp.eye(2))
         root = sp.sqrt(inside)
         squared = tuple(sp.factor_terms(half + sign * root) for sign in (-1, 1))
         shapes = [sp.Matrix(self._shape(half, inside, sign * root)) for sign in (-1, 1)]
@@ -112,8 +114,8 @@ class Linearised:
             if y != 0:
                 return sp.Integer(1), sp.simplify(-x / y)
             if x != 0:
-                return sp.Integer(0), sp.Integer(1)
-        return sp.Integer(1), sp.Integer(0)
+                break
+        return sp.Integer(0), sp.Integer(1)
 
 
 def linearise(dyn: Dynamics, at: Iterable[Any] | None = None) -> Linearised:

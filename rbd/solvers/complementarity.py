@@ -100,7 +100,9 @@ class _Tree:
         lines = ~np.isfinite(P.lower) & ~np.isfinite(P.upper)
         self.root = np.where(lines, FREE, np.where(self.fixed, LOW, OPEN))
         self.scale = float(np.abs(P.A.diagonal()).max(initial=0.0)) or 1.0
-        self.load = float(np.abs(P.b).max(initial=0.0)) or 1.0  # what accelerations are measured against
+        bounds = np.concatenate([P.lower[np.isfinite(P.lower)], P.upper[np.isfinite(P.upper)]])
+        # What accelerations are measured against; without free ones, those that forces at their bounds would give.
+        self.load = float(np.abs(P.b).max(initial=0.0)) or self.scale * float(np.abs(bounds).max(initial=0.0)) or 1.0
         chosen = [i for i in P.first if self.root[i] == OPEN]
         self.order = chosen + [i for i in np.flatnonzero(self.root == OPEN).tolist() if i not in chosen]
         self.low, self.high = np.isfinite(P.lower), np.isfinite(P.upper)

@@ -234,6 +234,23 @@ def test_an_n_four_bar_lying_flat_loses_a_rank_a_loop() -> None:
             assert robot.nv - np.linalg.matrix_rank(J, tol=1e-9) == freedoms
 
 
+@pytest.mark.parametrize(("n", "length", "mass"), [(1, 0.3, 1.0), (3, 0.7, 2.0), (4, 2.5, 0.1)])
+def test_an_n_four_bar_is_a_row_of_squares(n: int, length: float, mass: float) -> None:
+    """Pivots at x = 0, L ... n L on the ground, crank tips L above them, each bar of mass m with m L^2 / 3 about its end."""
+    robot = n_four_bar(n, length=length, mass=mass)
+    state = robot.at("assembled")
+    for i in range(n + 1):
+        pivot = state.frame(f"crank_{i}").X_WF.act(np.zeros(3))
+        tip = state.frame(f"crank_{i}").X_WF.act(np.array([length, 0.0, 0.0]))
+        assert np.abs(pivot - [i * length, 0.0, 0.0]).max() < 1e-14 * n
+        assert np.abs(tip - [i * length, 0.0, length]).max() < 1e-14 * n
+    for i in range(1, n + 1):
+        ends = [state.frame(f"coupler_{i}").X_WF.act(np.array([x, 0.0, 0.0])) for x in (0.0, length)]
+        assert np.abs(ends - np.array([[(i - 1) * length, 0, length], [i * length, 0, length]])).max() < 1e-14 * n
+    for Y in robot.model.inertias[1:]:
+        assert Y.mass == mass and abs(Y.matrix()[4, 4] - mass * length**2 / 3) < 1e-14 * mass * length**2
+
+
 @pytest.mark.parametrize("bad", [0, -1, 100, 2.0, "2", True, None, 10**400])
 def test_n_is_a_whole_number(bad: Any) -> None:
     """From 1 to 99."""
@@ -264,6 +281,27 @@ def test_a_slider_is_where_its_closed_form_says(seed: int) -> None:
         slope = -r * math.sin(th) - side * (r * math.sin(th) - e) * r * math.cos(th) / root
         v = closed_velocity(state, crank_joint=2.0)
         assert abs(rate(robot, v, "slider_joint") - 2.0 * slope) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("rod", "offset", "degrees"),
+    [
+        (2.0, 0.0, 45.0),
+        (1.2, 1.5, 45.0),  # the tip at 45 deg is 0.793 m below the line
+        (1.2, -1.0, -90.0),  # 1.707 m above it: too far; straight down it is on the line
+        (1.0, -0.2629, math.degrees(math.asin(-0.2629))),  # 0.97 m would close, with too little to spare
+        (0.5, -0.1, math.degrees(math.asin(-0.1))),
+        (2.0, 2.5, 45.0),
+        (1.2, 2.1, 90.0),  # above what the crank reaches: as near as it comes
+        (1.2, -2.1, -90.0),
+    ],
+)
+def test_a_slider_crank_stands_at_45_degrees_where_it_closes_well(rod: float, offset: float, degrees: float) -> None:
+    """Else with the crank's tip as near to the slider's line as it comes: on it, or straight up or down."""
+    robot = slider_crank(1.0, rod, offset=offset)
+    for branch in ("assembled", "crossed"):
+        assert abs(math.degrees(link_angles(robot.at(branch))["crank"]) - degrees) < 1e-10
+        assert np.abs(robot.loops[0].rows(robot.at(branch)).error).max() < 1e-13
 
 
 def test_a_slider_crank_falls_as_lagranges_equation_says() -> None:

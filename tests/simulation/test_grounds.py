@@ -59,3 +59,30 @@ def test_what_stands_on_ground_at_rest_is_measured_together_and_nothing_else_is(
     held = rbd.PointContact("hand", "torso_2_link", friction=None)
     kinds = [type(s) for s in sources_of([toe, soles[0], band, held, soles[1]], robot.standing())]
     assert kinds == [OnGround, Grounds, OnGround, FromRows]
+
+
+@pytest.mark.parametrize("kind", ["patch", "edge", "tip"])
+def test_points_of_contact_between_bodies_are_where_the_bodies_have_them(kind: str):
+    """Corners in W are X_WF X_FP p of the body that bears them, however it is turned; their axes are those of the rows."""
+    robot = rbd.load_robot("solo12")
+    frame, on = robot.feet(0.7)[0].frame, robot.feet()[1].frame
+    placement = pin.SE3(pin.exp3(np.array([0.4, -0.7, 0.2])), np.array([0.01, -0.02, 0.03]))
+    contact = {
+        "patch": rbd.SurfaceContact(kind, frame, half_lengths=(0.03, 0.01), placement=placement, friction=0.5, against=on),
+        "edge": rbd.LineContact(kind, frame, half_length=0.04, placement=placement, friction=0.5, against=on),
+        "tip": rbd.PointContact(kind, frame, offset=placement.translation, friction=0.5, against=on),
+    }[kind]
+    corners = {
+        "patch": [[0.03, 0.01, 0], [0.03, -0.01, 0], [-0.03, -0.01, 0], [-0.03, 0.01, 0]],
+        "edge": [[0.04, 0, 0], [-0.04, 0, 0]],
+        "tip": [[0, 0, 0]],
+    }[kind]
+    state = moving(robot, 4)
+    measured = FromRows(contact).at(state, 0.0)
+    X_WP = state.frame(frame).X_WF * placement
+    expected = [X_WP.act(np.array(p, float)) for p in corners]
+    assert measured.points is not None and len(measured.points) == len(expected)
+    gaps = np.abs(measured.points[:, None] - np.array(expected)).max(axis=2)  # in any order
+    assert gaps.min(axis=1).max() < ROUNDING and sorted(gaps.argmin(axis=1)) == list(range(len(corners)))
+    (rows,) = rbd.gauss_problem(state, np.zeros(robot.nu), [contact]).rows
+    assert np.array_equal(measured.axes, rows.patch.axes)

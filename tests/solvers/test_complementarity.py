@@ -139,13 +139,18 @@ def test_the_least_distance_is_that_to_the_corner():
     assert least_distance(np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5])) == pytest.approx([0.0])
 
 
-@pytest.mark.parametrize(("stiff", "load"), [(1e-6, 1e4), (1e6, 1e-3)])
-def test_units_do_not_matter(stiff, load):
+@pytest.mark.parametrize("loads", ["any", "pressing", "one is zero"])
+@pytest.mark.parametrize(("stiff", "load"), [(1e-6, 1e4), (1e6, 1e-3), (1.0, 1e-12), (1.0, 1e12), (1e-9, 1e-9), (1e9, 1e9)])
+def test_units_do_not_matter(stiff, load, loads):
     """A and b in other units: the same solutions, in theirs."""
     rng = np.random.default_rng(6)
-    for _ in range(60):
+    for _ in range(40):
         p = int(rng.integers(1, 6))
         A, b = rng.normal(size=(p, p)), rng.normal(size=p)
+        if loads == "pressing":
+            b = -np.abs(b)
+        elif loads == "one is zero":
+            b[0] = 0.0
         lower, upper = random_bounds(rng, p)
         expected = brute_force(A, b, lower, upper)
         unit = load / stiff
@@ -153,3 +158,38 @@ def test_units_do_not_matter(stiff, load):
         assert found.complete and len(found.weights) == len(expected)
         for w in expected:
             assert min(np.abs(w - u / unit).max() for u in found.weights) < 1e-7 * max(1.0, np.abs(w).max())
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_what_is_zero_but_for_rounding_counts_as_zero(unit):
+    """An entry that nothing moves, with b of -1e-13 of the load: taken for zero; with b of -1e-6 of it there is no solution."""
+    A = np.diag([2.0, 0.0])
+    for rounding, solutions in ((-1e-13, 1), (1e-13, 1), (0.0, 1), (-1e-6, 0)):
+        b = unit * np.array([-4.0, rounding])
+        found = all_solutions(Mixed(A, b, np.sqrt(A), np.zeros(2), np.array([np.inf, np.inf])))
+        assert len(found.weights) == solutions and found.complete
+        if solutions:
+            assert found.weights[0] == pytest.approx([2.0 * unit, 0.0], abs=1e-9 * unit)
+
+
+def test_rounding_is_that_of_the_forces_that_balance():
+    """Given forces of 1e12 on an entry that nothing moves: 10 left of their balance is zero, 1e7 is not, whatever the load."""
+    A = np.zeros((4, 4))
+    A[0, 1:3], A[3, 3] = (-1.0, 1.0), 1.0  # y0 = w2 - w1; the last entry moves by itself
+    for left, solutions in ((10.0, 1), (-10.0, 1), (-1e7, 0)):
+        fixed = [1e12, 1e12 + left]
+        lower, upper = np.array([0.0, *fixed, 0.0]), np.array([np.inf, *fixed, np.inf])
+        found = all_solutions(Mixed(A, np.array([0.0, 0.0, 0.0, -1.0]), np.eye(4)[3:], lower, upper))
+        assert len(found.weights) == solutions and found.complete
+        if solutions:
+            assert found.weights[0] == pytest.approx([0.0, *fixed, 1.0], rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_without_free_accelerations_bounds_give_the_units(unit):
+    """With b = 0 and A = -1 the ends of an interval and zero are solutions; half-lines with A = -1 leave zero alone."""
+    for upper, expected in ((unit, [-2.0, 0.0, 1.0]), (0.0, [-2.0, 0.0])):
+        found = all_solutions(Mixed(-np.eye(1), np.zeros(1), np.eye(1), np.array([-2.0 * unit]), np.array([upper])))
+        assert sorted(float(w[0]) / unit for w in found.weights) == pytest.approx(expected, abs=1e-12)
+    nothing = all_solutions(Mixed(-np.eye(6), np.zeros(6), np.eye(6), np.zeros(6), np.full(6, np.inf)))
+    assert nothing.complete and [w.tolist() for w in nothing.weights] == [[0.0] * 6]

@@ -11,7 +11,7 @@ from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.parts import Parts, parts_of
 from rbd.rows import Rows
 from rbd.solvers.interior_point import interior_point
-from rbd.solvers.newton import newton, order_of, scaled, steps_from
+from rbd.solvers.newton import newton, order_of, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 BOX = Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
@@ -186,3 +186,16 @@ def test_the_order_of_columns_is_put_back(rng):
     S = scaled(spd(rng, T.size), rng.normal(size=T.size), T)
     weights = rng.normal(size=T.size)
     assert S.weights(S.guess(weights)) == pytest.approx(weights, abs=1e-14)
+
+
+def test_points_that_yield_less_and_less_come_to_the_rigid_answer(rng):
+    """Corners of rank six, convex law: the compliance of the rounds is not in the answer, which meets D itself."""
+    T = parts(WrenchCone(np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]]) * [0.1, 0.05, 0.0], 0.4))
+    for _ in range(20):
+        A = spd(rng, 6)
+        D, y_free = T.H.T @ A @ T.G, T.H.T @ (rng.normal(size=6) - [0, 0, 3, 0, 0, 0])
+        S = scaled(D, y_free, T)
+        w, merit = yielding_steps(S, np.zeros(12), coulomb=False)
+        assert merit < 1e-10 and missed(D, y_free, T, T.project(S.weights(w)), coulomb=False) < 1e-9
+        exact, _, _ = steps_from(S, np.zeros(12), coulomb=False)
+        assert np.abs(S.D @ (w - exact)).max() < 1e-9

@@ -144,6 +144,17 @@ class TestBounds:
         assert s.law == "convex, 4 facets" and s.status is rbd.Status.SOLVED
         assert s.forces["rub"].tolist() == [-1.0, 2.0]
 
+    def test_turned_upside_down_a_problem_is_the_same(self, rng):
+        """Bounds from above with the rows, from below with the rows negated: one program, in the same iterations."""
+        for _ in range(20):
+            A, J, bias, top = rng.normal(size=(8, 8)), rng.normal(size=(5, 8)), rng.normal(size=5), rng.uniform(-3.0, 3.0, 5)
+            M, rhs, none = A @ A.T + 0.1 * np.eye(8), 30.0 * rng.normal(size=8), np.full(5, np.inf)
+            above = rbd.ProxQP().solve(rbd.GaussProblem(M, rhs, [Rows("rows", J, bias, rbd.Box(-none, top))]))
+            below = rbd.ProxQP().solve(rbd.GaussProblem(M, rhs, [Rows("rows", -J, -bias, rbd.Box(-top, none))]))
+            assert above.status is rbd.Status.SOLVED and above.iterations == below.iterations
+            assert np.abs(above.a - below.a).max() < 1e-12 * np.abs(above.a).max()
+            assert np.abs(above.multipliers + below.multipliers).max() < 1e-12 * np.abs(above.multipliers).max()
+
     @pytest.mark.parametrize("scale", [1e-3, 1.0, 30.0])
     def test_a_robot_whose_joints_all_rub(self, talos, rng, scale):
         """Two soles and 32 boxes: proved, also by the second code; some joints stick and some slip."""

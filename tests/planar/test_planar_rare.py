@@ -1,0 +1,154 @@
+"""Poses, paths and relations that are rarely met: at edges, at rest, doubled, and what is said of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy
+
+from rbd.errors import InputError, SingularPose
+from rbd.planar import Chain, endpoint_motion, minimum_jerk
+from rbd.planar.modes import Linearised
+
+THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
+
+
+# ------------------------------------------------------------------------------------------------------------ poses
+
+
+def test_a_chain_folded_through_the_base_stays_near_its_start():
+    """Links of 2, 1, 1 m fold with the end point on the base, in any direction: the turn of all links nearest the start's."""
+    chain = Chain(3, lengths=(2.0, 1.0, 1.0))
+    for angle in (-2.0, 0.3, 1.1):
+        start = np.array([angle, np.pi, 0.0])
+        found = chain.inverse((0.0, 0.0), start=start)
+        assert "folded" in found.note and np.abs(found.q - start).max() < 1e-12
+        bent = chain.inverse((0.0, 0.0), start=start + [0.0, 0.05, -0.05])
+        assert np.abs(chain.numeric.position(bent.q)).max() < 1e-12 and abs(bent.q[0] - angle) < 0.1
+
+
+def test_an_answer_is_printed_in_degrees():
+    """Both branches of two links; what is out of reach is said in words."""
+    chain = Chain(2, lengths=(0.5, 0.5))
+    assert str(chain.inverse((0.0, 0.5 * np.sqrt(3.0)))) == "(0, 0.866025) m: (60, 60) deg or (120, -60) deg"
+    beyond = chain.inverse((3.0, 0.0))
+    assert str(beyond) == beyond.note and "out of reach" in beyond.note
+    with pytest.raises(InputError, match="out of reach"):
+        _ = beyond.q
+
+
+def test_a_path_too_coarse_to_follow_is_told():
+    """Samples half a turn apart: three links go from pose to pose, each on the path, and both notes say to sample more finely."""
+    points = 0.6 * np.array([[1.0, 0.0], [-0.9, 0.1], [1.0, -0.05], [0.0, 0.02], [-1.0, 0.0]])
+    path = THREE.inverse_path(points)
+    assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12
+    assert "jump to another pose at sample" in path.note and "sample the path more finely to be sure" in path.note
+
+
+def test_the_note_of_a_split_says_where_the_coriolis_part_comes_from():
+    """Joint angles add up along the chain, so that products of two rates remain; segment angles do not."""
+    assert "products of two rates remain" in Chain(2).split().note
+    assert "no product of two rates" in Chain(2, angles="segment").split().note
+
+
+# ------------------------------------------------------------------------------------------------------------ motions
+
+
+def test_an_end_point_that_stays_keeps_all_angles():
+    """From a point to itself: no rate, and nothing unbounded, stretched out or not, of one, two and three links."""
+    one = endpoint_motion(Chain(1, lengths=(0.5,)), minimum_jerk((0.3, 0.4), (0.3, 0.4), 1.0))
+    assert np.abs(one.q - np.arctan2(0.4, 0.3)).max() < 1e-12 and not one.unbounded
+    for chain in (Chain(2, lengths=(0.5, 0.5)), THREE):
+        still = endpoint_motion(chain, minimum_jerk((0.3, 0.4), (0.3, 0.4), 1.0))
+        assert np.abs(still.q - still.q[0]).max() < 1e-12 and still.note == ""
+        with pytest.raises(SingularPose, match="in line at every sample"):
+            endpoint_motion(chain, minimum_jerk((1.0, 0.0), (1.0, 0.0), 1.0))
+
+
+def test_a_path_that_begins_along_the_edge_has_bounded_accelerations():
+    """Links of 0.7 and 0.3 m, folded at 0.4 m, leave the inner edge at a right angle to the fold: no 1/sqrt(t) there."""
+    chain = Chain(2, lengths=(0.7, 0.3))
+    found = endpoint_motion(chain, minimum_jerk((0.4, 0.0), (0.4, 0.3), 1.0))
+    assert "begins folded" in found.note and found.unbounded == ()
+    straight = endpoint_motion(chain, minimum_jerk((0.4, 0.0), (0.6, 0.0), 1.0))
+    assert "grow without bound" in straight.note and straight.unbounded == (0.0,)
+
+
+def test_symbols_of_a_motion_are_written_for_numbers_and_points_alone():
+    """A table of starts has no formula."""
+    path = minimum_jerk(np.zeros((2, 2)), np.ones((2, 2)), 1.0)
+    assert path.displacement(1.0).tolist() == [[1.0, 1.0], [1.0, 1.0]]
+    with pytest.raises(InputError, match=r"start has shape \(2, 2\)"):
+        path.symbolic()
+
+
+# ---------------------------------------------------------------------------------------------------------- relations
+
+
+class TestRelations:
+    """What a relation may be, and what is said of those that are none."""
+
+    CHAIN = Chain(2, lengths=(0.5, 0.4))
+    A, B = CHAIN.q
+
+    def test_an_identity_constrains_nothing(self):
+        """Whether SymPy sees it or only numbers do."""
+        x = sympy.Symbol("x")
+        with pytest.raises(InputError, match="holds always"):
+            self.CHAIN.constrained(sympy.sin(x) ** 2 + sympy.cos(x) ** 2 - 1)
+        A, B = self.A, self.B
+        hidden = sympy.sin(A + B) - sympy.sin(A) * sympy.cos(B) - sympy.cos(A) * sympy.sin(B)
+        with pytest.raises(InputError, match="says nothing new: it follows from an identity"):
+            self.CHAIN.constrained(hidden)
+
+    def test_more_relations_than_angles_contradict(self):
+        """Three conditions on two angles."""
+        A, B = self.A, self.B
+        relations = [sympy.sin(A) * B - 1, sympy.cos(B) * A - sympy.Rational(1, 3), sympy.sin(A + B) - B**2]
+        with pytest.raises(InputError, match="3 relations are left for 2 angles"):
+            self.CHAIN.constrained(relations)
+
+    def test_a_branch_without_real_angles_is_refused(self):
+        """A^2 + B^2 = -1 has complex solutions alone."""
+        with pytest.raises(InputError, match="could not be solved for an angle"):
+            self.CHAIN.constrained(self.A**2 + self.B**2 + 1, branch=0)
+
+    def test_a_relation_without_values_at_some_angles_is_satisfied_where_it_has_some(self):
+        """sqrt(A - 1) = B is real for A >= 1 only: poses are found there."""
+        held = self.CHAIN.constrained(sympy.sqrt(self.A - 1) + self.B**3 - 2)
+        q = held.project([2.0, 1.0])
+        assert abs(np.sqrt(q[0] - 1.0) + q[1] ** 3 - 2.0) < 1e-12
+        with pytest.raises(InputError, match=r"q has shape \(3,\)"):
+            held.project([1.0, 2.0, 3.0])
+
+    def test_angles_may_be_given_as_a_column(self):
+        """A SymPy matrix of numbers is a list of them."""
+        start = sympy.Matrix([sympy.pi / 4, sympy.Rational(1, 2)])
+        one, other = (self.CHAIN.inverse((0.3, 0.6), start=q) for q in (start, [float(x) for x in start]))
+        assert np.array_equal(one.q, other.q)
+
+
+# -------------------------------------------------------------------------------------------------------------- modes
+
+
+@pytest.mark.parametrize(
+    ("K", "squared"),
+    [
+        ([[6, 3], [3, 3]], (3, 3)),  # K = 3 M: every shape is one
+        ([[10, 3], [3, 3]], (3, 7)),  # the second angle alone moves at w^2 = 3
+        ([[6, 3], [3, 9]], (3, 15)),  # the first alone
+        ([[2, 0], [0, 5]], None),
+    ],
+)
+def test_two_modes_are_two_shapes(K, squared):
+    """K s = w^2 M s of each, and the two are independent, also where both frequencies are one."""
+    g = sympy.Symbol("g", positive=True)
+    M, K = sympy.ImmutableMatrix([[2, 1], [1, 1]]), g * sympy.ImmutableMatrix(K)
+    modes = Linearised(sympy.zeros(2, 1), M, K, sympy.zeros(2, 1)).modes()
+    if squared is not None:
+        assert [sympy.simplify(w2 / g) for w2 in modes.squared] == list(squared)
+    for k, w2 in enumerate(modes.squared):
+        assert sympy.simplify((K - w2 * M) * modes.shapes[:, k]).is_zero_matrix
+        first = next(x for x in modes.shapes[:, k] if x != 0)
+        assert first == 1
+    assert sympy.simplify(modes.shapes.det()) != 0
