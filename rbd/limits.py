@@ -24,8 +24,12 @@ QP_STEPS_LAST = 1000
 """The same for the last settings that are tried."""
 QP_INNER_STEPS = 100
 """Inner iterations. Robots need a few; with ProxSuite's own limit of 1500, hopeless programs take minutes."""
-QP_WORK = 4e9
-"""Multiplications of all settings of one quadratic program together, about 4 s: iterations times unknowns squared."""
+QP_WORK = 2e8
+"""Iterations times (unknowns and rows) squared, of all settings of one quadratic program: 1 to 3 s. Robots need 1e6."""
+QP_SETTING_WORK = 1e8
+"""The same of one setting, were every inner iteration used."""
+QP_FEWEST_STEPS = 30
+"""Outer iterations that a setting has at least, however large the program."""
 
 ENDS_WORK = 1.2e10
 """Multiplications for all ranges of one `Solution.uniqueness()`, about 4 s on one core."""
@@ -36,6 +40,8 @@ CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100
 """Linear programs that are solved in that search."""
+CERTIFICATE_LEFT_OUT = 300
+"""Linear programs that may be solved in all to see which members of a contradiction can be left out."""
 CERTIFICATE_CUTS = 30
 """Rounds of refinement of circular cones in a contradiction."""
 VIOLATION_CUTS = 40

@@ -109,7 +109,7 @@ def nonnegative(A: Array, b: Array) -> Array | None:
     if not (is_finite(A) and is_finite(b)):
         return None
     try:
-        return np.asarray(nnls(A, b, maxiter=limits.LEAST_SQUARES_PIVOTS * A.shape[1])[0])
+        return np.asarray(nnls(A, b, maxiter=int(limits.LEAST_SQUARES_PIVOTS * A.shape[1]))[0])
     except (RuntimeError, ValueError, np.linalg.LinAlgError):  # the limit, or a singular set of columns
         return None
 

@@ -221,8 +221,12 @@ class Solution:
             f = self.multipliers if found.rank == self.problem.m else found.forces(x)
             chosen = corners | found.corner_forces(x)
             out = replace(self, multipliers=f, weights=found.law_weights(x), chosen_corners=chosen, choice=name)
-            if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
-                return out
+            for a in (self.a, None):
+                if a is None:  # huge internal forces leave their rounding in a: once more from the smaller ones
+                    a = self.a_free + self.problem.solve_M(self.problem.J.T @ f)
+                out = replace(out, a=a)
+                if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
+                    return out
         return replace(self, chosen_corners=corners, choice=f"as {self.solver} left it")
 
     def uniqueness(self) -> Uniqueness:

@@ -22,7 +22,7 @@ import numpy as np
 from rbd.analysis.conditions import Conditions, conditions
 from rbd.arrays import Array, largest
 from rbd.errors import InputError
-from rbd.limits import CERTIFICATE_CUTS, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
+from rbd.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem import GaussProblem, checked
 from rbd.programs import linear_program
 from rbd.rays import rays
@@ -212,6 +212,8 @@ class _Search:
         """(certificate, proven) on as few groups of members as could be found; none of them can be left out."""
         kept = [g for g in groups if g & found.members]
         for g in list(kept):
+            if self.programs >= CERTIFICATE_LEFT_OUT:
+                return found, False
             without = [h for h in kept if h is not g]
             fewer = self.farkas(frozenset().union(*without)) if g in kept else None
             if fewer is not None:

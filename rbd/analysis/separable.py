@@ -90,7 +90,9 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
     P = problem
     lam = np.zeros(len(P.b)) if lam is None else lam
     y, p = P.at(lam)
-    magnitude = np.abs(P.R)
+    magnitude, top = np.abs(P.R), float((P.R**2 / P.d).sum(axis=1).max(initial=0.0))
+    if not top < 1e150:
+        return None
     value, cost = P.value(lam, y), float(len(P.b) + 3) * P.R.size + 1e5
     for _ in range(_STEPS):
         missed = P.b - P.R @ y
@@ -99,9 +101,7 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
         if work is not None and not work.spend(cost):
             return None
         J = P.derivative(p)
-        top = float(J.diagonal().max(initial=0.0))
-        if not 0.0 < top < 1e150:
-            return None
+        # Where much is at its bound the derivative is singular, or zero: then the damping makes a step uphill of it.
         J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * largest(missed) / (1.0 + largest(P.b)))) * top
         _, step, info = lapack.dposv(J, missed)
         if info != 0:

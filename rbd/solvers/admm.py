@@ -141,7 +141,8 @@ class _Search:
         T = self.P.parts
         w = holding(self.P)
         first = T.project(w)
-        if wanted == 1 and largest(first - w) <= 1e-13 * largest(w) and self._judge(first):
+        holds = wanted == 1 and largest(first - w) <= 1e-13 * largest(w)
+        if holds and (self._judge(first) or self._judge(self._firmer(first))):
             return self.answers[0]
         S, W = self.S, self.W
         for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W)):
@@ -167,6 +168,12 @@ class _Search:
         """The problem in units of its own."""
         T = self.P.parts
         return scaled(self.W.T @ self.W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
+
+    def _firmer(self, w: Array) -> Array:
+        """Weights that hold every row, once more on what they leave: under much friction the last digits count."""
+        P = self.P
+        left = P.J @ constrained(P, P.parts.G @ w) + P.offset
+        return P.parts.project(w - _split(P.parts) @ np.linalg.lstsq(P.delassus, left, rcond=1e-12)[0])
 
     def _starts(self, S: Scaled, first: Array, W: Array) -> Iterator[tuple[Array, float]]:
         """(scaled weights, proximal term) to start Newton from, cheapest first."""

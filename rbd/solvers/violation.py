@@ -18,7 +18,7 @@ import numpy as np
 
 from rbd.analysis.conditions import Conditions, Round, conditions
 from rbd.arrays import Array, largest
-from rbd.limits import VIOLATION_CUTS
+from rbd.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem import GaussProblem
 from rbd.programs import nonnegative
 from rbd.residuals import SOLVED
@@ -42,9 +42,9 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
     """
     W = np.ones(P.m) if weights is None else weights
     asked = conditions(P, law).fan()
-    best, stuck = None, 0
+    best, stuck, work = None, 0, Work(QP_WORK)
     for _ in range(VIOLATION_CUTS if asked.rounds else 1):
-        found = _LeastSquares(asked, W).solved()
+        found = _LeastSquares(asked, W).solved(work)
         stuck = 0 if best is None or found.miss < 0.5 * best.miss else stuck + 1
         best = found if best is None or found.miss < best.miss else best
         worse: list[tuple[Round, Array]] = []
@@ -52,7 +52,7 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
             sunk = c.sunk(found.a, found.s @ c.force)
             if (length := float(np.linalg.norm(sunk))) > _EXACT * found.rate:
                 worse.append((c, sunk / length))
-        if not worse or best.miss <= _ENOUGH or stuck > 15:
+        if not worse or best.miss <= _ENOUGH or stuck > 15 or work.left < 0.0:
             break
         asked = asked.thinned(found.carries).with_rays(worse)
     assert best is not None
@@ -100,8 +100,8 @@ class _LeastSquares:
         sunk = (float(np.linalg.norm(c.sunk(self.a, self.s @ c.force))) for c in self.C.rounds)
         return max(self.flat, max(sunk, default=0.0) / self.rate)
 
-    def solved(self) -> _LeastSquares:
-        """With the best answer of the attempts."""
+    def solved(self, work: Work) -> _LeastSquares:
+        """With the best answer of the attempts, within the work that is left."""
         k, r = self.U.shape
         if k == r or self.flat <= _EXACT:
             return self
@@ -110,7 +110,8 @@ class _LeastSquares:
         self._guess()
         if self.flat <= _ENOUGH:
             return self
-        for attempt in qp.attempts(self.H, b, self.U.T, np.zeros(r), C, np.zeros(len(C)), None, policy=qp.POLICY[:3]):
+        policy = qp.POLICY[:3]
+        for attempt in qp.attempts(self.H, b, self.U.T, np.zeros(r), C, np.zeros(len(C)), None, policy=policy, work=work):
             z = np.where(self.C.holds, attempt.x, np.maximum(attempt.x, 0.0))
             y = attempt.y
             for least in (1e-6, 1e-9, 1e-4):

@@ -1,0 +1,55 @@
+"""Weighted squares over equations, bounds and circular cones: closed forms, the conditions of the least, and no answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rbd.analysis.separable import Separable, least_squares
+from rbd.limits import Work
+from rbd.parts import project_cones
+
+
+def cones(k: int, mu: float | np.ndarray, R: np.ndarray, b: np.ndarray, target: np.ndarray) -> Separable:
+    """1/2 |y - target|^2 over R y = b in k cones."""
+    free = np.full(3 * k, np.inf)
+    return Separable(np.ones(3 * k), -target, R, b, -free, free, np.arange(3 * k).reshape(k, 3), np.broadcast_to(mu, k))
+
+
+def test_without_equations_it_is_the_projection(rng):
+    """Inside, on the edge, at the apex."""
+    p = rng.normal(size=(200, 3))
+    y, _ = least_squares(cones(200, 0.6, np.zeros((0, 600)), np.zeros(0), p.ravel()))
+    assert np.array_equal(y.reshape(-1, 3), project_cones(p, np.full(200, 0.6)))
+
+
+@pytest.mark.parametrize("k", [1, 4, 100])
+def test_the_conditions_of_the_least_hold(k, rng):
+    """R y = b to rounding; y is the projection of target + R^T lam, which proves it the least."""
+    for _ in range(20):
+        mu, r = 10.0 ** rng.uniform(-2, 1, k), min(6, 3 * k - 1)
+        R, inside = rng.normal(size=(r, 3 * k)), rng.normal(size=(k, 3))
+        inside[:, 2] = 1.5 * np.hypot(inside[:, 0], inside[:, 1]) / mu + 0.1
+        P = cones(k, mu, R, R @ inside.ravel(), rng.normal(size=3 * k))
+        y, lam = least_squares(P)
+        assert np.abs(R @ y - P.b).max() <= 1e-12 * np.abs(R).max() * np.abs(y).sum()
+        assert y.reshape(-1, 3) == pytest.approx(project_cones((lam @ R - P.c).reshape(-1, 3), mu), abs=1e-12)
+
+
+def test_weights_and_bounds():
+    """Least y1^2 + 4 y2^2 with y1 + y2 = 5: (4, 1); with y1 <= 3: (3, 2)."""
+    R, b, free = np.ones((1, 2)), np.array([5.0]), np.full(2, np.inf)
+    none = np.zeros((0, 3), int)
+    P = Separable(np.array([2.0, 8.0]), np.zeros(2), R, b, -free, free, none, np.zeros(0))
+    assert least_squares(P)[0] == pytest.approx([4.0, 1.0])
+    bounded = Separable(P.d, P.c, R, b, -free, np.array([3.0, np.inf]), none, np.zeros(0))
+    assert least_squares(bounded)[0] == pytest.approx([3.0, 2.0])
+
+
+def test_an_empty_set_and_no_work_have_no_answer():
+    """A normal force of -1 is in no cone."""
+    R = np.array([[0.0, 0.0, 1.0]])
+    assert least_squares(cones(1, 0.6, R, np.array([-1.0]), np.zeros(3))) is None
+    good = cones(1, 0.6, R, np.array([1.0]), np.zeros(3))
+    assert least_squares(good)[0] == pytest.approx([0.0, 0.0, 1.0])
+    assert least_squares(good, work=Work(0.0)) is None
