@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import time
 import warnings
 from collections.abc import Iterator
@@ -211,12 +212,11 @@ def simulate(
     from rbd.simulate_report import SimulateReport, draw
     from rbd.simulate_setup import loaded, pushes, setup
     from rbd.simulation.pushes import Pushes
-    from rbd.simulation.trajectory_file import a_trajectory_path
 
     console = terminal()
     with answering():
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
-        save = None if save is None else a_trajectory_path(save)
+        save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
         check_outputs(files, beside=robot)
         check_friction(friction, 4)
@@ -253,7 +253,7 @@ def simulate(
             from rbd.visual.animation import VIEWER_SECONDS
 
             with Scene(found, legend=False) as scene, suppress(KeyboardInterrupt):
-                _told(console, "replaying at", scene.open())
+                console.print(f"replaying at {scene.open()}", soft_wrap=True, highlight=False)
                 scene.wait_for_viewer(VIEWER_SECONDS)
                 replay(trajectory, scene=scene, external=external)
         if stopped is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -52,12 +53,16 @@ class Setup:
 
 def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> Robot:
     """The robot; one with motors that neither has feet nor loops nor wheels is bolted down, unless it is told how it moves."""
-    robot = load_robot(name, root=root, package_dirs=package_dirs)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        robot = load_robot(name, root=root, package_dirs=package_dirs)
     told = root is not None or robot.mechanism.file.root is not None
     stands = bool(robot.source.feet or robot.loops or robot.wheels)
     if told or stands or not robot.floating or not robot.nu or robot.urdf.suffix != ".urdf":
+        for warning in caught:
+            warnings.warn(warning.message, warning.category, stacklevel=2)
         return robot
-    return load_robot(name, root="fixed", package_dirs=package_dirs)
+    return load_robot(name, root="fixed", package_dirs=package_dirs)  # which warns of the robot as it is used
 
 
 def setup(

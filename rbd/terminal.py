@@ -92,7 +92,8 @@ def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *,
     for option, (path, endings) in outputs.items():
         if path is None:
             continue
-        if endings and path.suffix.lower() not in endings:
+        suffix = path.suffix if endings is TRAJECTORIES else path.suffix.lower()
+        if endings and suffix not in endings:
             raise InputError(f"{option} is {str(path)!r:.300}; expected a file that ends in {' or '.join(endings)}.")
         check_place(path, what=option)
         if other := taken.get(place := os.path.realpath(path)):
