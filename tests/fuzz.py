@@ -7,6 +7,8 @@ Mutant i of seed s is always the same. Each is loaded in a fork of its own, with
     valid      joints, links and masses are those of the file, read here once more; at a random (q, v) M is positive definite,
                all is finite, and Pinocchio's own reading of the file, where it has one, gives the same M
     failure    anything else: another exception, a warning that is not ours, a crash, a time-out, NaN, a lost link
+
+With --mjcf, MJCF files instead, judged by MuJoCo: see tests/fuzz_mjcf.py.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import xml.etree.ElementTree as ElementTree
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pinocchio as pin
@@ -321,8 +324,9 @@ def _misread(path: Path, root: str, state: rbd.State) -> bool:
     return not lost and (M.shape != state.M.shape or bool(np.abs(M - state.M).max() > 1e-9 * np.abs(M).max()))
 
 
-def fork(seed: int, i: int, files: dict[str, bytes], path: Path) -> tuple[int, int]:
+def fork(seed: int, i: int, files: dict[str, bytes], path: Path, how: ModuleType | None = None) -> tuple[int, int]:
     """(process, pipe its judgement comes from) of a child that makes and loads one mutant, silent whatever parsers print."""
+    how = sys.modules[__name__] if how is None else how
     read, write = os.pipe()
     if child := os.fork():
         os.close(write)
@@ -333,23 +337,30 @@ def fork(seed: int, i: int, files: dict[str, bytes], path: Path) -> tuple[int, i
             os.dup2(quiet, stream)
         for what, limit in ((resource.RLIMIT_AS, MEMORY_LIMIT), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_CPU, 30)):
             resource.setrlimit(what, (limit, limit))
-        data, root, _ = mutant(seed, i, files)
+        data, root, _ = how.mutant(seed, i, files)
         path.write_bytes(data)
-        os.write(write, json.dumps(judge(path, root)).encode())  # at once: a pipe with something in it is taken for ended
+        os.write(write, json.dumps(how.judge(path, root)).encode())  # at once: a pipe with something in it is taken for ended
     except Exception as error:
         os.write(write, json.dumps(("failure", f"the judge failed: {error!r:.300}")).encode())
     finally:
         os._exit(0)
 
 
-def run(seed: int, numbers: Iterable[int], jobs: int = 2, keep: Path | None = None) -> Iterator[tuple[int, str, str]]:
-    """(i, verdict, message) of each mutant, as it ends; files that fail are kept in a folder."""
-    files, waiting, running = sources(), iter(numbers), dict[int, tuple[int, int, Path, float]]()
+def run(
+    seed: int, numbers: Iterable[int], jobs: int = 2, keep: Path | None = None, how: ModuleType | None = None
+) -> Iterator[tuple[int, str, str]]:
+    """(i, verdict, message) of each mutant, as it ends; files that fail are kept in a folder.
+
+    `how` has sources, mutant and judge; by default this module, for URDF.
+    """
+    files = (how or sys.modules[__name__]).sources()
+    waiting, running = iter(numbers), dict[int, tuple[int, int, Path, float]]()
+    ending = "xml" if how else "urdf"
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         while (i := next(waiting, None) if len(running) < jobs else None) is not None or running:
             if i is not None:
-                path = Path(folder) / f"mutant_{i}.urdf"
-                child, pipe = fork(seed, i, files, path)
+                path = Path(folder) / f"mutant_{i}.{ending}"
+                child, pipe = fork(seed, i, files, path, how)
                 running[pipe] = (i, child, path, time.monotonic() + TIME_LIMIT)
                 continue
             ready = select.select(list(running), [], [], 0.1)[0]
@@ -375,22 +386,28 @@ def main() -> int:
     for name, default in (("n", 20_000), ("seed", 0), ("start", 0), ("jobs", os.cpu_count() or 1)):
         parser.add_argument(f"--{name}", type=int, default=default)
     parser.add_argument("--keep", type=Path, help="folder for the files that failed")
+    parser.add_argument("--mjcf", action="store_true", help="MJCF files, judged by MuJoCo")
     given = parser.parse_args()
+    how = __import__("fuzz_mjcf") if given.mjcf else sys.modules[__name__]
     counts, kinds, begin = Counter[str](), Counter[str](), time.monotonic()
     stops: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _: stops.append(number))  # an exception can be lost while the process forks
-    for i, verdict, message in run(given.seed, range(given.start, given.start + given.n), given.jobs, given.keep):
+    for i, verdict, message in run(
+        given.seed, range(given.start, given.start + given.n), given.jobs, given.keep, how if given.mjcf else None
+    ):
         counts[verdict] += 1
-        kinds[verdict + ": " + re.sub(r"'[^']*'|\S+\.urdf|-?\d\S*", "..", message.replace("\n", " "))[:90]] += 1
+        kinds[verdict + ": " + re.sub(r"'[^']*'|\S+\.(?:urdf|xml)|-?\d\S*", "..", message.replace("\n", " "))[:90]] += 1
         if verdict == "failure" or given.n == 1:
-            story, again = mutant(given.seed, i, sources())[2], f"--seed {given.seed} --start {i} --n 1"
+            story = how.mutant(given.seed, i, how.sources())[2]
+            again = f"{'--mjcf ' * given.mjcf}--seed {given.seed} --start {i} --n 1"
             print(f"\n{verdict}: {message}\n  {story}; again: python tests/fuzz.py {again}")
         if counts.total() % 100 == 0:
             print(f"\r{counts.total()} of {given.n}: {dict(counts)}", end="", file=sys.stderr, flush=True)
         if stops:
             break
     print("", *[f"{n:6} {what}" for what, n in kinds.most_common(40)], sep="\n")
-    told = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ("refused", "valid", "failure"))
+    verdicts = ("refused", "valid", "failure", *(["unjudged"] if given.mjcf else []))
+    told = ", ".join(f"{counts[verdict]} {verdict}" for verdict in verdicts)
     print(f"{counts.total()} mutants in {time.monotonic() - begin:.0f} s: {told}")
     return int(counts["failure"] > 0)
 
