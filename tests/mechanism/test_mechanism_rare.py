@@ -118,6 +118,7 @@ class Refusing:
     name = "refusing"
 
     def rows(self, state: rbd.State) -> rbd.Rows:
+        """None."""
         raise InputError("not defined here")
 
 
@@ -125,6 +126,7 @@ class RefusingHalf(Refusing):
     """One that is defined where the crank points up, and says nothing there."""
 
     def rows(self, state: rbd.State) -> rbd.Rows:
+        """Of no length."""
         if math.sin(state.q[0]) < 0.0:
             raise InputError("not defined here")
         return rbd.Rows(self.name, np.zeros((0, 3)), np.zeros(0), rbd.Free(0), error=np.zeros(0))
