@@ -184,7 +184,7 @@ class Curve:
 
     def _flips(self, p: Point, end: Point) -> bool:
         """Whether a singular value has gone through zero, followed from where it was: one of them, or several at once."""
-        if p.singular or end.singular or len(p.misfit.J) != len(end.misfit.J):
+        if p.singular or end.singular or not len(p.misfit.J) or len(p.misfit.J) != len(end.misfit.J):
             return False
         return bool((np.linalg.eigvals(_followed(p, end)).real < 0.0).any())
 

@@ -95,7 +95,7 @@ class Linkage:
         about: What it is, a line or two for the head of the file.
         ground: Pins of the ground (x, z) [m], from left to right.
         links: In the order of the tree.
-        closures: {name: (link, other link)} whose tips meet; `ground:i` is the ground's pin number i.
+        closures: {name: (link, other link)} whose tips meet.
         postures: {name: {link: angle [rad] or displacement [m]}}.
         radius: Of a bar [m]: half its width as drawn.
         origin: Where the file comes from, and its licence.
@@ -174,9 +174,6 @@ class Linkage:
             at = np.array([(start + end) / 2.0, 0.0, z])
             yield _shape(at, f'<box size="{_short((end - start, 0.8 * r, 0.8 * r))}"/>', "steel")
         yield "  </link>\n"
-        for i, (x, z) in enumerate(self.ground):
-            if any(f"{GROUND}:{i}" in pair for pair in self.closures.values()):
-                yield _frame(f"{GROUND}_{i}", GROUND, (x, z))
 
     def _link(self, link: Link, effort: float) -> str:
         com, inertia = link.inertia(self.radius)
@@ -301,7 +298,7 @@ def bar_masses(what: str, sizes: Mapping[str, float], masses: Sequence[float] | 
 
 
 def _tip(end: str) -> str:
-    return end.replace(":", "_") if ":" in end else f"{end}_tip"
+    return f"{end}_tip"
 
 
 def _inertial(mass: float, com: Array, inertia: Array) -> str:

@@ -225,9 +225,7 @@ class Graph:
         return "parallel" if all(self.legs(body) > 1 for body in self.bodies) else "hybrid"
 
     def legs(self, body: int) -> int:
-        """How many chains join a body to the base without a body in common: by Menger's theorem a greatest flow."""
-        if body == self.base:
-            return 0
+        """How many chains join another body to the base without a body in common: by Menger's theorem a greatest flow."""
         room: dict[tuple[int, int], dict[tuple[int, int], int]] = {}
 
         def pipe(a: tuple[int, int], b: tuple[int, int], capacity: int) -> None:

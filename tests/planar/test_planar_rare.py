@@ -38,7 +38,7 @@ def test_an_answer_is_printed_in_degrees():
 
 
 def test_a_path_too_coarse_to_follow_is_told():
-    """Samples half a turn apart: three links go from pose to pose, each on the path, and both notes say to sample more finely."""
+    """Samples half a turn apart: three links go from pose to pose, each on the path, and two notes ask for finer samples."""
     points = 0.6 * np.array([[1.0, 0.0], [-0.9, 0.1], [1.0, -0.05], [0.0, 0.02], [-1.0, 0.0]])
     path = THREE.inverse_path(points)
     assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12

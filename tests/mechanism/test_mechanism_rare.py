@@ -1,0 +1,244 @@
+"""What is rarely asked of mechanisms: nothing to close, nothing known, all fixed, steps that run out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from linkages import Builder, at
+from planar_models import bar, checked, four_bar, six_bar
+
+import rbd
+from rbd.errors import CannotAssemble, InputError, NoSolution
+from rbd.mechanism import (
+    acceleration_partition,
+    assemble,
+    branches,
+    independent_velocities,
+    integrability,
+    mobility,
+    singularities_along,
+    trace,
+    velocity_partition,
+)
+from rbd.mechanism.coordinates import coordinates_of
+
+CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
+START = np.array([0.7, -0.03, 1.5])
+
+
+def pendulum() -> rbd.model.CheckedModel:
+    """One bar of 1 m on a hinge."""
+    model = pin.Model()
+    bar(model, 0, pin.SE3.Identity(), "crank", 1.0)
+    return checked(model, "pendulum")
+
+
+# ---------------------------------------------------------------------------------------------------------- assembling
+
+
+def test_what_resists_a_motion_is_passed_over_and_named():
+    """Friction at a joint asks for no place: the loops alone are closed."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    found = assemble(robot, [*loops, rbd.JointFriction("rubs", "rocker", 2.0)], START)
+    assert np.array_equal(found.q, assemble(robot, loops, START).q)
+    assert found.skipped == ("'rubs' resists a motion and asks for no place",)
+
+
+def test_only_the_loop_that_is_open_is_told():
+    """The first loop of a six-bar closes at the fixed joints, the second does not."""
+    robot, loops = six_bar()
+    closed = assemble(robot, loops, [0.7, -0.1, 1.5, 0.0, 1.0])
+    fixed = {name: float(closed.q[i]) for i, name in enumerate(["crank", "coupler", "rocker", "link"])}
+    with pytest.raises(CannotAssemble) as told:
+        assemble(robot, loops, closed.q, fixed={**fixed, "output": float(closed.q[4]) + 0.5})
+    assert set(told.value.distances) == {"second"} and "Give a nearer q0" not in str(told.value)
+    assert told.value.distances["second"] == pytest.approx(2.0 * 2.0 * math.sin(0.25), rel=1e-9)  # a chord of the output
+
+
+def test_no_fixed_joint_alone_is_to_blame():
+    """Two loops that are each too short: to let go one joint closes neither."""
+    robot, loops = four_bar(0.5, 0.5, 0.5, 4.0)
+    with pytest.raises(CannotAssemble, match=r"Letting go any one of the fixed joints \('crank', 'rocker'\) does not help"):
+        assemble(robot, loops, START, fixed={"crank": 0.1, "rocker": 2.0})
+
+
+def test_a_fixed_base_that_prevents_closing_is_named_without_a_number():
+    """A base has no one value that would do."""
+    robot = rbd.load_robot("bolt")
+    q0 = robot.standing().q
+    touch = robot.feet(friction=None)[0].anchored(rbd.State(robot, q0))
+    base = np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 1.0])
+    with pytest.raises(CannotAssemble, match="The fixed value is what prevents it: it closes with root_joint"):
+        assemble(robot, [touch], q0, fixed={"root_joint": base})
+
+
+def test_a_constraint_that_no_joint_moves_cannot_be_met():
+    """A residual of 1 with a derivative of zero: said at once, with its size."""
+    robot = pendulum()
+    stuck = rbd.FunctionConstraint("stuck", lambda q: np.array([1.0]))
+    with pytest.raises(CannotAssemble, match="'stuck' is 1 m") as told:
+        assemble(robot, [stuck], np.zeros(1))
+    assert told.value.distances == {"stuck": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"fixed": {"crank": [[1.0]]}}, r"shape \(1, 1\)"),
+        ({"fixed": 3}, "expected a mapping"),
+        ({"within_limits": 1}, "within_limits is 1; expected True or False"),
+    ],
+)
+def test_arguments_of_assembling_are_checked(given, match):
+    """In words."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    with pytest.raises(InputError, match=match):
+        assemble(robot, loops, START, **given)
+
+
+def test_joints_made_of_joints_have_their_parts_coordinates():
+    """A composite of a hinge and a slide: the first goes round, the second does not."""
+    joint = pin.JointModelComposite()
+    joint.addJoint(pin.JointModelRZ(), pin.SE3.Identity())
+    joint.addJoint(pin.JointModelPX(), pin.SE3.Identity())
+    robot = Builder("pair").joint("both", joint, at()).robot()
+    coordinates = coordinates_of(robot)
+    assert coordinates.periodic.tolist() == [True, False]
+    assert coordinates.way(np.zeros(2), np.array([2.0 * math.pi + 0.1, 7.0])) == pytest.approx([0.1, 7.0])
+    with pytest.raises(InputError, match="expected a robot, got str"):
+        coordinates_of("both")
+
+
+class Refusing:
+    """A constraint that is defined nowhere."""
+
+    name = "refusing"
+
+    def rows(self, state: rbd.State) -> rbd.Rows:
+        """None."""
+        raise InputError("not defined here")
+
+
+class RefusingHalf(Refusing):
+    """One that is defined where the crank points up, and says nothing there."""
+
+    def rows(self, state: rbd.State) -> rbd.Rows:
+        """Of no length."""
+        if math.sin(state.q[0]) < 0.0:
+            raise InputError("not defined here")
+        return rbd.Rows(self.name, np.zeros((0, 3)), np.zeros(0), rbd.Free(0), error=np.zeros(0))
+
+
+def test_draws_that_a_constraint_refuses_are_left_out():
+    """If all are, that is what is said; if half are, the branches of the other half are found."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    with pytest.raises((CannotAssemble, InputError), match="every one of 5 starts was refused|not defined here"):
+        branches(robot, [*loops, Refusing()], fixed={"crank": 0.7}, tries=5)
+    found = branches(robot, [*loops, RefusingHalf()], fixed={"rocker": 2.0}, tries=40)
+    assert 1 <= len(found) <= 2 and all(math.sin(b.q[0]) >= 0.0 for b in found.found)
+
+
+# ------------------------------------------------------------------------------------------------------------- driving
+
+
+def test_a_joint_alone_is_driven_to_its_stop():
+    """Nothing to close: a pendulum follows the values, until a stop ends it; both ways of going say so."""
+    robot = pendulum()
+    robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.5
+    stop = rbd.JointLimit("stop", "crank")
+    for past in (False, True):
+        motion = trace(robot, [stop], np.zeros(1), "crank", (0.0, 1.0), steps=10, past_limits=past)
+        assert motion.stopped_by == "stop" and motion.input[-1] == pytest.approx(0.5, abs=1e-9)
+        free = trace(robot, [stop], np.zeros(1), "crank", (0.0, 0.4), steps=4, past_limits=past)
+        assert free.stopped_by is None or free.stopped_by == "" and free.complete
+
+
+@pytest.mark.parametrize("past", [False, True])
+def test_steps_that_run_out_are_told(past: bool):
+    """Three steps of 0.1 do not lead a crank round."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    with pytest.raises(NoSolution, match="steps"):
+        trace(robot, loops, START, "crank", (0.7, 6.0), max_steps=3, past_limits=past)
+
+
+def test_going_round_tells_its_progress_and_ends_at_the_last_value():
+    """A crank that turns for ever has no limits to pass: the last value ends the motion."""
+    told: list[float] = []
+    robot, loops = four_bar(*CRANK_ROCKER)
+    motion = trace(robot, loops, START, "crank", (0.7, 2.0), past_limits=True, progress=told.append)
+    assert motion.input[-1] == pytest.approx(2.0, abs=1e-12) and told == sorted(told) and len(told) > 5
+    assert all(0.0 < part <= 1.0 for part in told)
+
+
+def test_values_that_are_far_off_are_refused():
+    """A million turns."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    with pytest.raises(InputError, match="values reach"):
+        trace(robot, loops, START, "crank", (0.7, 1e9))
+
+
+# ---------------------------------------------------------------------------------------------- velocities and freedoms
+
+
+def test_what_is_known_whole_leaves_nothing_unknown():
+    """All three rates of a four-bar given: no J2, and a condition of one."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    state = rbd.State(robot, assemble(robot, loops, START).q)
+    v = velocity_partition(state, loops, {"crank": 1.0}).v
+    known = dict(zip(("crank", "coupler", "rocker"), map(float, v), strict=True))
+    found = velocity_partition(state, loops, known)
+    assert found.condition == 1.0 and not found.rates and np.abs(found.v - v).max() < 1e-12
+
+
+@pytest.mark.parametrize("what", ["velocity", "acceleration", "independent", "mobility", "integrability", "singularities"])
+def test_what_is_no_state_or_robot_is_refused_by_name(what: str):
+    """With the way to make one."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    state = rbd.State(robot, assemble(robot, loops, START).q)
+    calls = {
+        "velocity": lambda it: velocity_partition(it, loops, {"crank": 1.0}),
+        "acceleration": lambda it: acceleration_partition(it, loops, {"crank": 1.0}),
+        "independent": lambda it: independent_velocities(it, loops),
+        "mobility": lambda it: mobility(it, loops),
+        "integrability": lambda it: integrability(it, loops),
+        "singularities": lambda it: singularities_along(it, state.q[None], loops, inputs=["crank"]),
+    }
+    with pytest.raises(InputError, match="State|robot"):
+        calls[what]("four bar")
+    with pytest.raises(InputError, match="known is 3; expected a mapping"):
+        velocity_partition(state, loops, 3)
+    for tolerance in (0.0, -1.0, 1.0):
+        with pytest.raises(InputError, match="tolerance"):
+            mobility(state, loops, tolerance=tolerance)
+
+
+def test_rates_that_contradict_name_only_those_that_would_agree():
+    """The rates of a five-bar's two cranks decide the rest; a third known one contradicts them."""
+    robot, loops = six_bar()
+    state = rbd.State(robot, assemble(robot, loops, [0.7, -0.1, 1.5, 0.0, 1.0]).q)
+    v = velocity_partition(state, loops, {"crank": 1.0}).v
+    with pytest.raises((InputError, NoSolution, rbd.RbdError), match="agree with 'output' at") as told:
+        velocity_partition(state, loops, {"crank": 1.0, "rocker": float(v[2]), "output": float(v[4]) + 1.0})
+    assert "'crank' at" not in str(told.value) and "'rocker' at" not in str(told.value)
+
+
+def test_many_redundant_rows_are_counted_not_listed():
+    """Four welded loops of flat bars: the first eight are named, and how many more there are."""
+    robot = rbd.mechanism.n_four_bar(5)
+    state = robot.at("assembled")
+    welds = [rbd.LoopClosure(loop.name, loop.frame_a, loop.frame_b, kind="revolute", axis=loop.axis) for loop in robot.loops]
+    found = mobility(state, welds)
+    assert len(found.redundant) > 8 and f"and {len(found.redundant) - 8} more" in str(found)
+    assert found.rank == mobility(state, robot.loops).rank == robot.nv - 1
+
+
+def test_what_moves_by_itself_has_no_mobility():
+    """A driven contact is no constraint at rest."""
+    robot = rbd.load_robot("bolt")
+    foot = robot.feet(friction=None)[0]
+    driven = rbd.PointContact(foot.name, foot.frame, velocity=(0.1, 0.0, 0.0))
+    with pytest.raises(InputError, match="moves by itself"):
+        mobility(robot.standing(), [driven])
