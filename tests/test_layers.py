@@ -20,6 +20,7 @@ LAYERS: dict[str, int] = {
     "rays": 0,
     "polygon": 0,
     "kept_files": 0,
+    "openings": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
