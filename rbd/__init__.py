@@ -65,6 +65,7 @@ from rbd.errors import (
     WrongPinocchio,
 )
 from rbd.external import ExternalForce
+from rbd.ground import Ground
 from rbd.laws import LawComparison, compare_laws
 from rbd.least_constraint import gauss_problem, solve
 from rbd.nearest import NearestMotion, nearest_motion
@@ -120,6 +121,7 @@ __all__ = [
     "FrictionCone",
     "FunctionConstraint",
     "GaussProblem",
+    "Ground",
     "Hold",
     "HoldPosture",
     "InaccurateWarning",

@@ -14,6 +14,7 @@ from rbd.constraints.loop import LoopClosure
 from rbd.dynamics import free_force
 from rbd.errors import (
     ContactMoves,
+    DistantContactWarning,
     EffortLimitWarning,
     InaccurateWarning,
     InputError,
@@ -29,6 +30,7 @@ from rbd.nearest import nearest_motion
 from rbd.openings import opening_words
 from rbd.parts import REST_SPEED
 from rbd.problem import GaussProblem
+from rbd.rays import rays
 from rbd.rows import Rows
 from rbd.sensitivity import StateOrigin
 from rbd.solution import Solution, Status
@@ -79,7 +81,8 @@ def solve(
     Returns:
         The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
         `SeveralMotions` says what they are; the others are in `solution.others`. Where a contact moves away and so carries
-        nothing, an `OpeningContactWarning` names it, and so does `solution.opening`.
+        nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose plane is known (`on=`, the
+        feet of a robot) and that is more than a millimetre off it gets a `DistantContactWarning`; it is solved as if it touched.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
@@ -138,6 +141,8 @@ def assembled(
     given = listed(constraints)
     rows = _rows_of(state, given)
     _warn_of_open(given, rows)
+    if not all([r.patch is None or r.patch.touches for r in rows]):
+        warn_of_distant(state.robot, rows, stacklevel=4)
     loose = any([r.resultant is None or r.patch is None for r in rows])
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
     balance = state.balance(wrench, with_base=loose)
@@ -155,6 +160,41 @@ def _warn_of_opening(robot: CheckedModel, problem: GaussProblem) -> None:
             "state = rbd.mechanism.project_velocity(state, contacts), or give a larger rest_speed=.",
             OpeningContactWarning,
             stacklevel=4,
+        )
+
+
+def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int) -> None:
+    """Name the contacts that are off the planes that they stand on; nothing where none is.
+
+    Args:
+        robot: Whose.
+        rows: Of contacts; those whose feedback pulls them back are left out.
+        below_only: Of contacts that are not held, name only those below their planes: others fall onto them.
+        stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
+    """
+    told = []
+    for r in rows:
+        gaps = None if r.patch is None or r.patch.touches or (r.stabilised and r.error is not None) else r.patch.gaps
+        if gaps is None:
+            continue
+        assert r.patch is not None
+        within = r.patch.within
+        far = np.abs(gaps) > within
+        if below_only and not rays(r.cone).all_lines:
+            far = gaps < -within
+        if far.any():
+            worst = float(gaps[np.argmax(np.abs(gaps) * far)])
+            which = "" if len(gaps) == 1 or far.all() else f" ({int(far.sum())} of {len(gaps)} points)"
+            told.append(f"{r.name!r:.80}{which} {1e3 * abs(worst):.4g} mm {'above' if worst > 0.0 else 'below'}")
+    if told:
+        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+        warnings.warn(
+            f"contacts of {robot.name} are off the ground that they stand on, and are taken as touching: {', '.join(told[:6])}"
+            f"{more}. Move the robot (robot.standing() puts its feet on z = 0), leave out what does not touch, or tell the "
+            "plane: robot.feet(on=0.75), robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where "
+            "it is not known.",
+            DistantContactWarning,
+            stacklevel=stacklevel,
         )
 
 

@@ -21,6 +21,7 @@ LAYERS: dict[str, int] = {
     "polygon": 0,
     "kept_files": 0,
     "openings": 0,
+    "ground": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
@@ -60,6 +61,7 @@ LAYERS: dict[str, int] = {
     # 5 and 6: what is built on the answer.
     "simulation": 5,
     "equilibrium": 5,
+    "least_friction": 4,
     "laws": 5,
     "agreement": 5,
     "inverse": 5,
@@ -85,6 +87,8 @@ BESIDE: set[tuple[str, str]] = {
     ("arrays", "errors"),  # what is not finite is refused
     ("cones", "errors"),  # a negative friction is refused
     ("cones", "arrays"),  # the type Array, and the check of numbers
+    ("ground", "arrays"),
+    ("ground", "errors"),  # a normal that is no unit vector is refused
     ("rays", "arrays"),
     ("rays", "cones"),  # rays of the sets
     ("polygon", "arrays"),  # the type Array
