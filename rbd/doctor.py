@@ -30,7 +30,7 @@ SHOWN = 3  # names in a line
 CLOSED = 1e-6
 """A loop that is open by less is closed [m, rad]."""
 ROUNDED = 1e-3
-"""So is one that joints close which move by less [rad, m]: files round the angles of their postures, to three digits or more."""
+"""So is one that joints close which move by less [rad, m]: files round the angles of their postures."""
 
 _ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, yy, yz, zz)
 

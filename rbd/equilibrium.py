@@ -277,13 +277,13 @@ class _Statics:
             return ""
         if self._circular(as_given=True, limits=True).holds():
             return (
-                "the pyramids inside its friction cones are too narrow, though the circular cones would hold it. Give the contacts "
-                f"more facets than {min(c.facets for c in self.contacts if _rubs(c))}, e.g. facets=16."  # type: ignore[attr-defined]
+                "circular friction cones would hold it, but the pyramids inside them, to which rbd.hold keeps, do not. "
+                "Give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._circular(limits=True).least()) is not None:
             return (
-                f"friction is in the way; with circular friction cones a coefficient of {mu:.4g} at every contact would do, and "
-                "none below. rbd.hold keeps to the pyramids inside the cones: more facets=, less in reserve."
+                f"friction is in the way; with circular cones a coefficient of {mu:.4g} at every contact would do, and "
+                "none below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
             )
         if (mu := self._circular(limits=False).least()) is not None:
             return (

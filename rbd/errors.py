@@ -230,7 +230,7 @@ class OpeningContactWarning(RbdWarning):
 
 
 class DistantContactWarning(RbdWarning):
-    """A contact is off the plane that it stands on, above or below, by more than a millimetre; it is solved as if it touched."""
+    """A contact is off the plane that it stands on by more than a millimetre; it is solved as if it touched."""
 
 
 class OpenLoop(RbdWarning):

@@ -75,8 +75,8 @@ class Ground:
         height = a_number(given)
         if not abs(height) < 1e100:
             raise InputError(
-                f"on of {name!r:.80} is {given!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level ground "
-                "[m], or None where it is not known."
+                f"on of {name!r:.80} is {given!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level "
+                "ground [m], or None where it is not known."
             )
         return FLOOR if height == 0.0 else cls(point=(0.0, 0.0, height))
 

@@ -81,8 +81,9 @@ def solve(
     Returns:
         The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
         `SeveralMotions` says what they are; the others are in `solution.others`. Where a contact moves away and so carries
-        nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose plane is known (`on=`, the
-        feet of a robot) and that is more than a millimetre off it gets a `DistantContactWarning`; it is solved as if it touched.
+        nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose plane is known (`on=`,
+        the feet of a robot) and that is more than a millimetre off it is solved as if it touched, with a
+        `DistantContactWarning`.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
@@ -189,10 +190,9 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     if told:
         more = f" and {len(told) - 6} more" if len(told) > 6 else ""
         warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on, and are taken as touching: {', '.join(told[:6])}"
-            f"{more}. Move the robot (robot.standing() puts its feet on z = 0), leave out what does not touch, or tell the "
-            "plane: robot.feet(on=0.75), robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where "
-            "it is not known.",
+            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
+            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or tell the plane: robot.feet(on=0.75), "
+            "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
             DistantContactWarning,
             stacklevel=stacklevel,
         )
@@ -264,7 +264,7 @@ def _refuse_moving(problem: GaussProblem, law: str) -> None:
     if parts.impact:
         raise ContactMoves(
             f"contact {parts.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
-            "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact with rbd.simulate."
+            "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate."
         )
     if law == "coulomb" or not problem.slipping:  # what opens carries nothing, by any law
         return

@@ -60,13 +60,12 @@ class Balance:
     _until: float = field(default=0.0, init=False)
 
     def least(self) -> float | None:
-        """The least coefficient that balances, at all cones that take a larger one; None above `MOST`, or where it is not found.
+        """The least coefficient that balances, at all cones that take a larger one; None above `MOST`, or if not found in time.
 
         What those are given already counts: zero, say, where they balance as they are.
         """
         self._until = time.monotonic() + SECONDS
-        angles = np.arange(8) * (np.pi / 4.0)
-        self._rays = [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in angles]
+        self._rays = self._first_rays()
         low, high = 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
         while not (found := self._balances(high)):
             if found is None or high >= MOST:
@@ -83,8 +82,12 @@ class Balance:
     def holds(self) -> bool:
         """Whether the cones balance as they are."""
         self._until = time.monotonic() + SECONDS
-        self._rays = [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in np.arange(8) * (np.pi / 4.0)]
+        self._rays = self._first_rays()
         return bool(self._balances(0.0))
+
+    def _first_rays(self) -> list[tuple[int, Array]]:
+        """Eight around each cone: (which cone, unit vector of the ray's tangent)."""
+        return [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in np.arange(8) * (np.pi / 4.0)]
 
     def _balances(self, mu: float) -> bool | None:
         """Whether it does with this coefficient; None where that was not found out."""
@@ -124,10 +127,11 @@ class Balance:
         A_eq = np.hstack([self.A @ C, np.eye(e), -np.eye(e), np.zeros((e, n))])
         TC, none, over = self.T @ C, np.zeros((n, 2 * e)), np.eye(n)
         A_ub = np.vstack([np.hstack([TC, none, -over]), np.hstack([-TC, none, -over])])
-        bounds = [*zip(self.lower[loose], self.upper[loose], strict=True), *[(0.0, None)] * (len(self._rays) + 2 * e + n)]
+        positive = [(0.0, None)] * (len(self._rays) + 2 * e + n)
+        bounds = [*zip(self.lower[loose], self.upper[loose], strict=True), *positive]
         answer = linprog(
-            np.r_[np.zeros(C.shape[1]), np.ones(2 * e + n)], A_ub, np.r_[1.0 + self.t, 1.0 - self.t], A_eq, self.b, bounds=bounds,
-            method="highs", options={
+            np.r_[np.zeros(C.shape[1]), np.ones(2 * e + n)], A_ub, np.r_[1.0 + self.t, 1.0 - self.t], A_eq, self.b,
+            bounds=bounds, method="highs", options={
                 "time_limit": max(0.01, self._until - time.monotonic()),
                 "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10,
             },

@@ -34,10 +34,13 @@ def up(talos: rbd.Robot, speed: float) -> tuple[rbd.State, np.ndarray]:
 
 @EACH_SOLVER
 class TestNames:
+    """What leaves is named, of every kind of contact."""
+
     def test_talos_that_leaves_the_ground_names_both_soles(self, talos, solver):
         """Moving up faster than the limit it falls freely; the warning and the solution say which contacts were left out."""
         state, tau = up(talos, FAST)
-        with pytest.warns(OpeningContactWarning, match=r"talos.*'left_sole' at up to 2e-06.*'right_sole'.*project_velocity") as seen:
+        told = r"talos.*'left_sole' at up to 2e-06.*'right_sole'.*project_velocity"
+        with pytest.warns(OpeningContactWarning, match=told) as seen:
             s = rbd.solve(state, tau, talos.soles(), solver=solver)
         assert seen[0].filename == __file__
         assert s.opening == ("left_sole", "right_sole") and not s.multipliers.any()
@@ -62,14 +65,16 @@ class TestNames:
         with pytest.warns(OpeningContactWarning, match="rest_speed = 1e-07"):
             assert rbd.solve(state, tau, talos.soles(), solver=solver, rest_speed=1e-7).opening
         state, tau = up(talos, -SLOW)
-        with pytest.raises(rbd.ContactMoves, match=r"approaches at 5e-07 m/s.*rest_speed = 1e-07.*rbd\.mechanism\.project_velocity"):
+        told = r"approaches at 5e-07 m/s.*rest_speed = 1e-07.*rbd\.mechanism\.project_velocity"
+        with pytest.raises(rbd.ContactMoves, match=told):
             rbd.solve(state, tau, talos.soles(), solver=solver, rest_speed=1e-7)
 
     def test_a_face_that_tips_names_the_corners_that_open(self, solver):
-        """Turning about one edge two corners stay and two open. The box tips back: closed form, about the edge that stays."""
+        """Turning about one edge two corners stay and two open: these carry nothing, those carry the box."""
         robot = box(mass=3.0, size=(2 * X, 2 * Y, 0.2))
         w = 1e-4
-        state = rbd.State(robot, pin.neutral(robot.model), np.array([0.0, 0.0, w * X, 0.0, w, 0.0]))  # the corners at x = -X go up
+        v = np.array([0.0, 0.0, w * X, 0.0, w, 0.0])  # the corners at x = -X go up
+        state = rbd.State(robot, pin.neutral(robot.model), v)
         face = rbd.SurfaceContact("face", "box", **FACE, friction=0.0)
         with pytest.warns(OpeningContactWarning, match=r"'face' \(points 3, 4 of 4\) at up to 4e-05"):
             s = rbd.solve(state, np.zeros(0), [face], solver=solver)
@@ -129,6 +134,8 @@ def test_one_foot_stays_and_one_leaves(talos):
 
 
 class TestOtherDoors:
+    """Whatever decides by velocities decides by the problem's own limit."""
+
     def test_compare_laws_warns_once_and_takes_the_limit(self, talos):
         """Both laws see the same problem."""
         state, tau = up(talos, FAST)
@@ -163,7 +170,8 @@ class TestOtherDoors:
         one = np.eye(1)
 
         def problem(cone, v, rest):
-            return rbd.GaussProblem(2.0 * one, np.array([-6.0]), [rbd.Rows("it", one, np.zeros(1), cone, velocity=[v])], rest_speed=rest)
+            rows = rbd.Rows("it", one, np.zeros(1), cone, velocity=[v])
+            return rbd.GaussProblem(2.0 * one, np.array([-6.0]), [rows], rest_speed=rest)
 
         for solver in SOLVERS:
             kept, left = (solver.solve(problem(rbd.NonNegative(1), 1e-3, rest)) for rest in (1e-2, 1e-4))
@@ -207,6 +215,8 @@ class TestOtherDoors:
 
 
 class TestProjectVelocity:
+    """A velocity put onto contacts."""
+
     def test_it_is_the_nearest_that_keeps_the_contacts(self, talos, rng):
         """J v = 0, and v - v+ is perpendicular, in M, to every velocity that the contacts leave free."""
         state = talos.standing().with_velocity(0.1 * rng.normal(size=talos.nv))
@@ -240,7 +250,8 @@ class TestProjectVelocity:
         belt = rbd.SurfaceContact("belt", "box", **FACE, friction=0.5, velocity=(0.3, 0.0, 0.0))
         assert project_velocity(state, [belt]).v == pytest.approx([0.3, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-12)
         ice = rbd.SurfaceContact("ice", "box", **FACE, friction=0.0)
-        assert project_velocity(state, [PointContact("ice", "box", friction=0.0)]).v[:3] == pytest.approx([1.0, 2.0, 0.0], abs=1e-12)
+        toe = PointContact("ice", "box", friction=0.0)
+        assert project_velocity(state, [toe]).v[:3] == pytest.approx([1.0, 2.0, 0.0], abs=1e-12)
         assert project_velocity(state, [ice]).v == pytest.approx(np.zeros(6), abs=1e-12)
 
     def test_a_mechanism_by_its_file(self, rng):

@@ -111,7 +111,7 @@ def ground_of(
     """
     plane = Ground.of(name, on)
     if plane is not None and against is not None:
-        raise InputError(f"contact {name!r} has both on= and against=: it touches either the ground or the body of {against!r}.")
+        raise InputError(f"contact {name!r} has both on= and against=: it touches the ground, or the body of {against!r}.")
     if plane is not None and normal is not None and float(np.abs(normal - np.asarray(plane.normal)).max()) > 1e-6:
         raise InputError(
             f"normal of contact {name!r} is {np.round(normal, 6).tolist()}, and that of the ground it is on is "

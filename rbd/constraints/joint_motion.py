@@ -100,7 +100,7 @@ class JointPlace:
 
     @property
     def period(self) -> Array | None:
-        """Up to which multiples `difference` knows its error, shape (nv,): full turns of angles; None where it knows all of it."""
+        """Up to which multiples `difference` knows its error, shape (nv,): full turns of angles; None where it knows all."""
         turns = [2.0 * math.pi * (p.kind in ("circle", "plane") and i == p.nv - 1) for p in self.pieces for i in range(p.nv)]
         return np.array(turns) if any(turns) else None
 

@@ -167,8 +167,8 @@ class _Search:
     def _might_hold(self, found: Solution) -> bool:
         """Whether another motion, in which every loaded point sticks, may satisfy Coulomb's law.
 
-        Let that motion have forces f' and accelerations c', and the found one f and c. Then |a' - a|_M^2 = -f'.c - f.c' + f.c,
-        where the last two are not positive. So some point of the found motion has c outside K*: it slides faster than it leaves.
+        Let that motion have forces f' and accelerations c', and the found one f and c. |a' - a|_M^2 = -f'.c - f.c' + f.c, and
+        the last two are not positive. So some point of the found motion has c outside K*: it slides faster than it leaves.
         Where loaded points slide and rows are independent there is as good as none: it is not worth another solve.
         """
         P, T, w = self.P, self.P.parts, found.weights

@@ -162,8 +162,8 @@ def _deviation(given: Array, found: Array) -> Array:
 def _errors(along: list[Rows], rows: Rows, curve: Array) -> Array:
     """The errors along the curve, shape (7, m); those known up to a period without their jumps.
 
-    Of the values that an error may have, the one nearest to what the rows expect is taken, error + J v t + ... . With a wrong J
-    the derivative is then the motion's own where periods are long against the way, and no smooth function's where they are short.
+    Of the values that an error may have, the one nearest to what the rows expect is taken, error + J v t + ... . With a wrong
+    J its derivative is the motion's own where periods are long against the way, and no smooth function's where they are short.
     """
     errors = np.array([r.error for r in along])
     period = rows.period
