@@ -23,7 +23,7 @@ from rbd.dynamics import checked, free_force
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.external import External
 from rbd.least_constraint import Constraint, rows_of, warn_of_distant
-from rbd.least_friction import Balance
+from rbd.least_friction import Balance, told
 from rbd.model import CheckedModel
 from rbd.parts import parts_of
 from rbd.polygon import convex_hull, inside_distance
@@ -253,8 +253,8 @@ class _Statics:
             return f"{', '.join(map(repr, helped))} would need torque, and is passive."
         if not self.rows:
             return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
-        if told := self._why_friction():
-            return told
+        if words := self._why_friction():
+            return words
         pushed = float(np.abs(self.rhs + self.state.h).max()) > 1e-9
         x, y, _ = np.round(self.state.com, 3) + 0.0
         return (
@@ -276,24 +276,26 @@ class _Statics:
         if not any(_rubs(c) for c in self.contacts):
             return ""
         if self._circular(as_given=True, limits=True).holds():
+            mu = self._circular(limits=True, from_zero=True).least()
+            enough = "" if mu is None else f" from a coefficient of {told(mu)} at every contact on"
             return (
-                "circular friction cones would hold it, but the pyramids inside them, to which rbd.hold keeps, do not. "
-                "Give the contacts more facets, e.g. facets=16."
+                f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which rbd.hold "
+                "keeps, do not. Give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._circular(limits=True).least()) is not None:
             return (
-                f"friction is in the way; with circular cones a coefficient of {mu:.4g} at every contact would do, and "
-                "none below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
+                f"friction is in the way; a coefficient of {told(mu)} at every contact would do with circular cones, and none "
+                "below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
             )
         if (mu := self._circular(limits=False).least()) is not None:
             return (
-                f"friction is in the way, and then a torque limit: from a coefficient of {mu:.4g} at every contact on, forces "
-                "balance it (of circular cones), yet motors would need more than their limits."
+                f"friction is in the way, and then a torque limit: from a coefficient of {told(mu)} at every contact on, circular "
+                "cones balance it, but motors would need more than their limits."
             )
         return ""
 
-    def _circular(self, *, limits: bool, as_given: bool = False) -> Balance:
-        """The same question under circular cones, of coefficients to be found, or as given."""
+    def _circular(self, *, limits: bool, as_given: bool = False, from_zero: bool = False) -> Balance:
+        """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
         rough = self.contacts if as_given else tuple(_with_friction(c, 1.0) for c in self.contacts)
         rows = rows_of(self.state, rough)
         P, robot = parts_of(rows), self.state.robot
@@ -303,7 +305,7 @@ class _Statics:
         for c, span in zip(self.contacts, P.slices, strict=True):
             at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
             if _rubs(c):
-                own[at], yields[at] = c.friction, not as_given  # type: ignore[attr-defined]
+                own[at], yields[at] = 0.0 if from_zero else c.friction, not as_given  # type: ignore[attr-defined]
         limited = self.limited if limits else np.zeros_like(self.limited)
         T, t = per_weight[robot.actuated][limited], self.t[limited]
         limit = self.limit[limited]

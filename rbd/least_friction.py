@@ -12,6 +12,7 @@ circular cones balance; or no ray lowers it, and the multipliers separate: none 
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
 
@@ -29,6 +30,14 @@ MET = 1e-8
 SECONDS = 5.0
 """Longest search; what is not bracketed till then is not told."""
 _ROUNDS = 60
+
+
+def told(mu: float) -> str:
+    """A coefficient that was found, rounded up to four digits: so much does."""
+    if mu <= 0.0:
+        return "0"
+    digit = 10.0 ** (math.floor(math.log10(mu)) - 3)
+    return f"{math.ceil(mu * (1.0 - 2.0 * BRACKET) / digit) * digit:.4g}"
 
 
 @dataclass(eq=False)

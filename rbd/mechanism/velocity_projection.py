@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import blas, lapack
 
 from rbd.arrays import largest
 from rbd.cones import Box
-from rbd.errors import InputError
+from rbd.errors import InputError, SingularInertia
 from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.held import of_its_file
-from rbd.simulation.projection import correction, inertia_factor
 from rbd.state import State
 
+ZERO = 1e-9
+"""Singular values of J, in the metric of inertia, below this fraction of the largest count as zero."""
 MET = 1e-9
 """How well the rows must be met, over the largest sum of terms in a row."""
 
@@ -53,9 +55,13 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
         return state
     J = np.concatenate([r.J for r in rows])
     u = J @ state.v - np.concatenate([r.velocity for r in rows])
-    L, v = inertia_factor(state), state.v
+    L, info = lapack.dpotrf(state.M, lower=1, clean=1)
+    if info != 0:
+        raise SingularInertia(f"M of {state.robot.name} is not positive definite (leading minor {abs(info)}) at this state.")
+    W, v = blas.dtrsm(1.0, L, J.T, lower=1), state.v
     for _ in range(3):  # once is exact but for rounding, which an ill-conditioned M or J makes large
-        v = v - correction(L, J, J @ v - u)
+        y = np.linalg.lstsq(W.T, J @ v - u, rcond=ZERO)[0]  # of least norm: of least |v+ - v| in M
+        v = v - blas.dtrsv(L, y, lower=1, trans=1)
     off = np.abs(J @ v - u) / max(1e-300, largest(np.abs(J) @ np.abs(v)), largest(np.abs(J) @ np.abs(state.v)), largest(u))
     if largest(off) > MET:
         worst = int(np.argmax(off))

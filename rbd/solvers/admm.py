@@ -190,7 +190,7 @@ class _Search:
                 break
         if self._judge(T.project(S.weights(w))) and len(self.answers) > kept:
             reason = HELD.format(n=len(self.answers))
-            self.answers[0] = replace(self.answers[0], reason=". ".join(filter(None, (self.answers[0].reason, reason))))
+            self.answers[0] = replace(self.answers[0], reason=". ".join(filter(None, (reason, self.answers[0].reason))))
 
     def _starts(self, S: Scaled, first: Array, W: Array) -> Iterator[tuple[Array, float]]:
         """(scaled weights, proximal term) to start Newton from, cheapest first."""
