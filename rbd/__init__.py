@@ -39,6 +39,7 @@ from rbd.errors import (
     CannotAssemble,
     CannotHold,
     ContactMoves,
+    DistantContactWarning,
     DuplicateName,
     EffortLimitWarning,
     FrameNotFound,
@@ -50,6 +51,7 @@ from rbd.errors import (
     NoSolution,
     NotAtRest,
     NotDifferentiable,
+    OpeningContactWarning,
     OpenLoop,
     RbdError,
     RbdWarning,
@@ -63,6 +65,7 @@ from rbd.errors import (
     WrongPinocchio,
 )
 from rbd.external import ExternalForce
+from rbd.ground import Ground
 from rbd.laws import LawComparison, compare_laws
 from rbd.least_constraint import gauss_problem, solve
 from rbd.nearest import NearestMotion, nearest_motion
@@ -106,6 +109,7 @@ __all__ = [
     "ContactPoints",
     "Contradiction",
     "Derivatives",
+    "DistantContactWarning",
     "DuplicateName",
     "EffortLimitWarning",
     "Event",
@@ -117,6 +121,7 @@ __all__ = [
     "FrictionCone",
     "FunctionConstraint",
     "GaussProblem",
+    "Ground",
     "Hold",
     "HoldPosture",
     "InaccurateWarning",
@@ -140,6 +145,7 @@ __all__ = [
     "NotAtRest",
     "NotDifferentiable",
     "OpenLoop",
+    "OpeningContactWarning",
     "Pair",
     "PointContact",
     "Product",

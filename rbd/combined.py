@@ -15,6 +15,7 @@ from rbd.constraints.contact_geometry import rigid_placement
 from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.ground import Ground
 from rbd.model import CheckedModel
 from rbd.state import State
 
@@ -166,6 +167,11 @@ class Pair(CheckedModel):
                     f"contact {contact.name!r} has an anchor or a moving ground, given in the second robot's own world; make "
                     f"it anew in W, with frame={prefix + contact.frame!r}."
                 )
+            if contact.on is not None:
+                ground, X = contact.on, self.placement
+                assert isinstance(ground, Ground)
+                point, n = X.act(np.asarray(ground.point)), X.rotation @ np.asarray(ground.normal)
+                changes["on"] = Ground(point=point, normal=n)
             if (normal := getattr(contact, "normal", None)) is not None:
                 changes["normal"] = self.placement.rotation @ normal
         return changed(contact, **changes)

@@ -28,7 +28,9 @@ TRIES, TRIES_STRANGE = 3, 50
 """Random configurations at which M is tried, where bodies are as bodies can be and where some are not."""
 SHOWN = 3  # names in a line
 CLOSED = 1e-6
-"""A loop that is open by less is closed: files round."""
+"""A loop that is open by less is closed [m, rad]."""
+ROUNDED = 1e-3
+"""So is one that joints close which move by less [rad, m]: files round the angles of their postures."""
 
 _ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, yy, yz, zz)
 
@@ -327,26 +329,40 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
     given = {**{repr(name): q for name, q in postures.items()}, "the neutral posture": pin.neutral(robot.model)}
     states = [(where, State(robot, q)) for where, q in given.items()] if getattr(robot, "loops", ()) else []
     for loop in getattr(robot, "loops", ()):
-        found = [(where, gap) for where, state in states if (gap := _gap(loop, state)) is not None]
-        closed = [where for where, gap in found if gap <= CLOSED]
-        told = f"{type(loop).__name__}: "
+        found = [(where, *gap) for where, state in states if (gap := _gap(loop, state)) is not None]
+        closed = [where + (f" (to {gap:.1g})" if gap > CLOSED else "") for where, gap, way in found if _closes(gap, way)]
+        told, fine = f"{type(loop).__name__}: ", bool(closed) or not found
         if closed:
             told += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
+        elif not found:
+            told += "has no place at which it is closed: it couples velocities alone, or is not defined in these postures"
         else:
-            where, gap = min(found, key=lambda each: each[1], default=("", np.inf))
+            where, gap, _ = min(found, key=lambda each: each[1])
             told += f"open in every posture, by {gap:.3g} in {where} at least; rbd.mechanism.assemble closes it"
-        yield Finding("loop", loop.name, told), bool(closed)
+        yield Finding("loop", loop.name, told), fine
     for wheel in getattr(robot, "wheels", ()):
         yield Finding("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
 
 
-def _gap(loop: Any, state: State) -> float | None:
-    """How far a loop is open [m, rad]; None where that has no answer, as for a hinge whose axes are opposite."""
+def _gap(loop: Any, state: State) -> tuple[float, float] | None:
+    """(how far a loop is open [m, rad], how far its joints must move at least to close it [rad, m]).
+
+    None where that has no answer, as for a hinge whose axes are opposite. The second is to first order, infinite where no
+    motion of the joints closes it.
+    """
     try:
-        error = loop.rows(state).error
+        rows = loop.rows(state)
     except InputError:
         return None
-    return None if error is None else float(np.abs(error).max())
+    if rows.error is None or not len(rows):
+        return None
+    gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
+    reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
+    return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf
+
+
+def _closes(gap: float, way: float) -> bool:
+    return gap <= CLOSED or way <= ROUNDED
 
 
 def _some(names: Iterable[str]) -> str:

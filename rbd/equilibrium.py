@@ -11,16 +11,20 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.cones import block_diagonal
+from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
+from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.dynamics import checked, free_force
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.external import External
-from rbd.least_constraint import Constraint, rows_of
+from rbd.least_constraint import Constraint, rows_of, warn_of_distant
+from rbd.least_friction import Balance, told
 from rbd.limits import PROGRAM_PIVOTS, PROGRAM_SECONDS
 from rbd.model import CheckedModel
+from rbd.parts import parts_of
 from rbd.polygon import convex_hull, inside_distance
 from rbd.programs import Outcome, linear_program
 from rbd.rays import rays
@@ -130,6 +134,7 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     if len(names := [r.name for r in rows]) != len(set(names)):
         twice = next(name for name in names if names.count(name) > 1)
         raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
+    warn_of_distant(robot, rows, stacklevel=3)
     for r in rows:  # at v = 0, J_dot v of a ground at rest is zero
         if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
             raise NotAtRest(f"hold wants a ground at rest, and what {r.name!r} touches moves. Use rbd.solve.")
@@ -248,8 +253,8 @@ class _Statics:
             return f"{', '.join(map(repr, helped))} would need torque, and is passive."
         if not self.rows:
             return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
-        if (mu := self._least_friction()) is not None:
-            return f"friction is in the way; a coefficient of {mu:.3g} at every contact would do."
+        if words := self._why_friction():
+            return words
         pushed = float(np.abs(self.rhs + self.state.h).max()) > 1e-9
         x, y, _ = np.round(self.state.com, 3) + 0.0
         return (
@@ -266,22 +271,48 @@ class _Statics:
         d = inside_distance(self.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
         return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
-    def _least_friction(self) -> float | None:
-        """About the smallest coefficient, the same at all contacts that rub or only push, that would do; None above 10."""
-        rub = [c for c in self.contacts if isinstance(c, PointContact | SurfaceContact | LineContact)]
-        given = [c.friction for c in rub if c.friction is not None]
-        if not given or not self._balanced_with(10.0):
-            return None
-        low, high = min(given), 10.0
-        while high - low > 1e-3 * high:
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._balanced_with(middle) else (middle, high)
-        return high
+    def _why_friction(self) -> str:
+        """Whether more friction would do, and how much, under the circular cones themselves; empty where none would."""
+        if not any(_rubs(c) for c in self.contacts):
+            return ""
+        if self._circular(as_given=True, limits=True).holds():
+            mu = self._circular(limits=True, from_zero=True).least()
+            enough = "" if mu is None else f" from a coefficient of {told(mu)} at every contact on"
+            return (
+                f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which rbd.hold "
+                "keeps, do not. Give the contacts more facets, e.g. facets=16."
+            )
+        if (mu := self._circular(limits=True).least()) is not None:
+            return (
+                f"friction is in the way; a coefficient of {told(mu)} at every contact would do with circular cones, and none "
+                "below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
+            )
+        if (mu := self._circular(limits=False).least()) is not None:
+            return (
+                f"friction is in the way, and then a torque limit: from a coefficient of {told(mu)} at every contact on, circular "
+                "cones balance it, but motors would need more than their limits."
+            )
+        return ""
 
-    def _balanced_with(self, mu: float) -> bool:
-        rough = tuple(_with_friction(c, mu) for c in self.contacts)
-        rows = tuple(rows_of(self.state, rough))
-        return _Statics(self.state, rough, rows, self.rhs)._least_excess(limits=False) is not None
+    def _circular(self, *, limits: bool, as_given: bool = False, from_zero: bool = False) -> Balance:
+        """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
+        rough = self.contacts if as_given else tuple(_with_friction(c, 1.0) for c in self.contacts)
+        rows = rows_of(self.state, rough)
+        P, robot = parts_of(rows), self.state.robot
+        J = np.concatenate([r.J for r in rows])
+        per_weight = J.T @ P.G * self.unit
+        own, yields = P.mu.copy(), np.zeros(len(P.mu), bool)
+        for c, span in zip(self.contacts, P.slices, strict=True):
+            at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
+            if _rubs(c):
+                own[at], yields[at] = 0.0 if from_zero else c.friction, not as_given  # type: ignore[attr-defined]
+        limited = self.limited if limits else np.zeros_like(self.limited)
+        T, t = per_weight[robot.actuated][limited], self.t[limited]
+        limit = self.limit[limited]
+        return Balance(
+            per_weight[self.still] / self.unit, self.b / self.unit, T / limit[:, None], t / limit,
+            P.lower / self.unit, P.upper / self.unit, P.cone_at, own, yields,
+        )  # fmt: skip
 
     def _least_excess(self, *, limits: bool = True, passive: bool = False) -> tuple[Array, Array] | None:
         """What must give way at least: (over, idle), by a linear program (HiGHS); None if no forces balance even so.
@@ -316,11 +347,15 @@ class _Statics:
         return over, answer.x[r + n : r + n + p] + answer.x[r + n + p :]
 
 
+def _rubs(contact: Constraint) -> bool:
+    """Whether a contact has a coefficient of friction, zero included."""
+    kinds = PointContact | SurfaceContact | LineContact | RollingBall | RollingDisk | RollingWheel | CollisionContacts
+    return isinstance(contact, kinds) and contact.friction is not None
+
+
 def _with_friction(contact: Constraint, mu: float) -> Constraint:
     """The contact with at least this coefficient, if it has one."""
-    if isinstance(contact, PointContact | SurfaceContact | LineContact) and contact.friction is not None:
-        return changed(contact, friction=max(mu, contact.friction))
-    return contact
+    return changed(contact, friction=max(mu, contact.friction)) if _rubs(contact) else contact  # type: ignore[attr-defined]
 
 
 def _indices(robot: CheckedModel, joints: Iterable[str]) -> Array:

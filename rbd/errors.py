@@ -31,6 +31,8 @@
       OpenLoop                          a loop is not closed at this state, and is solved as it stands
       ModelWarning                      a robot file that loads, but is not what it seems
       SeveralMotions                    more than one motion satisfies the contact law; the answer is one of them
+      OpeningContactWarning             a contact moves away from what it touches, and carries nothing
+      DistantContactWarning             a contact is not on the plane that it is said to stand on
 """
 
 from __future__ import annotations
@@ -223,6 +225,14 @@ class InaccurateWarning(RbdWarning):
 
 class SeveralMotions(RbdWarning):
     """More than one motion satisfies the contact law; the answer is one of them, `Solution.others` has others."""
+
+
+class OpeningContactWarning(RbdWarning):
+    """A contact, or some of its points, moves away from what it touches: it carries nothing. `Solution.opening` names it."""
+
+
+class DistantContactWarning(RbdWarning):
+    """A contact is off the plane that it stands on by more than a millimetre; it is solved as if it touched."""
 
 
 class OpenLoop(RbdWarning):

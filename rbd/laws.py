@@ -10,7 +10,8 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.contact_force import CARRIES_NOTHING_N
 from rbd.external import External
-from rbd.least_constraint import Constraint, solve
+from rbd.least_constraint import Constraint, answered, assembled
+from rbd.parts import REST_SPEED
 from rbd.rays import rays
 from rbd.solution import Solution
 from rbd.solvers.admm import ADMM
@@ -95,18 +96,26 @@ class LawComparison:
 
 
 def compare_laws(
-    state: State, tau: Array, constraints: Sequence[Constraint], *, external: External = None
+    state: State,
+    tau: Array,
+    constraints: Sequence[Constraint],
+    *,
+    external: External = None,
+    rest_speed: float = REST_SPEED,
 ) -> LawComparison:
     """Convex and Coulomb's law side by side, both with circular cones: the gauge of the relaxation.
 
-    Where every contact sticks or breaks the two agree. Where one starts to slip, the convex law lets it lift at mu times its
-    tangential acceleration, gives it another normal force, and puts back by lifting what friction takes.
+    Where every contact sticks, or breaks with c_n >= mu |c_t|, the two agree. Where one starts to slip, the convex law lets it
+    lift at mu times its tangential acceleration, gives it another normal force, and puts back by lifting what friction takes.
+    They differ too where a point without load breaks with c_n < mu |c_t|, and where Coulomb's law has several motions: then a
+    `SeveralMotions` warns of it, and `coulomb.others` has the others.
 
     Args:
         state: The robot, its contacts at rest.
         tau: Motor torques, shape (nu,).
         constraints: Contacts and other constraints.
         external: Other forces of the world, as in `rbd.solve`.
+        rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.
 
     Returns:
         Both answers with their certificates, and what each contact does under each; print it.
@@ -114,8 +123,9 @@ def compare_laws(
     Raises:
         NoSolution, ContactMoves, InputError: as `rbd.solve`; a contact that already slides has no convex law.
     """
-    convex = solve(state, tau, constraints, external=external, solver=ADMM(law="convex"))
-    coulomb = solve(state, tau, constraints, external=external, solver=ADMM(law="coulomb"))
+    problem = assembled(state, tau, constraints, external, rest_speed)
+    convex = answered(state, problem, ADMM(law="convex"))
+    coulomb = answered(state, problem, ADMM(law="coulomb"))
     return LawComparison(convex, coulomb, _under(convex), _under(coulomb))
 
 

@@ -14,10 +14,12 @@ from rbd.constraints.loop import LoopClosure
 from rbd.dynamics import free_force
 from rbd.errors import (
     ContactMoves,
+    DistantContactWarning,
     EffortLimitWarning,
     InaccurateWarning,
     InputError,
     NoSolution,
+    OpeningContactWarning,
     OpenLoop,
     SeveralMotions,
     Unsupported,
@@ -25,8 +27,10 @@ from rbd.errors import (
 from rbd.external import External
 from rbd.model import CheckedModel
 from rbd.nearest import nearest_motion
+from rbd.openings import opening_words
 from rbd.parts import REST_SPEED
 from rbd.problem import GaussProblem
+from rbd.rays import rays
 from rbd.rows import Rows
 from rbd.sensitivity import StateOrigin
 from rbd.solution import Solution, Status
@@ -57,6 +61,7 @@ def solve(
     external: External = None,
     solver: Solver = ProxQP(),  # noqa: B008  a frozen record of settings
     check: bool = True,
+    rest_speed: float = REST_SPEED,
 ) -> Solution:
     """Acceleration and constraint forces of a robot: Gauss's principle of least constraint.
 
@@ -70,21 +75,32 @@ def solve(
         external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
         solver: `ProxQP()` for anything, `KKT()` for constraints that hold.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
+        rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
+            carries nothing; one that slides faster rubs against its motion.
 
     Returns:
-        The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law (sliding contacts) a
-        warning `SeveralMotions` says what they are; the others are in `solution.others`.
+        The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
+        `SeveralMotions` says what they are; the others are in `solution.others`. Where a contact moves away and so carries
+        nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose plane is known (`on=`,
+        the feet of a robot) and that is more than a millimetre off it is solved as if it touched, with a
+        `DistantContactWarning`.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
-        ContactMoves: a contact that can break or slip has a velocity above 1e-6.
+        ContactMoves: a contact approaches faster than `rest_speed`; under the convex law also one that slides faster.
+            `rbd.mechanism.project_velocity` puts a velocity onto the contacts.
         Unsupported: the solver cannot take the problem.
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
     if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
         raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
-    problem = _assembled(state, tau, constraints, external)
+    problem = assembled(state, tau, constraints, external, rest_speed)
+    return answered(state, problem, solver, check=check)
+
+
+def answered(state: State, problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
+    """The checked answer to an assembled problem; errors and warnings as `solve`, which calls it."""
     if problem.moving:
         _refuse_moving(problem, solver.law)
     reason = solver.reason_unsupported(problem)
@@ -98,19 +114,27 @@ def solve(
             f"{state.robot.name} has no one motion: {solution.reason or f'{1 + len(solution.others)} were found'}. "
             "`solution.others` has all but the first.",
             SeveralMotions,
-            stacklevel=2,
+            stacklevel=3,
         )
     return solution
 
 
 def gauss_problem(
-    state: State, tau: Array, constraints: Sequence[Constraint] = (), *, external: External = None
+    state: State,
+    tau: Array,
+    constraints: Sequence[Constraint] = (),
+    *,
+    external: External = None,
+    rest_speed: float = REST_SPEED,
 ) -> GaussProblem:
-    """The arrays of the least-constraint problem; arguments and errors as `solve`."""
-    return _assembled(state, tau, constraints, external)
+    """The arrays of the least-constraint problem; arguments, errors and warnings as `solve`."""
+    return assembled(state, tau, constraints, external, rest_speed)
 
 
-def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], external: External) -> GaussProblem:
+def assembled(
+    state: State, tau: Array, constraints: Sequence[Constraint], external: External, rest_speed: float
+) -> GaussProblem:
+    """As `gauss_problem`; its warnings name the line that called the caller."""
     if not isinstance(state, State):
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
@@ -118,9 +142,60 @@ def _assembled(state: State, tau: Array, constraints: Sequence[Constraint], exte
     given = listed(constraints)
     rows = _rows_of(state, given)
     _warn_of_open(given, rows)
+    if not all([r.patch is None or r.patch.touches for r in rows]):
+        warn_of_distant(state.robot, rows, stacklevel=4)
     loose = any([r.resultant is None or r.patch is None for r in rows])
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
-    return GaussProblem(state.M, rhs, rows, state.balance(wrench, with_base=loose), origin, from_state=state.robot.sound)
+    balance = state.balance(wrench, with_base=loose)
+    problem = GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
+    if problem.moving:
+        _warn_of_opening(state.robot, problem)
+    return problem
+
+
+def _warn_of_opening(robot: CheckedModel, problem: GaussProblem) -> None:
+    if problem.openings:
+        warnings.warn(
+            f"contacts of {robot.name} move away from what they touch, and carry nothing: {opening_words(problem.openings)} "
+            f"(at rest is up to rest_speed = {problem.rest_speed:g} m/s). Of contacts that stay, put the velocity onto them, "
+            "state = rbd.mechanism.project_velocity(state, contacts), or give a larger rest_speed=.",
+            OpeningContactWarning,
+            stacklevel=4,
+        )
+
+
+def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int) -> None:
+    """Name the contacts that are off the planes that they stand on; nothing where none is.
+
+    Args:
+        robot: Whose.
+        rows: Of contacts; those whose feedback pulls them back are left out.
+        below_only: Of contacts that are not held, name only those below their planes: others fall onto them.
+        stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
+    """
+    told = []
+    for r in rows:
+        gaps = None if r.patch is None or r.patch.touches or (r.stabilised and r.error is not None) else r.patch.gaps
+        if gaps is None:
+            continue
+        assert r.patch is not None
+        within = r.patch.within
+        far = np.abs(gaps) > within
+        if below_only and not rays(r.cone).all_lines:
+            far = gaps < -within
+        if far.any():
+            worst = float(gaps[np.argmax(np.abs(gaps) * far)])
+            which = "" if len(gaps) == 1 or far.all() else f" ({int(far.sum())} of {len(gaps)} points)"
+            told.append(f"{r.name!r:.80}{which} {1e3 * abs(worst):.4g} mm {'above' if worst > 0.0 else 'below'}")
+    if told:
+        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+        warnings.warn(
+            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
+            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or tell the plane: robot.feet(on=0.75), "
+            "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
@@ -185,16 +260,20 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
 
 def _refuse_moving(problem: GaussProblem, law: str) -> None:
     """An impact is no matter of accelerations; and the convex law knows contacts at rest only."""
-    parts = problem.parts
+    parts, rest = problem.parts, problem.rest_speed
     if parts.impact:
-        raise ContactMoves(f"contact {parts.impact}. Give a state whose contacts do not approach (limit {REST_SPEED:g} m/s).")
+        raise ContactMoves(
+            f"contact {parts.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
+            "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate."
+        )
     if law == "coulomb" or not problem.slipping:  # what opens carries nothing, by any law
         return
     r = problem.slipping[0]
     raise ContactMoves(
-        f"contact {r.name!r} moves at {r.speed:.3g} m/s (limit {REST_SPEED:g}), and it can slip or break: under the {law} law "
-        "only contacts at rest are solved. Use solver=rbd.ADMM(), whose friction follows the motion; friction=None for a "
-        "contact that holds; or a state at rest."
+        f"contact {r.name!r} moves at {r.speed:.3g} m/s (at rest is up to rest_speed = {rest:g}), and it can slip or break: "
+        f"under the {law} law only contacts at rest are solved. Use solver=rbd.ADMM(), whose friction follows the motion; "
+        "friction=None for a contact that holds; a larger rest_speed=; or put the velocity onto the contacts: "
+        "rbd.mechanism.project_velocity(state, contacts)."
     )
 
 
@@ -205,7 +284,7 @@ def _complain(state: State, solution: Solution, solver: Solver) -> None:
         warnings.warn(
             f"{solution.solver} is inaccurate on {state.robot.name}: scaled residuals {scaled} (solved is 1e-9).",
             InaccurateWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
         return
     raise NoSolution(

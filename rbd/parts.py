@@ -21,12 +21,13 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.cones import Cone, HalfLine, Interval, Line, LineCone, Part, Product, SecondOrderCone, WrenchCone
+from rbd.openings import Opening
 from rbd.programs import between
 from rbd.rays import column_reach
 from rbd.rows import Rows
 
 REST_SPEED = 1e-6
-"""A contact that can break or slip is at rest up to this speed [m/s, rad/s]."""
+"""A contact that can break or slip is at rest up to this speed [m/s, rad/s], unless its problem says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Parts:
         point: Number of each column's point among the points of its rows, shape (p,).
         push: Force of a unit weight on its point, in contact axes (tangent, tangent, normal), shape (p, 3).
         sliding: Points whose friction follows their motion.
-        opening: Names of rows with points that move away: their forces are zero.
+        openings: Points that move away: their forces are zero.
         impact: Why no acceleration can answer, in words; empty where nothing approaches.
     """
 
@@ -81,8 +82,13 @@ class Parts:
     point: Array
     push: Array
     sliding: tuple[Sliding, ...] = ()
-    opening: tuple[str, ...] = ()
+    openings: tuple[Opening, ...] = ()
     impact: str = ""
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """Names of the rows with points that move away."""
+        return tuple(dict.fromkeys(point.rows for point in self.openings))
 
     @property
     def size(self) -> int:
@@ -198,12 +204,17 @@ def _project(W: Array, s: Array, r: Array) -> Array:
     return np.where(inside[:, None], W, np.where(polar[:, None], 0.0, edge))
 
 
-def parts_of(rows: Sequence[Rows]) -> Parts:
-    """The parts of stacked rows, their velocities regarded."""
+def parts_of(rows: Sequence[Rows], rest_speed: float = REST_SPEED) -> Parts:
+    """The parts of stacked rows, their velocities regarded.
+
+    Args:
+        rows: The rows.
+        rest_speed: What moves no faster is at rest [m/s, rad/s].
+    """
     at_rest = _at_rest(tuple([r.cone for r in rows]))
-    if not any([r.speed > REST_SPEED for r in rows]):
+    if not any([r.speed > rest_speed for r in rows]):
         return at_rest
-    return _Moving(rows, at_rest).parts()
+    return _Moving(rows, at_rest, rest_speed).parts()
 
 
 @lru_cache(maxsize=512)
@@ -269,7 +280,7 @@ class _Builder:
         """What was put since the last call belongs to one constraint."""
         self.slices.append(slice(self.slices[-1].stop if self.slices else 0, len(self.lower)))
 
-    def parts(self, sliding: Sequence[Sliding] = (), opening: Sequence[str] = (), impact: str = "") -> Parts:
+    def parts(self, sliding: Sequence[Sliding] = (), openings: Sequence[Opening] = (), impact: str = "") -> Parts:
         """All of them."""
         p = len(self.lower)
         G = np.array(self.G).reshape(p, self.m).T
@@ -280,7 +291,7 @@ class _Builder:
         for array in (G, H, offset, lower, upper, cone_at, mu, point, push):
             array.flags.writeable = False  # kept for the next problem
         return Parts(
-            G, H, offset, lower, upper, cone_at, mu, tuple(self.slices), point, push, tuple(sliding), tuple(opening), impact
+            G, H, offset, lower, upper, cone_at, mu, tuple(self.slices), point, push, tuple(sliding), tuple(openings), impact
         )
 
 
@@ -296,10 +307,10 @@ def bounds(part: Part) -> tuple[float, float]:
 class _Moving:
     """Parts where some rows have a velocity."""
 
-    def __init__(self, rows: Sequence[Rows], at_rest: Parts) -> None:
-        self.build = _Builder(at_rest.G.shape[0])
+    def __init__(self, rows: Sequence[Rows], at_rest: Parts, rest_speed: float) -> None:
+        self.build, self.rest_speed = _Builder(at_rest.G.shape[0]), rest_speed
         self.sliding: list[Sliding] = []
-        self.opening: list[str] = []
+        self.openings: list[Opening] = []
         self.impact = ""
         row = 0
         for r in rows:
@@ -309,43 +320,46 @@ class _Moving:
 
     def parts(self) -> Parts:
         """All of them."""
-        return self.build.parts(self.sliding, self.opening, self.impact)
+        return self.build.parts(self.sliding, self.openings, self.impact)
 
     def _add_rows(self, r: Rows, row: int) -> None:
         local, parts = r.cone.generators()
         G = np.zeros((self.build.m, local.shape[1]))
         G[row : row + len(r)] = local
-        velocity, inward = local.T @ r.velocity, centripetal(r.cone, r.velocity)
+        # What is at rest is at rest whatever else moves: the same rows have the same parts in every company.
+        u = r.velocity if r.speed > self.rest_speed else np.zeros(len(r))
+        velocity, inward = local.T @ u, centripetal(r.cone, u)
         at = 0
         for i, part in enumerate(parts):
             span = slice(at, at + part.dim)
             at += part.dim
-            self._add(r.name, i, part, G[:, span], velocity[span], inward[span])
+            self._add(r.name, (i, len(parts)), part, G[:, span], velocity[span], inward[span])
 
-    def _add(self, name: str, i: int, part: Part, G: Array, u: Array, offset: Array) -> None:
+    def _add(self, name: str, point: tuple[int, int], part: Part, G: Array, u: Array, offset: Array) -> None:
+        i, _ = point
         if isinstance(part, Line):
             self.build.put(i, G, G, offset, _NORMAL, *bounds(part))
         elif isinstance(part, Interval):
             low, high = bounds(part)
             against = low if u[0] > 0.0 else high
-            rubs = abs(u[0]) > REST_SPEED and np.isfinite(against)
+            rubs = abs(u[0]) > self.rest_speed and np.isfinite(against)
             self.build.put(i, G, G, offset, _NORMAL, *((against, against) if rubs else (low, high)))
         else:
-            self._add_unilateral(name, i, part, G, u, offset)
+            self._add_unilateral(name, point, part, G, u, offset)
 
-    def _add_unilateral(self, name: str, i: int, part: Part, G: Array, u: Array, offset: Array) -> None:
-        normal, n = float(u[-1]), G[:, -1:]
+    def _add_unilateral(self, name: str, point: tuple[int, int], part: Part, G: Array, u: Array, offset: Array) -> None:
+        (i, of), normal, n, rest = point, float(u[-1]), G[:, -1:], self.rest_speed
         mu = part.mu if isinstance(part, SecondOrderCone) else 0.0
         speed = float(np.hypot(u[0], u[1])) if mu else 0.0
-        if normal < -REST_SPEED and not self.impact:
+        if normal < -rest and not self.impact:
             self.impact = f"{name!r} approaches at {-normal:.3g} m/s: an impact, which no acceleration answers"
-        if abs(normal) > REST_SPEED:
-            if normal > 0.0 and name not in self.opening:
-                self.opening.append(name)
+        if abs(normal) > rest:
+            if normal > 0.0:
+                self.openings.append(Opening(name, i, of, normal))
             self.build.put(i, n, n, offset[-1:], _NORMAL, 0.0, 0.0)
         elif not mu:
             self.build.put(i, n, n, offset[-1:], _NORMAL, 0.0, np.inf)
-        elif speed > REST_SPEED:
+        elif speed > rest:
             t = u[:2] / speed
             push = np.array([[-mu * t[0], -mu * t[1], 1.0]])
             self.sliding.append(Sliding(name, i, len(self.build.lower), mu, (float(t[0]), float(t[1])), speed))

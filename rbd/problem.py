@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from itertools import accumulate, pairwise
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, check_finite, is_finite, lazy, numbers
+from rbd.arrays import Array, a_number, check_finite, is_finite, lazy, numbers
 from rbd.cones import Cone, Interval, Line, Product, SecondOrderCone
 from rbd.errors import DuplicateName, InputError, SingularInertia
+from rbd.openings import Opening
 from rbd.parts import REST_SPEED, Parts, parts_of
 from rbd.rays import Rays, rays, stacked_rays
 from rbd.rows import Rows
@@ -60,6 +61,8 @@ class GaussProblem:
         rows: The constraints.
         balance: What the centroidal residual is computed from, or None.
         origin: What it was assembled from, or None of a problem built by hand; `Solution.derivatives` asks it.
+        rest_speed: A contact that can break or slip, and a joint with dry friction, is at rest up to this speed
+            [m/s, rad/s]: faster along its normal it opens and carries nothing, or strikes; faster along the ground it slides.
 
     Args:
         M: See above.
@@ -67,6 +70,7 @@ class GaussProblem:
         rows: See above.
         balance: See above.
         origin: See above.
+        rest_speed: See above.
         from_state: M and rhs come from a `State`, which has checked them.
 
     Raises:
@@ -80,11 +84,14 @@ class GaussProblem:
     rows: Sequence[Rows] = ()
     balance: MomentumBalance | None = None
     origin: Origin | None = None
+    rest_speed: float = REST_SPEED
     from_state: InitVar[bool] = False
 
     def __post_init__(self, from_state: bool) -> None:
         if not from_state:
             self._check_inertia()
+        if self.rest_speed is not REST_SPEED and not 0.0 <= a_number(self.rest_speed) < inf:
+            raise InputError(f"rest_speed is {self.rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s], e.g. 1e-6.")
         rows = _rows(self.rows)
         object.__setattr__(self, "rows", rows)
         names = [r.name for r in rows]
@@ -187,7 +194,7 @@ class GaussProblem:
         A weight that its rows' velocity has decided has equal bounds: an interval's that moves stands at the bound against
         the motion, and what opens carries nothing. (That friction follows the motion of what slides, rays cannot say.)
         """
-        return _decided(self.rows, self._rays_at_rest) if self.moving else self._rays_at_rest
+        return _decided(self.rows, self._rays_at_rest, self.rest_speed) if self.moving else self._rays_at_rest
 
     @lazy
     def _rays_at_rest(self) -> Rays:
@@ -198,8 +205,9 @@ class GaussProblem:
         """The rows with bounded forces that have a velocity: their friction has no choice left (see `rbd.parts`)."""
         if self._rays_at_rest.all_lines:
             return ()
-        faster = [r for r in self.rows if not np.vdot(r.velocity, r.velocity) <= REST_SPEED**2]  # a norm: a tenth of `speed`
-        return tuple([r for r in faster if not r.speed <= REST_SPEED and not rays(r.cone).all_lines])
+        rest = self.rest_speed
+        faster = [r for r in self.rows if not np.vdot(r.velocity, r.velocity) <= rest**2]  # a norm: a tenth of `speed`
+        return tuple([r for r in faster if not r.speed <= rest and not rays(r.cone).all_lines])
 
     @lazy
     def slipping(self) -> tuple[Rows, ...]:
@@ -212,10 +220,15 @@ class GaussProblem:
         told |= {r.name for r, at in zip(self.rows, T.slices, strict=True) if turns[at].any()}
         return tuple([r for r in self.moving if r.name in told])
 
+    @property
+    def openings(self) -> tuple[Opening, ...]:
+        """Points that move away from what they touch, faster than `rest_speed`: they carry nothing."""
+        return self.parts.openings if self.moving else ()
+
     @lazy
     def parts(self) -> Parts:
         """The stacked sets in generator form, circular cones as they are, and what the rows' velocities decide."""
-        return parts_of(self.rows)
+        return parts_of(self.rows, self.rest_speed)
 
     @lazy
     def factor(self) -> Array:
@@ -265,20 +278,21 @@ class GaussProblem:
         return self.J @ self.a_free + self.offset
 
 
-def _decided(rows: Sequence[Rows], at_rest: Rays) -> Rays:
+def _decided(rows: Sequence[Rows], at_rest: Rays, rest_speed: float) -> Rays:
     """The rays, with equal bounds where a velocity leaves a weight no choice."""
     lower, upper, at = at_rest.lower.copy(), at_rest.upper.copy(), 0
     for r in rows:
         G, parts = r.cone.generators()
         ends = list(accumulate(part.dim for part in parts))
-        for part, u in zip(parts, (G.T @ r.velocity)[[end - 1 for end in ends]].tolist(), strict=True):  # of the normals
+        velocity = r.velocity if r.speed > rest_speed else np.zeros(len(r))
+        for part, u in zip(parts, (G.T @ velocity)[[end - 1 for end in ends]].tolist(), strict=True):  # of the normals
             columns = slice(at, at + (part.facets if isinstance(part, SecondOrderCone) else 1))
             at = columns.stop
             if isinstance(part, Interval):
                 against = part.lo if u > 0.0 else part.hi
-                if abs(u) > REST_SPEED and isfinite(against):
+                if abs(u) > rest_speed and isfinite(against):
                     lower[columns] = upper[columns] = against
-            elif not isinstance(part, Line) and u > REST_SPEED:
+            elif not isinstance(part, Line) and u > rest_speed:
                 upper[columns] = 0.0
     return Rays(at_rest.G, lower, upper, at_rest.starts, at_rest.facets)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,6 +17,7 @@ from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.doctor import Report, examine, refuse
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.geometry import Geometry, load_geometry, sole_of
+from rbd.ground import On, grounds_of
 from rbd.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
 from rbd.loops import Loop, Mechanism, Rolling, mechanism
 from rbd.model import CheckedModel
@@ -129,43 +130,58 @@ class Robot(CheckedModel):
             )
         return State(self, stand(self, self.posture(name), feet))
 
-    def soles(self, friction: float | None = 0.7, *, facets: int = 4) -> list[SurfaceContact]:
+    def soles(
+        self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+    ) -> list[SurfaceContact]:
         """The soles of its feet as surface contacts, from the catalogue.
 
         Args:
             friction: Coulomb's coefficient; None for contacts that hold.
             facets: Facets of the corner pyramids in a QP.
+            on: What they stand on: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
+                {foot: its own}, as on stairs, where feet that are not named stand on z = 0. None: not known. A foot more than a
+                millimetre off its plane gets a `DistantContactWarning` where it is solved.
 
         Raises:
             ModelError: no soles are known; a robot on point feet has `feet`.
+            UnknownName: `on` names a foot that is none.
+
+        >>> stairs = talos.soles(on={"left_sole": 0.17})  # the right one on z = 0
         """
-        feet = self.feet(friction, facets=facets)
+        feet = self.feet(friction, facets=facets, on=on)
         soles = [foot for foot in feet if isinstance(foot, SurfaceContact)]
         if len(soles) != len(feet):
             raise ModelError(f"{self.name} stands on points; use robot.feet() in place of soles().")
         return soles
 
-    def feet(self, friction: float | None = 0.7, *, facets: int = 4) -> list[SurfaceContact | PointContact]:
+    def feet(
+        self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+    ) -> list[SurfaceContact | PointContact]:
         """Its feet as contacts: soles or points, from the catalogue. Arguments as `soles`.
 
         Raises:
             ModelError: no feet are known for this robot.
+            UnknownName: `on` names a foot that is none.
         """
         if not self.source.feet:
             raise ModelError(
                 f"no feet are known for {self.name}: its file names none. Give your own: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
+        planes = grounds_of([foot.name for foot in self.source.feet], on)
         out: list[SurfaceContact | PointContact] = []
         for foot in self.source.feet:
+            plane = planes[foot.name]
             if foot.kind == "point":
-                point = PointContact(foot.name, foot.frame, offset=foot.translation, friction=friction, facets=facets)
+                point = PointContact(
+                    foot.name, foot.frame, offset=foot.translation, friction=friction, facets=facets, on=plane
+                )
                 out.append(point)
                 continue
             X_FP = pin.SE3(foot.rotation, np.array(foot.translation))
             out.append(
                 SurfaceContact(
-                    foot.name, foot.frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets
+                    foot.name, foot.frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets, on=plane
                 )
             )
         return out
@@ -197,7 +213,13 @@ class Robot(CheckedModel):
         return found
 
     def soles_from_collision(
-        self, frames: Sequence[str], friction: float | None = 0.7, *, at: State | None = None, facets: int = 4
+        self,
+        frames: Sequence[str],
+        friction: float | None = 0.7,
+        *,
+        at: State | None = None,
+        facets: int = 4,
+        on: On | Mapping[str, On] = 0.0,
     ) -> list[SurfaceContact]:
         """The flat undersides of its feet as surface contacts, from the collision shapes of its file.
 
@@ -211,6 +233,7 @@ class Robot(CheckedModel):
             at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
                 neutral one. Feet may lean up to 20 degrees.
             facets: Facets of the corner pyramids in a QP.
+            on: What they stand on, as of `soles`, the feet by the names of their frames.
 
         Raises:
             FrameNotFound: with the nearest names.
@@ -227,8 +250,11 @@ class Robot(CheckedModel):
         if not isinstance(at, State) or at.robot is not self:
             raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
         soles = [(frame, sole_of(self, self._collision, frame, at)) for frame in frames]
+        planes = grounds_of(list(frames), on)
         return [
-            SurfaceContact(frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets)
+            SurfaceContact(
+                frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets, on=planes[frame]
+            )
             for frame, sole in soles
         ]
 

@@ -20,6 +20,7 @@ from rbd.arrays import Array, lazy
 from rbd.cones import FrictionCone, LineCone, WrenchCone
 from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.errors import NoSolution, Unsupported
+from rbd.openings import opening_words
 from rbd.problem import GaussProblem
 from rbd.rays import rays
 from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals
@@ -40,7 +41,7 @@ class Status(StrEnum):
     INACCURATE = "inaccurate"
     """Every scaled residual is at most 1e-7; said aloud by a warning."""
     FAILED = "failed"
-    """A scaled residual is above 1e-7: not an answer."""
+    """A scaled residual is above 1e-7, or a contact approaches, which is an impact: not an answer."""
     INFEASIBLE = "infeasible"
     """Not an answer, and a certificate proves that there is none (`Solution.contradiction`)."""
 
@@ -112,6 +113,8 @@ class Solution:
     @lazy
     def status(self) -> Status:
         """What the residuals amount to."""
+        if self.impact:
+            return Status.FAILED
         if self.residuals.within(SOLVED):
             return Status.SOLVED
         if self.residuals.within(USABLE):
@@ -255,6 +258,19 @@ class Solution:
         weights = None if self.weights is None else self.weights[P.ray_slices[i]]
         return corner_split(rows, self.multipliers[P.slices[rows.name]], weights)
 
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """Names of the contacts, and stops, that carry nothing as they, or some of their points, already move away.
+
+        Faster than `GaussProblem.rest_speed`; `problem.openings` has their points and speeds.
+        """
+        return tuple(dict.fromkeys(point.rows for point in self.problem.openings))
+
+    @property
+    def impact(self) -> str:
+        """Which contact approaches, in words: no acceleration answers that. Empty where none does; `rbd.solve` refuses it."""
+        return self.problem.parts.impact if self.problem.moving else ""
+
     @lazy
     def contacts(self) -> dict[str, ContactForce]:
         """Normal and tangential parts, friction used and centre of pressure of each contact."""
@@ -320,6 +336,10 @@ class Solution:
         lines += [f"  {name:<16}{contact}" for name, contact in self.contacts.items()]
         others = [r.name for r in self.problem.rows if r.patch is None and len(r)]  # limits that are not reached have no rows
         lines += [f"  {name:<15} force {np.array2string(self.forces[name], precision=4)}" for name in others]
+        if self.impact:
+            lines.append(f"  {self.impact}")
+        if self.opening:
+            lines.append(f"  move away and carry nothing: {opening_words(self.problem.openings)}")
         if self.reason:
             lines.append(f"  {'one of several motions: ' if self.others else ''}{self.reason}")
         lines.append(f"  1/2 |a - a_free|_M^2 = {self.gauss:.6g} N m/s2")

@@ -126,7 +126,7 @@ def test_motors_stay_within_their_limits(name: str) -> None:
         step = np.concatenate([np.zeros(6), rng.normal(size=robot.nv - 6) * 0.1])
         q = rbd.posture.stand(robot, pin.integrate(robot.model, robot.standing().q, step), robot.feet())
         try:
-            found = rbd.hold(rbd.State(robot, q), robot.feet(1.0))
+            found = rbd.hold(rbd.State(robot, q), robot.feet(1.0, on=None))
         except CannotHold:
             continue
         held += 1
@@ -341,15 +341,18 @@ FACETS = [
 def test_a_slope_is_held_up_to_the_inscribed_pyramid(
     box: rbd.Robot, slope: float, facets: int, yaw: float, reach: float
 ) -> None:
-    """Held while tan(slope) <= mu reach; reach is cos(pi / n) across a facet and 1 along a ray. Above, friction is named."""
+    """Held while tan(slope) <= mu reach; reach is cos(pi / n) across a facet and 1 along a ray. Above, friction is named.
+
+    What is named is what the circular cone needs, tan(slope).
+    """
     mu = math.tan(slope) / reach
     state = tilted(box, slope)
     held = rbd.hold(state, [foot(mu * (1.0 + 1e-6), facets, yaw=yaw)])
     assert abs(held.margins.friction["foot"] - (1.0 - reach)) < 1e-5
-    with pytest.raises(CannotHold, match="friction is in the way; a coefficient of ") as caught:
+    with pytest.raises(CannotHold, match="friction is in the way.*circular") as caught:
         rbd.hold(state, [foot(mu * (1.0 - 1e-5), facets, yaw=yaw)])
     needed = float(str(caught.value).split("coefficient of ")[1].split()[0])
-    assert abs(needed - mu) < 6e-3 * mu
+    assert -3e-6 * needed < needed - math.tan(slope) < 1e-3 * needed  # told to four digits, rounded up
 
 
 @pytest.mark.parametrize("slope", [0.1, 0.5])
@@ -399,13 +402,15 @@ def test_a_push_beyond_the_foot_is_told_as_such(talos: rbd.Robot) -> None:
 
 
 def test_a_push_that_slips_is_told_as_such(talos: rbd.Robot) -> None:
-    """At the ground, 300 N sideways on 885.6 N: four facets across need mu = 0.339 sqrt 2, here 0.3 is given."""
+    """At the ground, 300 N sideways on 885.6 N: circular cones need 0.339, here 0.3 is given; four facets across, sqrt 2 times."""
     push = [rbd.ExternalForce("left_sole_link", (0.0, 300.0, 0.0))]
     with pytest.raises(CannotHold, match="friction is in the way") as caught:
         rbd.hold(talos.standing(), talos.soles(0.3), external=push)
     needed = float(str(caught.value).split("coefficient of ")[1].split()[0])
-    assert abs(needed - math.sqrt(2) * 300.0 / (talos.mass * G)) < 5e-3
-    rbd.hold(talos.standing(), talos.soles(needed * 1.01), external=push)
+    least = 300.0 / (talos.mass * G)  # and a little more, as the push turns the robot about the vertical
+    assert least < needed < 1.002 * least
+    rbd.hold(talos.standing(), talos.soles(needed * 1.01 * math.sqrt(2)), external=push)
+    rbd.hold(talos.standing(), talos.soles(needed * 1.01, facets=64), external=push)
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5"])

@@ -25,6 +25,8 @@ LAYERS: dict[str, int] = {
     "programs": 0,
     "forks": 0,
     "output_files": 0,
+    "openings": 0,
+    "ground": 0,
     # engine is imported before all else: is it our Pinocchio?
     "engine": 0,
     # 1: one side knows Pinocchio, the other NumPy; `problem` is made of `rows`.
@@ -65,6 +67,7 @@ LAYERS: dict[str, int] = {
     # 5 and 6: what is built on the answer.
     "simulation": 5,
     "equilibrium": 5,
+    "least_friction": 4,
     "laws": 5,
     "agreement": 5,
     "inverse": 5,
@@ -94,6 +97,8 @@ BESIDE: set[tuple[str, str]] = {
     ("cones", "programs"),  # the nearest wrench of a patch
     ("programs", "arrays"),  # what is not finite is not passed on
     ("programs", "limits"),
+    ("ground", "arrays"),
+    ("ground", "errors"),  # a normal that is no unit vector is refused
     ("rays", "arrays"),
     ("rays", "cones"),  # rays of the sets
     ("polygon", "arrays"),  # the type Array

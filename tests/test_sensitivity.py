@@ -98,7 +98,7 @@ def test_held_soles_of_a_moving_robot_agree_with_differences(name: str, solver: 
     """Any q and v, a push in world axes: every column of the motion and of the wrenches."""
     robot = rbd.load_robot(name)
     state, tau, push = bent(robot, 3)
-    found = check_against_differences(state, tau, robot.soles(None), push, solver)
+    found = check_against_differences(state, tau, robot.soles(None, on=None), push, solver)
     assert found.active == {sole.name: ("holds",) * 6 for sole in robot.soles(None)} and not found.not_unique
 
 
@@ -110,7 +110,7 @@ def test_soles_that_stick_slip_and_tip_agree_with_differences(name: str, seed: i
     state = robot.standing()
     tau = rbd.hold(state, robot.soles()).tau + rng.normal(size=robot.nu) * noise
     tau = np.clip(tau, -0.9 * robot.effort_limit, 0.9 * robot.effort_limit)
-    soles = robot.soles(float(rng.uniform(0.2, 1.0)))
+    soles = robot.soles(float(rng.uniform(0.2, 1.0)), on=None)
     push = [rbd.ExternalForce(robot.frames()[-1], rng.normal(size=3) * 20.0)]
     found = check_against_differences(state, tau, soles, push, solver, h=1e-4, held=True)
     words = {word for each in found.active.values() for word in each}
@@ -387,7 +387,7 @@ class TestRefused:
             sys.path.remove(str(folder / "examples"))
         walker = rbd.load_robot(folder / "urdf" / "walker.urdf")
         state = example.bent_knees(walker)
-        soles = walker.soles_from_collision(["left_foot", "right_foot"], friction=None, at=state)
+        soles = walker.soles_from_collision(["left_foot", "right_foot"], friction=None, at=state, on=None)
         push = rbd.ExternalForce("torso", (5.0, 3.0, 0.0), (0.0, 0.0, 2.0))
         tau = np.zeros(walker.nu)
         found = rbd.solve(state, tau, soles, external=push, solver=rbd.KKT())

@@ -44,7 +44,7 @@ def test_pushed_states_are_solved_or_refused_never_wrong(robot: rbd.Robot):
     solved = 0
     for _ in range(PUSHED_STATES):
         q = pin.integrate(robot.model, standing.q, rng.choice([0.0, 0.02, 0.2]) * rng.normal(size=robot.nv))
-        feet = robot.feet(rng.uniform(0.05, 1.0))
+        feet = robot.feet(rng.uniform(0.05, 1.0), on=None)
         state = rbd.State(robot, q)
         noisy = tau + rng.uniform(2.0, 60.0) * rng.normal(size=robot.nu)
         with warnings.catch_warnings():

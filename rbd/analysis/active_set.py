@@ -21,7 +21,7 @@ from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
 from rbd.arrays import Array
 from rbd.cones import block_diagonal
 from rbd.errors import NotDifferentiable
-from rbd.parts import REST_SPEED, centripetal
+from rbd.parts import centripetal
 from rbd.programs import linear_program
 from rbd.rows import Rows
 
@@ -141,7 +141,7 @@ class ActiveSet:
         """(forces, y): what a change of velocities does to friction that slides, and to centripetal accelerations."""
         P, C, n = self._problem, self._modes.generators, u.shape[1]
         forces, y = np.zeros((P.m, n)), np.zeros((len(C.w), n))
-        if not n or not self._modes.true_parts or not any(r.speed > REST_SPEED for r in P.rows):
+        if not n or not self._modes.true_parts or not any(r.speed > P.rest_speed for r in P.rows):
             return forces, y
         generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
         sliding = {s.column: s for s in P.parts.sliding}

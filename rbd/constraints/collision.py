@@ -18,6 +18,7 @@ from rbd.constraints.contact_geometry import check_state, contact_axes, unit_nor
 from rbd.constraints.touching import Between, Bodies, OnPlane, Touching, joined
 from rbd.errors import InputError
 from rbd.forks import renewed_after_fork
+from rbd.ground import TOUCHES, Ground
 from rbd.model import CheckedModel
 from rbd.rows import Patch, Rows
 from rbd.state import State
@@ -91,6 +92,7 @@ class CollisionContacts:
     normal: Array
     margin: float
     _axes: Array = field(repr=False)
+    _ground: Ground = field(repr=False)
     _turn: Array = field(repr=False)
     _finder: _Finder = field(repr=False)
     _cone: Cone = field(repr=False)
@@ -129,6 +131,7 @@ class CollisionContacts:
         put(self, "pairs", pairs if isinstance(pairs, bool) else tuple(tuple(pair) for pair in pairs))
         bodies = Bodies(robot)
         put(self, "_axes", contact_axes(np.asarray(self.normal)))
+        put(self, "_ground", Ground(point=self.point, normal=self.normal))
         put(self, "_turn", np.hstack([cross_matrix(e) for e in self._axes.T]))  # takes r to r x e of the three axes
         plane = OnPlane(robot, bodies, low, self._axes, np.asarray(self.point)) if low else None
         put(self, "_finder", _Finder(robot, plane, Between(robot, bodies, both) if both else None))
@@ -163,7 +166,8 @@ class CollisionContacts:
             resultant = np.empty((6, 3 * k))
             resultant[:3].reshape(3, k, 3)[:] = self._axes[:, None]
             resultant[3:] = (r @ self._turn).reshape(3 * k, 3).T
-            patch = Patch(self.point, self._axes, r @ self._axes, self.friction)
+            within = max(TOUCHES, self.margin)
+            patch = Patch(self.point, self._axes, r @ self._axes, self.friction, on=self._ground, within=within)
         J, bias, velocity = found.J, found.bias, found.velocity
         if not self.friction:
             J, bias, velocity, error = J[2::3], bias[2::3], velocity[2::3], error[2::3]

@@ -19,11 +19,13 @@ from rbd.constraints.contact_geometry import (
     check_names,
     check_state,
     contact_axes,
+    ground_of,
     patch_corners,
     rigid_placement,
     unit_normal,
 )
 from rbd.constraints.counterpart import Counterpart, anchor_placement, anchor_point, changed, counterpart, remember
+from rbd.ground import Ground, On
 from rbd.rows import Patch, Rows
 from rbd.state import State
 
@@ -43,7 +45,7 @@ class PointContact:
         frame: Frame of the robot that the point is fixed to.
         offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
         normal: Outward normal of what is touched, a unit vector, shape (3,): in world axes, as it is at this state; with
-            `against`, in that frame's axes.
+            `against`, in that frame's axes. By default that of `on`, else z.
         friction: Coulomb's coefficient, or None.
         facets: Facets of the pyramid that a QP puts in place of the cone; it circumscribes the cone, so it admits up to
             mu / cos(pi / facets) on its edges.
@@ -57,10 +59,13 @@ class PointContact:
             a turntable's axis; the contact's own point if not given.
         anchor: Where on what it touches the point first touched, shape (3,) [m], in W or in `against`'s axes: the rows'
             `error` is the way from there, in contact axes. None gives no error. See `anchored`.
+        on: The plane that it stands on, `rbd.Ground(point=..., normal=...)` in W, or the height of a level one [m]. A point
+            more than a millimetre off it gets a `DistantContactWarning` where it is solved, and `rbd.simulate` lets it fall
+            onto the plane. None: not known, and taken as touching wherever it is.
 
     Raises:
-        InputError: negative friction, a normal that is not of unit length, numbers that are not finite, `against` together
-            with a motion of the ground.
+        InputError: negative friction, a normal that is not of unit length or not that of the plane it is on, numbers that are
+            not finite, `against` together with a plane or with a motion of the ground.
     """
 
     name: str
@@ -74,11 +79,13 @@ class PointContact:
     acceleration: Sequence[float] | Array | None = None
     about: Sequence[float] | Array | None = None
     anchor: Sequence[float] | Array | None = None
+    on: On = None
     _axes: Array = field(init=False, repr=False)
     _X_FP: pin.SE3 = field(init=False, repr=False)
     _cone: Cone = field(init=False, repr=False)
     _upright: bool = field(init=False, repr=False)
     _touched: Counterpart | None = field(init=False, repr=False)
+    _plane: Ground | None = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -86,7 +93,7 @@ class PointContact:
         frame: str,
         *,
         offset: Sequence[float] | Array = (0.0, 0.0, 0.0),
-        normal: Sequence[float] | Array = (0.0, 0.0, 1.0),
+        normal: Sequence[float] | Array | None = None,
         friction: float | None = None,
         facets: int = 4,
         against: str | None = None,
@@ -94,6 +101,7 @@ class PointContact:
         acceleration: Sequence[float] | Array | None = None,
         about: Sequence[float] | Array | None = None,
         anchor: Sequence[float] | Array | None = None,
+        on: On = None,
     ) -> None:
         check_names(name, frame)
         check_friction(0.0 if friction is None else friction, facets)
@@ -101,10 +109,15 @@ class PointContact:
         put(self, "name", name)
         put(self, "frame", frame)
         put(self, "offset", three(f"offset of contact {name!r}", offset))
-        put(self, "normal", unit_normal(name, normal))
+        told = None if normal is None else unit_normal(name, normal)
+        X_S0 = anchor_point(name, anchor)
+        up = np.array([0.0, 0.0, 1.0]) if told is None and on is None else told
+        plane, measured_from = ground_of(name, on, against, velocity, X_S0, up)
+        put(self, "on", plane)
+        put(self, "_plane", measured_from)
+        put(self, "normal", up if up is not None or plane is None else np.array(plane.normal))
         put(self, "friction", friction)
         put(self, "facets", facets)
-        X_S0 = anchor_point(name, anchor)
         touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
         remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
         put(self, "anchor", None if X_S0 is None else X_S0.translation)
@@ -146,7 +159,7 @@ class PointContact:
         if self.friction == 0.0:
             J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
             error = None if error is None else error[2:]
-        patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction, against)
+        patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction, against, self._plane, 0.0)
         return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
 
     def anchored(self, state: State) -> PointContact:
@@ -179,6 +192,7 @@ class SurfaceContact:
         anchor: Pose of the patch, pin.SE3 in W or in `against`'s axes, where it first touched. The rows' `error` is the
             way from there and the rotation vector from there, in patch axes: its derivative is J v where the error is
             zero, and to first order elsewhere. None gives no error.
+        on: The plane that it stands on; see `PointContact`.
 
     Args:
         name: The contact's role.
@@ -193,10 +207,11 @@ class SurfaceContact:
         acceleration: Likewise.
         about: Point in W, (3,).
         anchor: pin.SE3, a 4 x 4 matrix, or None.
+        on: rbd.Ground, the height of a level ground [m], or None.
 
     Raises:
         InputError: negative friction, a patch without area, both or neither of `half_lengths` and `corners`, `against`
-            together with a motion of the ground.
+            together with a plane or with a motion of the ground.
     """
 
     name: str
@@ -210,8 +225,11 @@ class SurfaceContact:
     acceleration: Array | None
     about: Array | None
     anchor: pin.SE3 | None
+    on: Ground | None
     _cone: Cone = field(init=False, repr=False)
     _touched: Counterpart | None = field(init=False, repr=False)
+    _plane: Ground | None = field(init=False, repr=False)
+    _reach: float = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -228,6 +246,7 @@ class SurfaceContact:
         acceleration: Sequence[float] | Array | None = None,
         about: Sequence[float] | Array | None = None,
         anchor: pin.SE3 | Array | None = None,
+        on: On = None,
     ) -> None:
         check_names(name, frame)
         check_friction(0.0 if friction is None else friction, facets)
@@ -239,6 +258,11 @@ class SurfaceContact:
         put(self, "friction", friction)
         put(self, "facets", facets)
         X_S0 = anchor_placement(name, anchor)
+        plane, measured_from = ground_of(name, on, against, velocity, X_S0)
+        put(self, "on", plane)
+        put(self, "_plane", measured_from)
+        flat = not self.corners[:, 2].any()  # of corners off the patch's own plane no bound is kept
+        put(self, "_reach", float(np.linalg.norm(self.corners, axis=1).max()) if flat else np.inf)
         touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
         remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
         put(self, "anchor", X_S0)
@@ -272,7 +296,7 @@ class SurfaceContact:
                 error = np.concatenate([self._touched.shift(motion, R), turned])
         resultant = np.zeros((6, 6))
         resultant[:3, :3] = resultant[3:, 3:] = R
-        patch = Patch(X_WP.translation, R, self.corners, self.friction, self.against)
+        patch = Patch(X_WP.translation, R, self.corners, self.friction, self.against, self._plane, self._reach)
         return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
 
     def anchored(self, state: State) -> SurfaceContact:

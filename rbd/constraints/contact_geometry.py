@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, is_finite, numbers, three
 from rbd.errors import InputError
+from rbd.ground import Ground, On
 from rbd.state import State
 
 
@@ -83,6 +84,43 @@ def patch_corners(
     if spread[1] <= 1e-9 * max(spread[0], 1e-300) or spread[0] == 0.0:
         raise InputError(f"corners of contact {name!r} lie on one line; a patch needs an area. For a line use LineContact.")
     return out
+
+
+def ground_of(
+    name: str,
+    on: On,
+    against: str | None,
+    velocity: Sequence[float] | Array | None,
+    anchor: pin.SE3 | None,
+    normal: Array | None = None,
+) -> tuple[Ground | None, Ground | None]:
+    """(the plane that was given, the plane that it is measured from: that, or the one through the anchor).
+
+    A contact with another body, or with a ground that carries it away from its anchor, is not measured.
+
+    Args:
+        name: The contact's.
+        on: As given.
+        against: Frame of another body, or None.
+        velocity: Of the ground's surface, or None.
+        anchor: Where the contact first touched, or None.
+        normal: Of a contact that has one; by default the anchor's z.
+
+    Raises:
+        InputError: what is no plane; a plane together with another body, or with another normal.
+    """
+    plane = Ground.of(name, on)
+    if plane is not None and against is not None:
+        raise InputError(f"contact {name!r} has both on= and against=: it touches the ground, or the body of {against!r}.")
+    if plane is not None and normal is not None and float(np.abs(normal - np.asarray(plane.normal)).max()) > 1e-6:
+        raise InputError(
+            f"normal of contact {name!r} is {np.round(normal, 6).tolist()}, and that of the ground it is on is "
+            f"{np.round(np.asarray(plane.normal), 6).tolist()}; leave normal= out, or give both the same."
+        )
+    if plane is not None or anchor is None or against is not None or velocity is not None:
+        return plane, plane
+    n = anchor.rotation[:, 2] if normal is None else normal
+    return None, Ground(point=anchor.translation, normal=n / np.linalg.norm(n))
 
 
 def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:

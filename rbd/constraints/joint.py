@@ -183,13 +183,14 @@ class JointLock:
         _check_state(state, self.name)
         motion = self._motion.of(self, state.robot)
         span = slice(motion.v, motion.v + motion.nv)
-        J, bias, error = np.zeros((motion.nv, state.robot.nv)), np.zeros(motion.nv), None
+        J, bias, error, turns = np.zeros((motion.nv, state.robot.nv)), np.zeros(motion.nv), None, None
         if self.position is None:
             J[:, span] = np.eye(motion.nv)
         else:
             target = motion.target(self.name, np.asarray(self.position))
             error, J[:, span], bias = motion.difference(target, state.q, state.v)
-        return Rows(self.name, J, bias, Free(motion.nv), J[:, span] @ state.v[span], error)
+            turns = motion.period
+        return Rows(self.name, J, bias, Free(motion.nv), J[:, span] @ state.v[span], error, period=turns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +244,8 @@ class JointCoupling:
         if period > 0.0:
             missed = math.remainder(missed, period)
         error = None if math.isnan(period) else np.array([missed])
-        return Rows(self.name, J, np.zeros(1), Free(1), J @ state.v, error)
+        turns = np.array([period]) if period > 0.0 else None
+        return Rows(self.name, J, np.zeros(1), Free(1), J @ state.v, error, period=turns)
 
     def _period(self, *, turns: bool, to_turns: bool) -> float:
         """Up to what the error is known: 0 for exactly, NaN for not at all."""

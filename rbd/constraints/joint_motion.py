@@ -98,6 +98,12 @@ class JointPlace:
             block /= norm
         return out
 
+    @property
+    def period(self) -> Array | None:
+        """Up to which multiples `difference` knows its error, shape (nv,): full turns of angles; None where it knows all."""
+        turns = [2.0 * math.pi * (p.kind in ("circle", "plane") and i == p.nv - 1) for p in self.pieces for i in range(p.nv)]
+        return np.array(turns) if any(turns) else None
+
     def difference(self, target: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """(error, J, J_dot v) of the joint at q from its target, J with respect to its own velocities, shape (nv, nv)."""
         errors, blocks, biases, at = [], [], [], 0

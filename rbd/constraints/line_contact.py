@@ -10,9 +10,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array, a_number
 from rbd.cones import Cone, Free, LineCone, check_friction
-from rbd.constraints.contact_geometry import check_names, check_state, rigid_placement, unit_normal
+from rbd.constraints.contact_geometry import check_names, check_state, ground_of, rigid_placement, unit_normal
 from rbd.constraints.counterpart import Counterpart, RelativeMotion, anchor_placement, changed, counterpart, remember
 from rbd.errors import InputError
+from rbd.ground import Ground, On
 from rbd.rows import Patch, Rows
 from rbd.state import State
 
@@ -39,7 +40,7 @@ class LineContact:
         placement: X_FP, from the frame to the line's middle: the line lies along its x.
         normal: Outward normal of what is touched, a unit vector, shape (3,): in world axes as it is at this state; with
             `against`, in that frame's axes. Without it the placement's z, which tilts with a body that rolls over its
-            edge: give it for one that does. Its part along the line is left out.
+            edge: give it, or `on`, whose normal it then is, for one that does. Its part along the line is left out.
         friction: Coulomb's coefficient, or None.
         facets: Facets of each end's pyramid in a QP; see `PointContact`.
         against: Frame of the other body, in place of the ground; see `PointContact`.
@@ -49,10 +50,11 @@ class LineContact:
         anchor: Pose of the line, pin.SE3 in W or in `against`'s axes, where it first touched. The rows' `error` is the way
             of its middle from there, and how far its direction has turned about y and z; turns about the line do not
             count. Its derivative is J v where the error is zero, and to first order elsewhere. None gives no error.
+        on: The plane that it stands on; see `PointContact`.
 
     Raises:
-        InputError: negative friction, a length that is not above zero, a normal not of unit length, `against` together
-            with a motion of the ground.
+        InputError: negative friction, a length that is not above zero, a normal not of unit length or not that of the plane it
+            is on, `against` together with a plane or with a motion of the ground.
     """
 
     name: str
@@ -67,8 +69,10 @@ class LineContact:
     acceleration: Array | None
     about: Array | None
     anchor: pin.SE3 | None
+    on: Ground | None
     _cone: Cone = field(init=False, repr=False)
     _touched: Counterpart | None = field(init=False, repr=False)
+    _plane: Ground | None = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -85,6 +89,7 @@ class LineContact:
         acceleration: Sequence[float] | Array | None = None,
         about: Sequence[float] | Array | None = None,
         anchor: pin.SE3 | Array | None = None,
+        on: On = None,
     ) -> None:
         check_names(name, frame)
         check_friction(0.0 if friction is None else friction, facets)
@@ -95,10 +100,14 @@ class LineContact:
         put(self, "frame", frame)
         put(self, "half_length", float(half_length))
         put(self, "placement", rigid_placement(f"placement of contact {name!r}", placement))
-        put(self, "normal", None if normal is None else unit_normal(name, normal))
+        told = None if normal is None else unit_normal(name, normal)
+        X_S0 = anchor_placement(name, anchor)
+        plane, measured_from = ground_of(name, on, against, velocity, X_S0, told)
+        put(self, "on", plane)
+        put(self, "_plane", measured_from)
+        put(self, "normal", told if plane is None else np.array(plane.normal))
         put(self, "friction", friction)
         put(self, "facets", facets)
-        X_S0 = anchor_placement(name, anchor)
         touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
         remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
         put(self, "anchor", X_S0)
@@ -129,7 +138,7 @@ class LineContact:
             error = np.concatenate([self._touched.shift(motion, R), [x0[2], -x0[1]]])
         resultant = np.zeros((6, 6))
         resultant[:3, :3] = resultant[3:, 3:] = R
-        patch = Patch(motion.X_WP.translation, R, self.corners, self.friction, self.against)
+        patch = Patch(motion.X_WP.translation, R, self.corners, self.friction, self.against, self._plane, self.half_length)
         return Rows(self.name, J, bias, self._cone, v, error, resultant=resultant[:, _FIVE], patch=patch)
 
     def anchored(self, state: State) -> LineContact:

@@ -28,6 +28,7 @@ from rbd.constraints.contact_geometry import check_state, contact_axes, unit_nor
 from rbd.constraints.counterpart import twist
 from rbd.constraints.nonholonomic import check_words, unit_direction
 from rbd.errors import InputError
+from rbd.ground import Ground
 from rbd.rows import Patch, Rows
 from rbd.state import State
 
@@ -210,6 +211,7 @@ class Plane:
         about: Point of the material in W where velocity and acceleration are given, shape (3,) [m].
         u: Velocity there, linear then angular, shape (6,) [m/s, rad/s].
         s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2].
+        ground: The plane alone.
     """
 
     point: Array
@@ -217,6 +219,7 @@ class Plane:
     about: Array
     u: Array
     s: Array
+    ground: Ground
 
     @property
     def n(self) -> Array:
@@ -260,7 +263,8 @@ def _plane(given: RollingBall | RollingDisk | RollingWheel) -> Plane:
         raise InputError(f"{name!r:.80} has about= without velocity= or acceleration=: it says where these are given.")
     about = point if given.about is None else three(f"about of {name!r:.80}", given.about)
     u, s = twist(f"velocity of {name!r:.80}", given.velocity), twist(f"acceleration of {name!r:.80}", given.acceleration)
-    return Plane(point, contact_axes(unit_normal(name, given.normal)), about, u, s)
+    n = unit_normal(name, given.normal)
+    return Plane(point, contact_axes(n), about, u, s, Ground(point=point, normal=n))
 
 
 def _disk_rows(given: RollingDisk | RollingWheel, state: State, P: Plane, axis: Array, *, normal: bool = True) -> Rows:
@@ -324,7 +328,7 @@ def _rows(
         (R.T @ g)[kept],
         error[kept],
         resultant=R[:, kept],
-        patch=Patch(p, R, np.zeros((1, 3)), given.friction),
+        patch=Patch(p, R, np.zeros((1, 3)), given.friction, None, P.ground if normal else None, 0.0),
         holonomic=np.array([False, False, True])[kept],
     )
 

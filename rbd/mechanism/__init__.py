@@ -16,6 +16,7 @@ from rbd.mechanism.partition import (
 from rbd.mechanism.singularities import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.slider_crank import slider_crank
 from rbd.mechanism.trace import Trace, trace
+from rbd.mechanism.velocity_projection import project_velocity
 from rbd.mechanism.words import Words, classify
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "link_angles",
     "mobility",
     "n_four_bar",
+    "project_velocity",
     "singularities",
     "singularities_along",
     "slider_crank",

@@ -23,7 +23,7 @@ from rbd.errors import (
     nearest,
 )
 from rbd.external import External
-from rbd.least_constraint import Constraint, listed, rows_of
+from rbd.least_constraint import Constraint, listed, rows_of, warn_of_distant
 from rbd.residuals import USABLE
 from rbd.simulation.moment import Event, Moment
 from rbd.simulation.motion import Controller, ExternalAt, Integrator, Motion, Stabilisation
@@ -62,8 +62,9 @@ def simulate(
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
 
-    A contact with friction and without an anchor touches at the start: the ground's plane goes through it there. With
-    `anchor=(0, 0, 0)` the plane goes through that point, and the contact may start above it.
+    A contact with friction whose plane is known (`on=`, the feet of a robot) may start above it, and falls onto it. With an
+    anchor, `anchor=(0, 0, 0)`, the plane goes through that point. Without either it touches at the start: the plane goes
+    through it there. A held contact that is off its plane, or any that is below, gets a `DistantContactWarning`.
 
     Args:
         state: Where it starts, and how fast.
@@ -183,6 +184,7 @@ def _motion(
 ) -> Motion:
     given = listed(constraints)
     rows = rows_of(state, given)
+    warn_of_distant(state.robot, rows, below_only=True, stacklevel=4)
     names = [r.name for r in rows]
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)

@@ -12,6 +12,7 @@ from rbd.cones import Cone, FrictionCone, NonNegative, cross_matrix
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.contact_geometry import contact_axes
 from rbd.constraints.line_contact import LineContact
+from rbd.ground import Ground
 from rbd.simulation.measured import Measured, Structure
 from rbd.state import State
 
@@ -19,8 +20,8 @@ from rbd.state import State
 class OnGround:
     """A contact of a body with the ground, as its points: a toe, the corners of a sole, the ends of an edge.
 
-    The plane goes through the contact's anchor, or through where the contact is at the start, with its normal as it is then;
-    a ground with a velocity along its normal carries the plane along.
+    The plane is the one that the contact stands on (`on`); or goes through its anchor; or through where the contact is at the
+    start, with its normal as it is then. A ground with a velocity along its normal carries the plane along.
     """
 
     def __init__(self, contact: PointContact | SurfaceContact | LineContact, start: State) -> None:
@@ -31,6 +32,8 @@ class OnGround:
         X_WP = start.moving(contact.frame, self.X_FP, pin.LOCAL)[0]
         self.R = _axes_at(contact, X_WP)
         through = X_WP.translation if contact.anchor is None else getattr(contact.anchor, "translation", contact.anchor)
+        if isinstance(contact.on, Ground):
+            through = np.asarray(contact.on.point)
         self.normal = self.R[:, 2]
         self.height = float(self.normal @ through)
         cone: Cone = FrictionCone(mu, int(contact.facets)) if mu else NonNegative(1)
@@ -101,11 +104,24 @@ def _axes_at(contact: PointContact | SurfaceContact | LineContact, X_WP: pin.SE3
     """R_WC: contact axes as they are at the start, or as the anchor has them."""
     if isinstance(contact, PointContact):
         return contact_axes(np.asarray(contact.normal))
+    if isinstance(contact.on, Ground):
+        return _axes_on(contact.on, X_WP.rotation[:, 0])
     if contact.anchor is not None:
         X_WP = contact.anchor
     if isinstance(contact, LineContact) and contact.normal is not None:
         return contact_axes(np.asarray(contact.normal))
     return X_WP.rotation.copy()
+
+
+def _axes_on(ground: Ground, along: Array) -> Array:
+    """Axes of a plane, the first along a direction as far as it goes."""
+    n = np.asarray(ground.normal)
+    x = along - float(along @ n) * n
+    length = float(np.linalg.norm(x))
+    if length < 0.1:
+        return contact_axes(n)
+    x = x / length
+    return np.column_stack([x, cross_matrix(n) @ x, n])
 
 
 class Grounds:

@@ -33,6 +33,11 @@ OPEN = (
     "satisfy the law, this is the one to which points lead that yield ever so little, all alike"
 )
 """The reason of an answer that is one of a family."""
+HELD = (
+    "Coulomb's law admits {n} motions here: this one, and one in which points hold that slide or leave in it, jammed by forces "
+    "that the points give each other; it is the convex law's"
+)
+"""The reason of an answer beside which the convex law's satisfies Coulomb's law too."""
 _FOUND = 1e-10
 """Scaled merit of what is an answer."""
 REFINED = 1e-2
@@ -65,7 +70,9 @@ class ADMM:
     The order is by cost; figures in `docs/design/admm.md`. Under the convex law the motion is unique. Under Coulomb's it
     need not be, nor need there be one where the convex law has none [Acary2011]. Where a sole slides on four corners, how
     they share its load, and so the friction and the motion, is left open by rigid bodies: of that family the answer is the
-    limit of points that yield ever so little, all alike, and `Solution.reason` says so. Else it is the first that is found.
+    limit of points that yield ever so little, all alike, and `Solution.reason` says so. Where points slide or leave that the
+    convex law holds, its motion is tried too: if it satisfies Coulomb's law it stands in `Solution.others` (a box that falls
+    between two walls might as well be jammed). Else the answer is the first that is found.
 
     Attributes:
         law: "coulomb" (maximal dissipation, not a minimum) or "convex" (Gauss's principle).
@@ -156,7 +163,38 @@ class _Search:
                 reason = ""
             if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
                 break
+        if self.coulomb and self.answers and self._might_hold(self.answers[0]):
+            self._try_convex(S, S.guess(first))
         return self._result()
+
+    def _might_hold(self, found: Solution) -> bool:
+        """Whether another motion, in which every loaded point sticks, may satisfy Coulomb's law.
+
+        Let that motion have forces f' and accelerations c', and the found one f and c. |a' - a|_M^2 = -f'.c - f.c' + f.c, and
+        the last two are not positive. So some point of the found motion has c outside K*: it slides faster than it leaves.
+        Where loaded points slide and rows are independent there is as good as none: it is not worth another solve.
+        """
+        P, T, w = self.P, self.P.parts, found.weights
+        assert w is not None
+        at = T.cone_columns
+        y = T.accelerations(P.J @ found.a + P.offset, coulomb=False)[at]
+        terms, push = found.residuals.scales.of_columns(w, self.law)
+        slip, still = np.hypot(y[:, 0], y[:, 1]), SOLVED * terms[at].max(axis=1)
+        slides = (slip > still) & (y[:, 2] < T.mu * slip - still)
+        loaded = w[at][:, 2] > SOLVED * push[at][:, 2]
+        return bool(slides.any()) and (not (slides & loaded).any() or independent_factor(P.delassus) is None)
+
+    def _try_convex(self, S: Scaled, first: Array) -> None:
+        """Keep the convex law's motion if it satisfies Coulomb's law too."""
+        kept, T = len(self.answers), self.P.parts
+        for guess in (lambda: self._by_admm(S, first, False, 1000), lambda: interior_point(S, extra=np.zeros(len(first)))[0]):
+            w, merit, steps = steps_from(S, guess(), coulomb=False, iterations=40)
+            self.iterations += steps
+            if merit < _FOUND:
+                break
+        if self._judge(T.project(S.weights(w))) and len(self.answers) > kept:
+            reason = HELD.format(n=len(self.answers))
+            self.answers[0] = replace(self.answers[0], reason=". ".join(filter(None, (reason, self.answers[0].reason))))
 
     @lazy
     def W(self) -> Array:  # noqa: N802  as in the module's text

@@ -11,7 +11,6 @@ from scipy.optimize import nnls
 from rbd.arrays import Array
 from rbd.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.errors import InputError
-from rbd.parts import REST_SPEED
 from rbd.problem import GaussProblem
 from rbd.reference_problems import ReferenceProblem, reference_problems
 from rbd.solution import Solution, Status
@@ -122,7 +121,7 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
             corners = solution.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
-        cone = _against_motion(rows.cone, rows.velocity)
+        cone = _against_motion(rows.cone, rows.velocity, problem.rest_speed)
         terms = np.maximum(np.abs(rows.J) @ np.abs(a) + np.abs(rows.bias) + np.abs(rows.feedback), 1.0)
         mobility = np.einsum("ij,ji->i", rows.J, np.linalg.solve(M, rows.J.T))
         sizes = terms, np.array([1.0 if x <= 1.0 else 1.0 / x for x in mobility])
@@ -134,15 +133,15 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
     return {what: value if np.isfinite(value) else np.inf for what, value in worst.items()}
 
 
-def _against_motion(cone: Cone, velocity: Array) -> Cone:
+def _against_motion(cone: Cone, velocity: Array, rest: float) -> Cone:
     """The set with the moving components of its boxes at the bound against their motion."""
     if isinstance(cone, Product):
         ends = np.cumsum([part.dim for part in cone.cones])[:-1]
-        return Product([_against_motion(part, u) for part, u in zip(cone.cones, np.split(velocity, ends), strict=True)])
-    if not isinstance(cone, Box) or not (np.abs(velocity) > REST_SPEED).any():
+        return Product([_against_motion(part, u, rest) for part, u in zip(cone.cones, np.split(velocity, ends), strict=True)])
+    if not isinstance(cone, Box) or not (np.abs(velocity) > rest).any():
         return cone
-    lo = np.where((velocity < -REST_SPEED) & np.isfinite(cone.hi), cone.hi, cone.lo)
-    return Box(lo, np.where((velocity > REST_SPEED) & np.isfinite(cone.lo), cone.lo, cone.hi))
+    lo = np.where((velocity < -rest) & np.isfinite(cone.hi), cone.hi, cone.lo)
+    return Box(lo, np.where((velocity > rest) & np.isfinite(cone.lo), cone.lo, cone.hi))
 
 
 def _gaps(

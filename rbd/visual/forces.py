@@ -15,6 +15,7 @@ from rbd.polygon import convex_hull, inside_distance
 
 if TYPE_CHECKING:
     from rbd.equilibrium import Hold
+    from rbd.ground import Ground
     from rbd.rows import Patch
     from rbd.solution import Solution
     from rbd.state import State
@@ -150,7 +151,40 @@ def support_polygon(contacts: Iterable[ShownForce]) -> Array:
     contacts whose normal leans more than 45 degrees and those between two bodies are left out, friction and torque limits
     are ignored. Fewer than three corners come out where the contacts are points, or lie on a line.
     """
-    contacts = [c for c in contacts if c.patch.against is None]
-    least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in contacts)
-    below = [c.corners[:, :2] for c in contacts if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]
+    below = [c.corners[:, :2] for c in _supporting(contacts)]
     return convex_hull(np.vstack(below)) if below else np.zeros((0, 2))
+
+
+def support_outline(contacts: Iterable[ShownForce]) -> Array:
+    """The corners of `support_polygon` in W, shape (k, 3) [m]: each on the plane that its contact stands on.
+
+    On z = 0 of contacts whose plane is not known. On stairs the corners have different heights.
+    """
+    given = _supporting(contacts)
+    hull = support_polygon(given)
+    if not len(hull):
+        return np.zeros((0, 3))
+    corners = np.vstack([c.corners for c in given])
+    planes = [c.patch.on for c in given for _ in c.corners]
+    nearest = [int(np.argmin(((corners[:, :2] - p) ** 2).sum(axis=1))) for p in hull]
+    return np.column_stack([hull, [_height(planes[i], p) for i, p in zip(nearest, hull, strict=True)]])
+
+
+def ground_under(point: Array, contacts: Iterable[ShownForce]) -> float:
+    """Height of the ground in W under a point, for the mark below the centre of mass [m].
+
+    Of the plane that all contacts stand on; on stairs that of the lowest; zero where none is known.
+    """
+    planes = [c.patch.on for c in contacts if c.patch.against is None and c.patch.axes[2, 2] > UPRIGHT]
+    return min((_height(plane, point) for plane in planes), default=0.0)
+
+
+def _height(plane: Ground | None, point: Array) -> float:
+    return 0.0 if plane is None else plane.below(float(point[0]), float(point[1]))
+
+
+def _supporting(contacts: Iterable[ShownForce]) -> list[ShownForce]:
+    """Contacts with the ground that press, on what is not steeper than 45 degrees."""
+    given = [c for c in contacts if c.patch.against is None]
+    least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in given)
+    return [c for c in given if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]

@@ -110,21 +110,26 @@ def push_mark(number: int, point: Array, force: Array, sizes: Sizes) -> Mark:
     return Mark(f"pushes/{number}", mesh, PUSH_COLOR, seen_through=True)
 
 
-def support_marks(hull: Array, sizes: Sizes) -> list[Mark]:
-    """The support polygon on the ground: an area, a segment for two corners, a dot for one."""
-    if len(hull) == 0:
+def support_marks(outline: Array, sizes: Sizes) -> list[Mark]:
+    """The support polygon on the ground: an area, a segment for two corners, a dot for one.
+
+    Args:
+        outline: Its corners in W, on the ground, shape (k, 3) [m].
+        sizes: Of all marks.
+    """
+    if len(outline) == 0:
         return []
-    flat = np.column_stack([hull, np.full(len(hull), sizes.lift)])
-    edge = shapes.tube(flat, radius=1.8 * sizes.line, closed=len(hull) > 2)
+    flat = outline + [0.0, 0.0, sizes.lift]
+    edge = shapes.tube(flat, radius=1.8 * sizes.line, closed=len(outline) > 2)
     marks = [Mark("support/outline", edge, SUPPORT_COLOR, seen_through=True)]
-    if len(hull) > 2:
+    if len(outline) > 2:
         marks.append(Mark("support/area", shapes.polygon(flat), SUPPORT_COLOR, 0.25))
     return marks
 
 
-def com_marks(com: Array, sizes: Sizes) -> list[Mark]:
-    """The centre of mass, its drop line, and a ring with a cross where the line meets the ground z = 0."""
-    foot = np.array([com[0], com[1], sizes.lift])
+def com_marks(com: Array, sizes: Sizes, ground: float = 0.0) -> list[Mark]:
+    """The centre of mass, its drop line, and a ring with a cross where the line meets the ground, at a height of W [m]."""
+    foot = np.array([com[0], com[1], ground + sizes.lift])
     r = 0.028 * sizes.body
     ring = shapes.ring(foot, np.eye(3), r, thickness=0.8 * sizes.line)
     cross = [

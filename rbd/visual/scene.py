@@ -22,7 +22,7 @@ from rbd.state import State
 from rbd.visual import marks
 from rbd.visual.arguments import a_length, a_page
 from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, distinct_colors, rgb_number
-from rbd.visual.forces import Push, ShownForce, pushes, shown_forces, support_polygon
+from rbd.visual.forces import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
 from rbd.visual.page import offline_page, write_page
 from rbd.visual.recorder import Recorder
 from rbd.visual.robot_parts import RobotPart, largest_color, robot_parts
@@ -320,7 +320,8 @@ class Scene:
     def _marks(self, com: Array, pushed: list[tuple[str, Array, Array]]) -> list[marks.Mark]:
         sizes = self._shown()
         colors = contact_colors(self._seen)
-        drawn = marks.com_marks(com, sizes) + marks.support_marks(support_polygon(self._contacts), sizes)
+        drawn = marks.com_marks(com, sizes, ground_under(com, self._contacts))
+        drawn += marks.support_marks(support_outline(self._contacts), sizes)
         for contact in self._contacts:
             drawn += marks.contact_marks(contact, colors[contact.name], sizes)
         drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
@@ -350,7 +351,7 @@ class Scene:
         sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
         what = marks.legend(self._robot.name, self._contacts, colors, sizes)
         rest = [*self._others.items(), ("centre of mass, drop line", COM_COLOR)]
-        if len(support_polygon(self._contacts)):
+        if len(support_outline(self._contacts)):
             rest.append(("support polygon", SUPPORT_COLOR))
         entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]
         notes = []

@@ -70,7 +70,7 @@ def test_a_loop_inside_a_robot_changes_nobodys_momentum(bent, kind):
     loop = rbd.LoopClosure("loop", "left_sole_link", "right_sole_link", kind=kind)
     J = loop.rows(bent).J
     assert np.abs(J[:, :6]).max() < 1e-14 < 0.1 < np.abs(J[:, 6:]).max()
-    s = rbd.solve(bent, np.zeros(bent.robot.nu), [loop, *bent.robot.soles(None)[:1]], solver=rbd.KKT())
+    s = rbd.solve(bent, np.zeros(bent.robot.nu), [loop, *bent.robot.soles(None, on=None)[:1]], solver=rbd.KKT())
     assert s.status == "solved" and s.residuals.centroidal.scaled < 1e-12
 
 

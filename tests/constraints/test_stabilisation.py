@@ -208,7 +208,7 @@ class TestWhatItDoesToTheMotion:
         state = talos.at(pin.integrate(talos.model, talos.standing().q, 0.01 * rng.normal(size=talos.nv)))
         knees = [rbd.JointLock(j, j, position=0.5) for j in ("leg_left_4_joint", "leg_right_4_joint")]
         again = rbd.JointLock("again", "leg_left_4_joint", position=0.5)
-        plain = [*talos.soles(None), *knees, again]
+        plain = [*talos.soles(None, on=None), *knees, again]
         tau = np.zeros(talos.nu)
         bare = rbd.solve(state, tau, plain, solver=solver)
         fed = rbd.solve(state, tau, [rbd.Baumgarte(20.0).of(c) for c in plain], solver=solver)

@@ -33,7 +33,7 @@ def pushed_states(name: str, count: int, seed: int, contacts=None, noise=(2.0, 6
             bend = np.r_[np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)]
             state = rbd.State(robot, pin.integrate(robot.model, standing.q, bend))
         tau = hold + rng.uniform(*noise) * rng.normal(size=robot.nu)
-        yield rbd.gauss_problem(state, tau, robot.feet(mu) if contacts is None else contacts(robot, mu))
+        yield rbd.gauss_problem(state, tau, robot.feet(mu, on=None) if contacts is None else contacts(robot, mu))
 
 
 def signorini_and_coulomb(s: rbd.Solution) -> float:
@@ -67,7 +67,7 @@ def hands_and_feet(robot, mu):
     """Two soles, two hands on walls, an elbow: 21 rows."""
     tilted = np.array([0.6, 0.0, 0.8])
     return [
-        *robot.soles(mu),
+        *robot.soles(mu, on=None),
         rbd.PointContact("left_hand", "gripper_left_base_link", normal=(0.0, -1.0, 0.0), friction=mu),
         rbd.PointContact("right_hand", "gripper_right_base_link", normal=(0.0, 1.0, 0.0), friction=mu),
         rbd.PointContact("elbow", "arm_left_4_link", normal=tilted, friction=mu),
@@ -87,7 +87,7 @@ def mixed(robot, mu):
     """A rubbing sole, a smooth toe, a held hand."""
     toe = robot.soles()[1]
     return [
-        robot.soles(mu)[0],
+        robot.soles(mu, on=None)[0],
         rbd.PointContact("toe", toe.frame, offset=toe.placement.translation, friction=0.0),
         rbd.PointContact("hand", "gripper_left_base_link", normal=(1.0, 0.0, 0.0)),
     ]

@@ -29,7 +29,7 @@ def pushed_problems(name: str, count: int, seed: int):
             bend = np.r_[np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)]
             state = rbd.State(robot, pin.integrate(robot.model, standing.q, bend))
         tau = hold + noise * rng.normal(size=robot.nu)
-        yield noise, mu, rbd.gauss_problem(state, tau, robot.soles(mu))
+        yield noise, mu, rbd.gauss_problem(state, tau, robot.soles(mu, on=None))
 
 
 @pytest.mark.parametrize("name", ["talos", "talos_full", "g1", "g1_hands"])

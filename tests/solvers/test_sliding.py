@@ -300,7 +300,8 @@ class TestSlidingBox:
         w, x, h, m, inertia = 0.5, 0.2, 0.5, self.mass, self.moment
         turn, edge = np.array([0.0, w, 0.0]), np.array([x, 0.0, -h])
         v = np.array([slide, 0.0, 0.0]) - np.cross(turn, edge)
-        s = self.ask(self.state(v, turn), mu)
+        with pytest.warns(rbd.OpeningContactWarning, match=r"'sole' \(points 3, 4 of 4\)"):
+            s = self.ask(self.state(v, turn), mu)
         parts = s.problem.parts
         assert parts.opening == ("sole",) and len(parts.sliding) == (2 if slide else 0)
         if slide:
@@ -504,7 +505,8 @@ class TestTalos:
         left, right = robot.soles(friction=0.3)
         J = np.vstack([left.rows(state).J, right.rows(state).J])
         v = np.linalg.lstsq(J, np.r_[0, 0, 0.2, 0, 0, 0, 0.2, 0, 0, 0, 0, 0], rcond=None)[0]
-        s = rbd.solve(state.with_velocity(v), tau, [left, right], solver=COULOMB)
+        with pytest.warns(rbd.OpeningContactWarning, match="'left_sole' at up to 0.2 m/s"):
+            s = rbd.solve(state.with_velocity(v), tau, [left, right], solver=COULOMB)
         assert s.forces["left_sole"] == pytest.approx(np.zeros(6)) and s.status == "solved"
         assert s.contacts["right_sole"].friction_used == pytest.approx(1.0)
 

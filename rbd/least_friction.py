@@ -1,0 +1,152 @@
+"""The least coefficient of friction with which contacts balance a robot, under circular cones: bracketed by proofs.
+
+With coefficients mu the question is whether weights w of simple sets and of cones |w_t| <= mu w_n meet
+
+    A w = b        |t - T w| <= 1        lower <= w <= upper ,
+
+where no motor is, at the motors, and of what is no cone. A linear program over some rays of each cone gives the least miss
+s = |A w - b|_1 + what the motors exceed their limits by. Its multipliers price all other rays of the circular cone: the best
+one, along the multiplier's own tangent, is added where it would lower s. Either s comes to zero, and forces inside the
+circular cones balance; or no ray lowers it, and the multipliers separate: none does. Bisection in mu brackets the least one.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linprog
+
+from rbd.arrays import Array
+
+MOST = 10.0
+"""Coefficients above this are not looked for."""
+BRACKET = 1e-6
+"""How near the two sides come, relative."""
+MET = 1e-8
+"""A miss up to this, over the body weight, is none."""
+SECONDS = 5.0
+"""Longest search; what is not bracketed till then is not told."""
+_ROUNDS = 60
+
+
+def told(mu: float) -> str:
+    """A coefficient that was found, rounded up to four digits: so much does."""
+    if mu <= 0.0:
+        return "0"
+    digit = 10.0 ** (math.floor(math.log10(mu)) - 3)
+    return f"{math.ceil(mu * (1.0 - 2.0 * BRACKET) / digit) * digit:.4g}"
+
+
+@dataclass(eq=False)
+class Balance:
+    """What contact forces must meet, in units of the body weight, and of each motor's limit.
+
+    Attributes:
+        A: Generalised forces where no motor is, of unit weights, shape (e, p).
+        b: What they must come to, shape (e,).
+        T: Likewise at the motors, shape (n, p).
+        t: Load of the motors without contact forces, shape (n,).
+        lower: Bounds of the weights, shape (p,); of cones' columns they are not looked at.
+        upper: Likewise.
+        cone_at: First columns of the cones (tangent, tangent, normal), shape (k,).
+        mu: Their own coefficients, shape (k,).
+        yields: Which of them take a larger one, shape (k,), of truth values.
+    """
+
+    A: Array
+    b: Array
+    T: Array
+    t: Array
+    lower: Array
+    upper: Array
+    cone_at: Array
+    mu: Array
+    yields: Array
+    _rays: list[tuple[int, Array]] = field(default_factory=list, init=False)
+    _until: float = field(default=0.0, init=False)
+
+    def least(self) -> float | None:
+        """The least coefficient that balances, at all cones that take a larger one; None above `MOST`, or if not found in time.
+
+        What those are given already counts: zero, say, where they balance as they are.
+        """
+        self._until = time.monotonic() + SECONDS
+        self._rays = self._first_rays()
+        low, high = 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
+        while not (found := self._balances(high)):
+            if found is None or high >= MOST:
+                return None
+            low, high = high, min(MOST, 2.0 * high)
+        while high - low > BRACKET * high and high > 1e-6:
+            middle = 0.5 * (low + high)
+            found = self._balances(middle)
+            if found is None:
+                return None
+            low, high = (low, middle) if found else (middle, high)
+        return high
+
+    def holds(self) -> bool:
+        """Whether the cones balance as they are."""
+        self._until = time.monotonic() + SECONDS
+        self._rays = self._first_rays()
+        return bool(self._balances(0.0))
+
+    def _first_rays(self) -> list[tuple[int, Array]]:
+        """Eight around each cone: (which cone, unit vector of the ray's tangent)."""
+        return [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in np.arange(8) * (np.pi / 4.0)]
+
+    def _balances(self, mu: float) -> bool | None:
+        """Whether it does with this coefficient; None where that was not found out."""
+        coefficients = np.where(self.yields, np.maximum(mu, self.mu), self.mu)
+        for _ in range(_ROUNDS):
+            solved = self._program(coefficients)
+            if solved is None or time.monotonic() > self._until:
+                return None
+            miss, price = solved
+            if miss <= MET:
+                return True
+            better = []
+            for i, at in enumerate(self.cone_at.tolist()):
+                q = price[at : at + 3]
+                size = float(np.hypot(q[0], q[1]))
+                # A newton along the best ray of the cone lowers the miss by this much.
+                gain = coefficients[i] * size + float(q[2])
+                if size > 0.0 and gain > 1e-6 * miss:
+                    better.append((i, q[:2] / size))
+            new = [(i, d) for i, d in better if not any(j == i and d @ e > 1.0 - 1e-14 for j, e in self._rays)]
+            if not new:
+                return False
+            self._rays += new
+        return None
+
+    def _program(self, mu: Array) -> tuple[float, Array] | None:
+        """(the least miss over the rays, what a unit of each column lowers it by, shape (p,)); None where HiGHS fails."""
+        p, e, n = len(self.lower), len(self.b), len(self.t)
+        loose = np.ones(p, bool)
+        for at in self.cone_at.tolist():
+            loose[at : at + 3] = False
+        rays = np.zeros((p, len(self._rays)))
+        for k, (i, d) in enumerate(self._rays):
+            at = int(self.cone_at[i])
+            rays[at : at + 3, k] = mu[i] * d[0], mu[i] * d[1], 1.0
+        C = np.hstack([np.eye(p)[:, loose], rays])
+        A_eq = np.hstack([self.A @ C, np.eye(e), -np.eye(e), np.zeros((e, n))])
+        TC, none, over = self.T @ C, np.zeros((n, 2 * e)), np.eye(n)
+        A_ub = np.vstack([np.hstack([TC, none, -over]), np.hstack([-TC, none, -over])])
+        positive = [(0.0, None)] * (len(self._rays) + 2 * e + n)
+        bounds = [*zip(self.lower[loose], self.upper[loose], strict=True), *positive]
+        answer = linprog(
+            np.r_[np.zeros(C.shape[1]), np.ones(2 * e + n)], A_ub, np.r_[1.0 + self.t, 1.0 - self.t], A_eq, self.b,
+            bounds=bounds, method="highs", options={
+                "time_limit": max(0.01, self._until - time.monotonic()),
+                "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10,
+            },
+        )  # fmt: skip
+        if answer.status != 0:
+            return None
+        y, z = np.asarray(answer.eqlin.marginals), np.asarray(answer.ineqlin.marginals)
+        price = self.A.T @ y + self.T.T @ (z[:n] - z[n:])
+        return float(answer.fun), price
