@@ -13,13 +13,13 @@ circular cones balance; or no ray lowers it, and the multipliers separate: none 
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import linprog
 
+from rbd import limits
 from rbd.arrays import Array
+from rbd.programs import linear_program
 
 MOST = 10.0
 """Coefficients above this are not looked for."""
@@ -27,9 +27,7 @@ BRACKET = 1e-6
 """How near the two sides come, relative."""
 MET = 1e-8
 """A miss up to this, over the body weight, is none."""
-SECONDS = 5.0
-"""Longest search; what is not bracketed till then is not told."""
-_ROUNDS = 60
+
 
 
 def told(mu: float) -> str:
@@ -66,14 +64,14 @@ class Balance:
     mu: Array
     yields: Array
     _rays: list[tuple[int, Array]] = field(default_factory=list, init=False)
-    _until: float = field(default=0.0, init=False)
+    _left: int = field(default=0, init=False)
 
     def least(self) -> float | None:
-        """The least coefficient that balances, at all cones that take a larger one; None above `MOST`, or if not found in time.
+        """The least coefficient that balances, at all cones that take a larger one; None above `MOST`, or if not found within the limit of programs.
 
         What those are given already counts: zero, say, where they balance as they are.
         """
-        self._until = time.monotonic() + SECONDS
+        self._left = limits.FRICTION_PROGRAMS
         self._rays = self._first_rays()
         low, high = 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
         while not (found := self._balances(high)):
@@ -90,7 +88,7 @@ class Balance:
 
     def holds(self) -> bool:
         """Whether the cones balance as they are."""
-        self._until = time.monotonic() + SECONDS
+        self._left = limits.FRICTION_PROGRAMS
         self._rays = self._first_rays()
         return bool(self._balances(0.0))
 
@@ -101,9 +99,10 @@ class Balance:
     def _balances(self, mu: float) -> bool | None:
         """Whether it does with this coefficient; None where that was not found out."""
         coefficients = np.where(self.yields, np.maximum(mu, self.mu), self.mu)
-        for _ in range(_ROUNDS):
+        while self._left > 0:
+            self._left -= 1
             solved = self._program(coefficients)
-            if solved is None or time.monotonic() > self._until:
+            if solved is None:
                 return None
             miss, price = solved
             if miss <= MET:
@@ -138,15 +137,11 @@ class Balance:
         A_ub = np.vstack([np.hstack([TC, none, -over]), np.hstack([-TC, none, -over])])
         positive = [(0.0, None)] * (len(self._rays) + 2 * e + n)
         bounds = [*zip(self.lower[loose], self.upper[loose], strict=True), *positive]
-        answer = linprog(
-            np.r_[np.zeros(C.shape[1]), np.ones(2 * e + n)], A_ub, np.r_[1.0 + self.t, 1.0 - self.t], A_eq, self.b,
-            bounds=bounds, method="highs", options={
-                "time_limit": max(0.01, self._until - time.monotonic()),
-                "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10,
-            },
-        )  # fmt: skip
-        if answer.status != 0:
+        cost = np.r_[np.zeros(C.shape[1]), np.ones(2 * e + n)]
+        reach = np.r_[1.0 + self.t, 1.0 - self.t]
+        answer = linear_program(cost, A_ub, reach, A_eq, self.b, bounds=bounds, tolerance=1e-10)
+        if not answer.solved:
             return None
-        y, z = np.asarray(answer.eqlin.marginals), np.asarray(answer.ineqlin.marginals)
+        y, z = answer.equal, answer.lower
         price = self.A.T @ y + self.T.T @ (z[:n] - z[n:])
-        return float(answer.fun), price
+        return answer.value, price

@@ -36,6 +36,9 @@ ENDS_WORK = 1.2e10
 FORCE_CHOICE_WORK = 4e9
 """Multiplications for the forces of minimum norm, about 1.5 s on one core. A hundred contacts need a hundredth of it."""
 
+FRICTION_PROGRAMS = 400
+"""Linear programs in the search for the least coefficient of friction that holds a pose. Two soles need some fifty."""
+
 CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100
