@@ -9,19 +9,17 @@ import numpy as np
 from rbd.arrays import Array, largest
 from rbd.simulation.held_rows import OWED
 from rbd.simulation.motion import Motion
+from rbd.simulation.nearness import CLOSED, Nearness
 from rbd.simulation.projection import ZERO, Projection, correction, inertia_factor, project_position
 from rbd.simulation.snapshot import Points, Snapshot
 from rbd.state import State
-
-CLOSED = 1e-9
-"""Closed points are left alone up to this gap or depth [m, rad]."""
 
 
 class Closing:
     """Puts positions back: of what holds, if that is kept by projection, and of points that are closed or too deep."""
 
-    def __init__(self, motion: Motion, points: Points) -> None:
-        self.points = points
+    def __init__(self, motion: Motion, points: Points, nearness: Nearness) -> None:
+        self.points, self.nearness = points, nearness
         given = motion.stabilisation
         self.holds = isinstance(given, Projection)
         self.projection = given if isinstance(given, Projection) else Projection()
@@ -36,17 +34,20 @@ class Closing:
         """
         layout = at.layout
         held = layout.held if self.holds else np.zeros(len(at.error), bool)
-        pressed = layout.pushes & (closed | (at.gap < -CLOSED))
-        if largest(at.error[held]) <= self.projection.tolerance and largest(at.gap[pressed]) <= CLOSED:
+        size = self.nearness.of(at).size
+        pressed = layout.pushes & (closed | (at.gap < -CLOSED * size))
+        size = size[pressed]
+        if largest(at.error[held]) <= self.projection.tolerance and largest(at.gap[pressed] / size) <= CLOSED:
             return at
         rows = np.concatenate([np.flatnonzero(held), layout.normals[pressed]])
+        units = np.concatenate([np.ones(int(held.sum())), size])
         seen = {id(at.state): at}
 
         def equations(state: State) -> tuple[Array, Array]:
             now = seen[id(state)] = seen.get(id(state)) or self.points.at(state, t)
             if now.layout is not layout:  # points have come into sight or gone: the rest is the next step's
                 return at.J[:0], at.error[:0]
-            return now.J[rows], np.concatenate([now.error[held], now.gap[pressed]])
+            return now.J[rows] / units[:, None], np.concatenate([now.error[held], now.gap[pressed]]) / units
 
         return seen[id(project_position(at.state, equations, self.projection))]
 

@@ -35,6 +35,7 @@ from rbd.simulation.carry import Carry
 from rbd.simulation.closing import Closing, first_crossing
 from rbd.simulation.moment import Moment
 from rbd.simulation.motion import Motion
+from rbd.simulation.nearness import Nearness
 from rbd.simulation.sliding import stopping, turned_back
 from rbd.simulation.snapshot import Layout, Points, Snapshot, touches_of
 from rbd.simulation.sources import sources_of
@@ -42,8 +43,6 @@ from rbd.simulation.velocity_problem import VelocityAnswer, VelocitySolver
 from rbd.simulation.watch import SLIDES, Watch, slide
 from rbd.state import State
 
-TOUCHES = 1e-7
-"""A point touches when its gap is at most this [m, rad]."""
 _STILL = 1e-7
 """A point that arrives slower than this [m/s, rad/s] needs no impulse."""
 
@@ -126,13 +125,15 @@ class _Run:
         self.points = Points(sources_of(motion.constraints, start))
         self.solver = VelocitySolver(motion.law)
         self.bases = Bases(start.robot)
-        self.closing = Closing(motion, self.points)
+        self.nearness = Nearness(start)
+        self.closing = Closing(motion, self.points, self.nearness)
         self.feedback = motion.stabilisation if isinstance(motion.stabilisation, Baumgarte) else None
         self.restitution = dict(motion.restitution or {})
         self.names = tuple(c.name for c in motion.constraints)
         self.watch = Watch()
         self.force = np.zeros(0)  # row forces to start from, of the last layout
         self.at = self.points.at(start, 0.0)
+        self.closed = self.at.gap <= self.nearness.of(self.at).loose  # what touched in the step before
         self.before: _Begun | None = None  # the step before, where this one goes on like it
         self.told: Array | None = None  # the points' velocities as the law of the step before has them
 
@@ -154,7 +155,7 @@ class _Run:
     def _coming(self, t: float, h: float) -> _Begun:
         """The first half of a step: solved, or as the step before went on. It does not depend on what is recorded."""
         at, before = self.at, self.before
-        if not self.settings.extrapolate or before is None or not np.array_equal(at.gap <= TOUCHES, before.active):
+        if not self.settings.extrapolate or before is None or not np.array_equal(self._touching(), before.active):
             return self._begin(t, h)
         part = 0.5 * h / before.h
         v, u = at.state.v, at.velocity
@@ -167,7 +168,7 @@ class _Run:
     def _begin(self, t: float, h: float, more: Array | None = None) -> _Begun:
         """The first half of a step from where we are."""
         at, half = self.at, 0.5 * h
-        active = at.gap <= TOUCHES if more is None else (at.gap <= TOUCHES) | more
+        active = self._touching() if more is None else self._touching() | more
         tau, force = self.motion.forces(at.state, t)
         v, spin = at.state.v, self.bases.spin(at.state.v)
         # The law knows that what is closed is still; J v is so to O(h^2) only, which half a step would make O(h) of a force.
@@ -184,6 +185,12 @@ class _Run:
             if shift is not None:
                 answer = self.solver.solve(at, active, rhs, offset, half, answer.impulse, shift)
         return _Begun(at, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+
+    def _touching(self) -> Array:
+        """Which points touch where we are, shape (k,): those at no gap, and those that were closed and have not gone far."""
+        gap, near = self.at.gap, self.nearness.of(self.at)
+        touching: Array = (gap <= near.tight) | (self.closed & (gap <= near.loose))
+        return touching
 
     def _finish(self, t: float, begun: _Begun, h: float) -> tuple[Snapshot, VelocityAnswer, Snapshot]:
         """(where a step of length h ends before positions are put right, velocities and impulses, its middle)."""
@@ -258,7 +265,7 @@ class _Run:
 
         One that comes into sight below the surface and moves away, as another corner of a hull may, has not come through it.
         """
-        deep: Array = ~begun.seen_in(end.layout).active & (end.gap < -TOUCHES)
+        deep: Array = ~begun.seen_in(end.layout).active & (end.gap < -self.nearness.of(end).tight)
         if end.layout is not begun.at.layout and deep.any():
             deep &= Carry(begun.at.layout, end.layout).known | (end.approach < -_STILL)
         return deep
@@ -287,12 +294,13 @@ class _Run:
             gap, rate = carry.points(at_low.gap, np.inf)[through], carry.rows(at_low.velocity)[n]
             unseen = ~np.isfinite(gap)  # it was beyond the margin: by a straight line back from where it is
             rate[unseen] = at_high.velocity[n][unseen]
-            gap[unseen] = np.maximum(at_high.gap[through][unseen] - rate[unseen] * (high - low), 2.0 * TOUCHES)
+            least = 2.0 * self.nearness.of(at_high).tight[through]
+            gap[unseen] = np.maximum(at_high.gap[through] - rate * (high - low), least)[unseen]
             s = low + first_crossing(gap, rate, at_high.gap[through], at_high.velocity[n], high - low)
             found, answer, middle = self._finish(t, begun, s)
-            apart = found.gap[~begun.seen_in(found.layout).active]
+            apart = (found.gap / self.nearness.of(found).tight)[~begun.seen_in(found.layout).active]
             deepest = float(apart.min(initial=np.inf))
-            if abs(deepest) <= TOUCHES or high - low < 1e-12 * h:
+            if abs(deepest) <= 1.0 or high - low < 1e-12 * h:
                 return s, found, answer, middle
             if deepest > 0.0:
                 low, at_low = s, found
@@ -322,17 +330,25 @@ class _Run:
         self.told = answer.velocity if end.layout is layout else None
         self.force = self.force if end.layout is layout else np.zeros(len(end.velocity))
         self.at = end
+        if end.layout is layout:
+            self.closed = then.active
+        else:
+            self.closed = Carry(layout, end.layout).points(then.active, False)
         self._strike(t + h, then.active if end.layout is layout else None)
 
     def _strike(self, t: float, closed: Array | None = None) -> None:
         """Impacts of the points that touch and approach: of those that were not closed before, however slowly they come."""
         at, layout = self.at, self.at.layout
-        touches, approach = at.gap <= TOUCHES, at.approach
+        touches, approach = self._touching(), at.approach
         slow = -self.settings.impact_speed
         limit = np.where(closed, slow, -_STILL) if closed is not None and len(closed) == len(touches) else -_STILL
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (closed is not None or at.drift_rate <= _STILL):
             return
+        if arrives.any():  # what is as near as closed points may be is struck together with what arrives
+            touches = touches | (at.gap <= self.nearness.of(at).loose)
+            arrives = touches & layout.pushes & (approach < limit)
+        self.closed = touches
         offset = at.velocity - at.J @ at.state.v
         n = layout.normals[arrives]
         e = np.array([self.restitution.get(layout.owners[i], 0.0) for i in np.flatnonzero(arrives)])

@@ -1,0 +1,100 @@
+"""Bodies of a tenth of a millimetre and of ten metres strike when they should: what touches is told by their size."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from closed_forms import RockingBlock
+from courses import G
+from flat_bodies import flat_body, flat_state, floor_point
+
+import rbd
+
+SIZES = pytest.mark.parametrize("size", [1e-4, 2e-3, 0.05, 1.0, 10.0])
+
+
+def _block(size, *, width=0.4, gravity=G):
+    """(robot, its Housner block, its two edges above the floor): a block of this height [m], of water."""
+    mass = 1e3 * width * size**3
+    block = RockingBlock(mass, 0.5 * width * size, 0.5 * size, mass * size**2 * (width**2 + 1.0) / 12.0)
+    at = ((-block.width, -block.height), (block.width, -block.height))
+    edges = [floor_point(f"edge{i}", p, friction=1.0) for i, p in enumerate(at)]
+    return flat_body(mass, block.inertia, gravity=gravity), block, edges
+
+
+def _strikes(found):
+    return [event for event in found.events if event.kind == "touches"]
+
+
+@SIZES
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_a_block_that_falls_strikes_after_the_root_of_twice_its_height_over_g(size, extrapolate):
+    """From a height of a tenth of its size, flat: both edges at once, at sqrt(2 g h)."""
+    robot, block, edges = _block(size)
+    height = 0.1 * size
+    t, speed = math.sqrt(2.0 * height / G), math.sqrt(2.0 * height * G)
+    start = flat_state(robot, (0.0, block.height + height, 0.0))
+    by = rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, edges, duration=1.5 * t, step=0.07 * t, integrator=by, progress=False)
+    assert [event.name for event in _strikes(found)] == ["edge0", "edge1"]
+    for event in _strikes(found):
+        assert abs(event.t - t) < 1e-9 * t
+        assert abs(event.speed - speed) < 1e-9 * speed
+    assert abs(found.q[-1, 1] - block.height) < 1e-9 * size
+    weight = sum(found.forces[edge.name][-1, 2] for edge in edges)
+    assert abs(weight - block.mass * G) < 1e-6 * block.mass * G
+
+
+@SIZES
+@pytest.mark.parametrize("gap", [1e-4, 3e-6])
+def test_a_block_that_starts_a_hair_above_the_floor_falls_first(size, gap):
+    """Gaps of a millionth of its size and more are seen: it strikes when it has fallen through them."""
+    robot, block, edges = _block(size)
+    gap = gap * min(size, 1.0)
+    t = math.sqrt(2.0 * gap / G)
+    start = flat_state(robot, (0.0, block.height + gap, 0.0))
+    found = rbd.simulate(start, edges, duration=2.0 * t, step=0.15 * t, restitution=0.0, progress=False)
+    assert len(_strikes(found)) == 2
+    assert all(abs(event.t - t) < 1e-5 * t for event in _strikes(found))
+
+
+@pytest.mark.parametrize("size", [1e-4, 2e-3, 0.1])
+def test_a_block_that_is_lowered_slowly_strikes_in_time(size):
+    """At 5 micrometres a second, without gravity: 1e-7 m are 20 ms; it strikes when its gap is zero."""
+    robot, block, edges = _block(size, gravity=0.0)
+    gap, speed = 1e-6, 5e-6
+    start = flat_state(robot, (0.0, block.height + gap, 0.0), (0.0, -speed, 0.0))
+    found = rbd.simulate(start, edges, duration=0.3, step=0.013, progress=False)
+    assert len(_strikes(found)) == 2
+    assert all(abs(event.t - gap / speed) < 1e-6 for event in _strikes(found))
+
+
+@SIZES
+@pytest.mark.parametrize("tilt", [0.2, 1e-3])
+def test_a_block_rocks_as_housner_says_at_any_size(size, tilt):
+    """Times of its first two impacts, in units of the root of its size: those of Housner's equation."""
+    robot, block, edges = _block(size)
+    unit = math.sqrt(size)
+    until = (1.0 if tilt > 0.1 else 0.06) * unit
+    course = block.course(tilt, until)
+    start = block.place(np.array([tilt, 0.0]), 1.0)
+    found = rbd.simulate(flat_state(robot, start[:3], start[3:]), edges, duration=until, step=0.01 * until, progress=False)
+    true = [t for t, word in course.events if word == "impact"][:2]
+    assert len(_strikes(found)) >= 2
+    for event, t in zip(_strikes(found), true, strict=False):
+        assert abs(event.t - t) < 1e-4 * unit
+
+
+def test_the_same_block_in_another_unit_moves_the_same_way():
+    """A rocking block a ten thousandth as large: the same motion, scaled, to rounding."""
+    ends = []
+    for size in (1.0, 1e-4):
+        robot, block, edges = _block(size)
+        start, unit = block.place(np.array([0.05, 0.0]), 1.0), math.sqrt(size)
+        state, step = flat_state(robot, start[:3], start[3:]), 6e-3 * unit
+        found = rbd.simulate(state, edges, duration=100 * step, step=step, progress=False)
+        ends.append((found.q / [size, size, 1.0], found.v * unit / [size, size, 1.0]))
+    assert np.abs(ends[0][0] - ends[1][0]).max() < 1e-7
+    assert np.abs(ends[0][1] - ends[1][1]).max() < 1e-5
