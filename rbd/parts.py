@@ -100,7 +100,12 @@ class Parts:
         """(smallest sum of absolute entries of a column of H, 1 at most; largest of one of G, at least 1)."""
         return column_reach(self.H, self.G)
 
-    @property
+    @lazy
+    def only_cones(self) -> bool:
+        """Whether every column is one of a second-order cone."""
+        return 3 * len(self.mu) == self.size
+
+    @lazy
     def cone_columns(self) -> Array:
         """Columns of the second-order cones, shape (k, 3)."""
         return self.cone_at[:, None] + np.arange(3)

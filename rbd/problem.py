@@ -248,13 +248,16 @@ class GaussProblem:
     @lazy
     def least_inertia(self) -> float:
         """Smallest diagonal entry of M, 1 at most: a lower bound of the scales of the equations of motion."""
-        return min(1.0, float(self.M.diagonal().min()))
+        return min(1.0, *self.M.diagonal().tolist())
 
     @lazy
     def least_momentum(self) -> float:
-        """Momentum rate that some coordinate's unit acceleration makes in every component, 1 at most; of a balance."""
+        """Momentum rate that some coordinate's unit acceleration makes in every component, 1 at most; of a balance.
+
+        A lower bound: of positive entries alone.
+        """
         assert self.balance is not None
-        return min(1.0, float(np.abs(self.balance.A_g).max(axis=1).min()))
+        return max(0.0, min(1.0, *map(max, self.balance.A_g[:, :6].tolist())))
 
     @lazy
     def a_free(self) -> Array:

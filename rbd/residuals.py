@@ -110,9 +110,14 @@ class Residuals:
 
     def within(self, tolerance: float) -> bool:
         """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
-        # What is small beside the least that scales can be passes without them. NaN fails both comparisons.
-        found = enumerate(self.values)
-        return all([x is None or x <= tolerance * self._least(i) or self._of(i) <= tolerance for i, x in found])
+        known: dict[float, bool] = self.__dict__.setdefault("_verdicts", {})
+        if tolerance not in known:
+            # What is small beside the least that scales can be passes without them. NaN fails all comparisons.
+            known[tolerance] = all([
+                x is None or x == 0.0 or x <= tolerance * self._least(i) or self._of(i) <= tolerance
+                for i, x in enumerate(self.values)
+            ])  # fmt: skip
+        return known[tolerance]
 
     @lazy
     def scales(self) -> Scales:
@@ -123,13 +128,18 @@ class Residuals:
     def _least(self, i: int) -> float:
         """A lower bound of the scales of equation i, cheap."""
         P = self.answer[0]
-        if self.values[i] == 0.0 or (i == 1 and P.bilateral):
-            return 1.0
         if i in (0, 4):
             return P.least_inertia if i == 0 else P.least_momentum
-        sets = P.rays if "facets" in self.answer[4] else P.parts
-        acceleration, normal = sets.reach
-        return acceleration if i == 1 else min(acceleration, 1.0) / max(1.0, normal**2 * largest(P.delassus.diagonal()))
+        if P.bilateral:
+            return 1.0
+        acceleration, normal = (P.rays if "facets" in self.answer[4] else P.parts).reach
+        if i == 1:
+            return acceleration
+        if i == 2:
+            return 1.0 / max(1.0, normal**2 * largest(P.delassus.diagonal()))
+        slack, own = self._terms.slack, self._terms.own_push
+        # Of a point that pushes, its weight is less than the scale of its weights: what is left is its acceleration.
+        return acceleration * largest(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
 
     def _of(self, i: int) -> float:
         """The scaled residual of equation i."""
@@ -166,6 +176,9 @@ class Residuals:
         every = ((name, getattr(self, name)) for name in _UNITS)
         return [(name, r) for name, r in every if r is not None]
 
+    def __getstate__(self) -> dict[str, object]:
+        return {"values": self.values, "answer": self.answer}  # what else is kept can be computed again
+
     def __repr__(self) -> str:
         return f"Residuals({self})"
 
@@ -195,7 +208,9 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None, 
         return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
     terms = _terms(P, a, f, weights, law)
     gap, off_cone, slack = largest(terms.gap), largest(terms.off_cone), largest(terms.slack)
-    return Residuals((stationarity, gap, off_cone, slack, centroidal), answer)
+    found = Residuals((stationarity, gap, off_cone, slack, centroidal), answer)
+    found.__dict__["_terms"] = terms
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +222,7 @@ class _Terms:
         slack: Weight x acceleration where one of them must be zero [N m/s2].
         off_cone: Force less what the weights make [N].
         slices: The columns of each constraint.
+        own_push: Part of the scale of each column's weights, at most all of it [N].
         over: (gap, slack) by column, each over the scales of its own point.
     """
 
@@ -214,6 +230,7 @@ class _Terms:
     slack: Array
     off_cone: Array
     slices: Sequence[slice]
+    own_push: Array
     over: Callable[[Scales], tuple[Array, Array]]
 
 
@@ -221,7 +238,7 @@ def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str)
     c = P.J @ a + P.offset
     if P.bilateral:
         none = np.zeros(len(c))
-        return _Terms(np.abs(c), none, none, list(P.slices.values()), lambda scales: (np.abs(c) / scales.rows, none))
+        return _Terms(np.abs(c), none, none, list(P.slices.values()), none, lambda scales: (np.abs(c) / scales.rows, none))
     return _of_rays(P, c, f, weights) if "facets" in law else _of_parts(P, c, f, weights, coulomb=law == "coulomb")
 
 
@@ -245,23 +262,30 @@ def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Ter
         gaps = np.where(of_point, np.maximum(sinks, across / of_along), gap / of_along)
         return gaps, slack / (push[point] * of_along)
 
-    return _Terms(gap, slack, f - R.G @ w, P.ray_slices, over)
+    own = np.abs(w) if not R.has_intervals else np.abs(w) + np.abs(R.finite_lower) + np.abs(R.finite_upper)
+    return _Terms(gap, slack, f - R.G @ w, P.ray_slices, own, over)
 
 
 def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
     T = P.parts
     w = T.project(T.weights_of(f) if weights is None else weights)
     y = T.accelerations(c, coulomb=False)
-    gap, slack = T.gap(y), T.slack(w, y)
     if not len(T.mu):
-        return _Terms(gap, slack, f - T.G @ w, T.slices, lambda scales: _over_columns(gap, slack, *scales.of_parts(T, w)))
-    n, Y, W = T.cone_at + 2, y[T.cone_columns], w[T.cone_columns]
-    slip = np.hypot(Y[:, 0], Y[:, 1])
-    sinks, presses = np.maximum(-Y[:, 2], 0.0), np.abs(W[:, 2] * Y[:, 2])
-    rubs = W[:, 0] * Y[:, 0] + W[:, 1] * Y[:, 1]  # power of friction
+        gap, slack = T.gap(y), T.slack(w, y)
+
+        def plain(scales: Scales) -> tuple[Array, Array]:
+            return _over_columns(gap, slack, *scales.of_parts(T, w))
+
+        return _Terms(gap, slack, f - T.G @ w, T.slices, np.abs(w), plain)
+    n = T.cone_at + 2
+    (y_1, y_2, y_n), (w_1, w_2, w_n) = y[T.cone_columns.T], w[T.cone_columns.T]
+    slip, sinks = np.hypot(y_1, y_2), np.maximum(-y_n, 0.0)
     if coulomb:
-        rubs = np.abs(rubs + T.mu * W[:, 2] * slip)
+        presses, rubs = np.abs(w_n * y_n), np.abs(w_1 * y_1 + w_2 * y_2 + T.mu * w_n * slip)
+        gap, slack = (np.zeros(len(y)), np.zeros(len(y))) if T.only_cones else (T.gap(y), T.slack(w, y))
         gap[n], slack[n] = sinks, np.maximum(presses, rubs)
+    else:
+        gap, slack = T.gap(y), T.slack(w, y)
 
     def over(scales: Scales) -> tuple[Array, Array]:
         along, push = scales.of_parts(T, w)
@@ -271,12 +295,12 @@ def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, cou
         if coulomb:
             slacks[n] = np.maximum(presses / of_normal, rubs / of_slip) / of_push
         else:
-            across = np.maximum(T.mu * slip - np.maximum(Y[:, 2], 0.0), 0.0)
+            across = np.maximum(T.mu * slip - np.maximum(y_n, 0.0), 0.0)
             gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
             slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
         return gaps, slacks
 
-    return _Terms(gap, slack, f - T.G @ w, T.slices, over)
+    return _Terms(gap, slack, f - T.G @ w, T.slices, np.abs(w), over)
 
 
 def _over_columns(gap: Array, slack: Array, along: Array, push: Array) -> tuple[Array, Array]:

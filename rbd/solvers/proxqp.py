@@ -21,7 +21,7 @@ from rbd.solvers.refinement import rays_refined
 from rbd.solvers.violation import relaxed, smallest_violation
 
 POLISH = 1e-12
-"""An answer whose scaled residuals are above this gets one step on its active rays; kept if it is better."""
+"""An answer whose residuals are above this, over the largest numbers of its problem, gets a step on its active rays."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class ProxQP:
             if bounded is None and (length != 1.0 or rate != 1.0):
                 weights = weights * (rate / length**2)
             found = _solution(P, weights, attempt.iterations, start)
-            if not found.residuals.within(POLISH):
+            if not _exact(found):
                 polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
                 found = _better(found, _solution(P, polished, attempt.iterations, start))
                 if not found.residuals.within(SOLVED):
@@ -200,6 +200,15 @@ def _solution(P: GaussProblem, weights: Array, iterations: int, start: float) ->
     a = constrained(P, f)
     kept = None if P.bilateral else weights
     return Solution(P, a, f, kept, law_name(P), "ProxQP", iterations, time.perf_counter() - start)
+
+
+def _exact(found: Solution) -> bool:
+    """Whether residuals are at most `POLISH` times the largest numbers of the problem, and solved."""
+    P, (momentum, gap, off_cone, slack, _) = found.problem, found.residuals.values
+    force = POLISH * max(1.0, largest(P.rhs), largest(found.multipliers))
+    rate = max(1.0, largest(found.a))
+    near = momentum <= force and gap <= POLISH * rate and off_cone <= force and slack <= force * rate
+    return near and found.residuals.within(SOLVED)
 
 
 def _better(one: Solution, other: Solution) -> Solution:
