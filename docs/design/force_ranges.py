@@ -1,4 +1,4 @@
-"""How far can a corner's normal force go, with circular cones: cutting planes against a barrier. Talos on two soles.
+"""How far can a corner's normal force go, with circular cones: cutting planes against proximal steps. Talos on two soles.
 
 Prints rounds, seconds and how far the last answer is outside its cones [N]. Run by hand; it takes a minute.
 """
@@ -14,6 +14,7 @@ from scipy.optimize import linprog
 import rbd
 from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
+from rbd.limits import ENDS_WORK, Work
 
 ROUNDS = 120
 
@@ -48,13 +49,13 @@ if __name__ == "__main__":
     talos = rbd.load_robot("talos")
     state, soles = talos.standing(), talos.soles(friction=0.5)
     s = rbd.solve(state, rbd.hold(state, soles).tau, soles, solver=rbd.ADMM(law="coulomb"))
-    reach = Reach(admissible(s.problem, s.a, s.multipliers, s.weights, s.law))
+    reach = Reach(admissible(s.problem, s.a, s.multipliers, s.weights, s.law), Work(ENDS_WORK))
     for corner in range(4):
         function = reach.adm.corners[3 * corner + 2]
         start = time.perf_counter()
-        inside, _ = reach.largest(function)
+        inside = reach.largest(function).value
         middle = time.perf_counter()
         around, rounds, outside = cutting_planes(reach, function)
         took = time.perf_counter() - middle
-        print(f"corner {corner}: barrier {inside:.9f} N in {middle - start:.4f} s; ", end="")
+        print(f"corner {corner}: proximal steps {inside:.9f} N in {middle - start:.4f} s; ", end="")
         print(f"planes {around:.9f} N in {took:.2f} s, {rounds} rounds, {outside:.1e} N outside")
