@@ -337,8 +337,8 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
         elif not found:
             told += "has no place at which it is closed: it couples velocities alone, or is not defined in these postures"
         else:
-            where, gap, _ = min(found, key=lambda each: each[1])
-            told += f"open in every posture, by {gap:.3g} in {where} at least; rbd.mechanism.assemble closes it"
+            where, least, _ = min(found, key=lambda each: each[1])
+            told += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
         yield Finding("loop", loop.name, told), fine
     for wheel in getattr(robot, "wheels", ()):
         yield Finding("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True

@@ -279,8 +279,8 @@ class _Statics:
             mu = self._circular(limits=True, from_zero=True).least()
             enough = "" if mu is None else f" from a coefficient of {told(mu)} at every contact on"
             return (
-                f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which rbd.hold "
-                "keeps, do not. Give the contacts more facets, e.g. facets=16."
+                f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which "
+                "rbd.hold keeps, do not. Give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._circular(limits=True).least()) is not None:
             return (
@@ -289,8 +289,8 @@ class _Statics:
             )
         if (mu := self._circular(limits=False).least()) is not None:
             return (
-                f"friction is in the way, and then a torque limit: from a coefficient of {told(mu)} at every contact on, circular "
-                "cones balance it, but motors would need more than their limits."
+                f"friction is in the way, and then a torque limit: from a coefficient of {told(mu)} at every contact on, "
+                "circular cones balance it, but motors would need more than their limits."
             )
         return ""
 

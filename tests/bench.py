@@ -55,8 +55,8 @@ class Draws:
         self.q = [pin.integrate(robot.model, standing.q, d) for d in dq]
         limit = robot.effort_limit
         self.tau = list(np.clip(tau + 5.0 * rng.normal(size=(DRAWS, robot.nu)), -limit, limit))
-        self.held = robot.soles(friction=None)
-        self.frictional = robot.soles(friction=0.7)
+        self.held = robot.soles(friction=None, on=None)  # postures with noise, soles anywhere
+        self.frictional = robot.soles(friction=0.7, on=None)
         self.zero = np.zeros(robot.nv)
         self.sticking = self._draws(rng, tau, 1.0, slips=False)
         self.slipping = self._draws(rng, tau, 30.0, slips=True)

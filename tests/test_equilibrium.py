@@ -402,7 +402,7 @@ def test_a_push_beyond_the_foot_is_told_as_such(talos: rbd.Robot) -> None:
 
 
 def test_a_push_that_slips_is_told_as_such(talos: rbd.Robot) -> None:
-    """At the ground, 300 N sideways on 885.6 N: circular cones need 0.339, here 0.3 is given; four facets across, sqrt 2 times."""
+    """At the ground, 300 N sideways on 885.6 N: circular cones need 0.339, and 0.3 is given; four facets across need more."""
     push = [rbd.ExternalForce("left_sole_link", (0.0, 300.0, 0.0))]
     with pytest.raises(CannotHold, match="friction is in the way") as caught:
         rbd.hold(talos.standing(), talos.soles(0.3), external=push)

@@ -59,7 +59,7 @@ class TestFriction:
 
     @pytest.mark.parametrize("slope", [0.2, 0.4992, 1.3])
     def test_a_ramp_needs_its_slope(self, slope):
-        """mu = tan of the angle; points on a ramp turned about the vertical."""
+        """The tangent of its angle; points on a ramp turned about the vertical."""
         angle = np.arctan(slope)
         normal = pin.exp3(np.array([0.0, 0.0, 0.7])) @ np.array([np.sin(angle), 0.0, np.cos(angle)])
         robot = box(MASS)

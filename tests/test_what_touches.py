@@ -1,4 +1,4 @@
-"""Feet stand on planes that are known; what is more than a millimetre off its plane is named; pictures and motions use the plane."""
+"""Feet stand on planes that are known; what is off its plane is named; pictures and motions use the plane."""
 
 from __future__ import annotations
 
@@ -137,12 +137,11 @@ class TestPlanes:
         """Points, edges and faces that are told their plane; without, nothing is known and nothing is said."""
         robot = box(mass=3.0)
         state = rbd.State(robot, np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0]))
+        below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
         for make in (
             lambda **on: rbd.PointContact("it", "box", offset=(0.1, 0.0, -0.1), friction=0.5, **on),
-            lambda **on: rbd.LineContact("it", "box", half_length=0.1, placement=pin.SE3(np.eye(3), np.array([0, 0, -0.1])), **on),
-            lambda **on: rbd.SurfaceContact(
-                "it", "box", half_lengths=(0.1, 0.1), placement=pin.SE3(np.eye(3), np.array([0, 0, -0.1])), **on
-            ),
+            lambda **on: rbd.LineContact("it", "box", half_length=0.1, placement=below, **on),
+            lambda **on: rbd.SurfaceContact("it", "box", half_lengths=(0.1, 0.1), placement=below, **on),
         ):
             silent(rbd.solve, state, np.zeros(0), [make()])
             silent(rbd.solve, state, np.zeros(0), [make(on=0.4)])
@@ -202,7 +201,7 @@ class TestPlanes:
             rbd.Ground(**given)
 
     def test_distances_against_their_definition(self, rng):
-        """n . (p - point), and the height under a point."""
+        """Distance n . (p - point), and the height under a point."""
         n = np.array([0.6, 0.0, 0.8])
         plane = rbd.Ground(point=(1.0, 2.0, 3.0), normal=n)
         points = rng.normal(size=(5, 3))

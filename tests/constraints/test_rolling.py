@@ -221,7 +221,8 @@ def test_a_ball_lies_still_on_the_level_alone():
         assert np.abs(held.forces["floor"] - [0.0, 0.0, m * G]).max() < 1e-9
         n = np.array([np.sin(b), 0.0, np.cos(b)])
         with pytest.raises(rbd.CannotHold):
-            rbd.hold(level, [rbd.RollingBall("slope", "body", radius=r, point=[0.3, 0.2, r] - r * n, normal=n, friction=friction)])
+            p = [0.3, 0.2, r] - r * n
+            rbd.hold(level, [rbd.RollingBall("slope", "body", radius=r, point=p, normal=n, friction=friction)])
 
 
 def test_a_ball_on_a_plank_that_speeds_up_keeps_two_sevenths_of_it():
