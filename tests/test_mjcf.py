@@ -19,6 +19,7 @@ import rbd
 from rbd.errors import InputError, ModelError, ModelWarning
 
 GRAVITY = 9.81
+NO_GRAVITY = '<option><flag gravity="disable"/></option>'
 CUBE = 'vertex="0 0 0 1 0 0 0 1 0 0 0 1 1 1 0 1 0 1 0 1 1 1 1 1"'
 DENT = 'vertex="0 0 0 .3 0 0 0 .3 0 0 0 .3 .1 .1 .1" face="0 2 1 0 1 3 0 3 2 1 2 4 2 3 4 3 1 4"'
 CORNER = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
@@ -118,7 +119,7 @@ READ = {
         "xYz")},
     "autolimits off": (body(BOX, '<joint range="-1 1" limited="true"/>'), '<compiler autolimits="false"/>'),
     "gravity": (ARM, '<option gravity="1 2 -3"/>'),
-    "no gravity": (ARM, '<option><flag gravity="disable"/></option>'),
+    "no gravity": (ARM, NO_GRAVITY),
     "what draws only": (body('<geom size=".1" contype="0" conaffinity="0" group="2"/>' + BOX),
                         '<compiler discardvisual="true" fusestatic="true"/>'),
     # notations
@@ -219,19 +220,19 @@ def test_settotalmass_scales_masses_and_moments(write) -> None:
 def test_gravity_of_the_file_is_that_of_the_robot(write) -> None:
     """A pendulum hangs towards the file's gravity: h = m g l where it is level, and none where gravity is off."""
     bob = body('<inertial pos=".5 0 0" mass="2" diaginertia=".1 .1 .1"/>')
-    for option, g in (("",
-        GRAVITY), ('<option gravity="0 0 -1.62"/>', 1.62), ('<option><flag gravity="disable"/></option>', 0.0)):
+    for option, g in (("", GRAVITY), ('<option gravity="0 0 -1.62"/>', 1.62), (NO_GRAVITY, 0.0)):
         robot = load(write(bob, option))
         assert abs(rbd.dynamics.gravity_torque(robot.at())[0] - 2.0 * g * 0.5) < 1e-14 and abs(robot.gravity[2] + g) < 1e-15
 
 
 WALKER = """<body name="torso" pos="0 0 1.2"><joint name="x" type="slide" axis="1 0 0"/>
-<joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/><geom type="capsule" size=".05 .2"/><body name="leg" pos="0 0 -.2">
-<joint name="hip" axis="0 -1 0" range="-150 0"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
+<joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/><geom type="capsule" size=".05 .2"/>
+<body name="leg" pos="0 0 -.2"><joint name="hip" axis="0 -1 0" range="-150 0"/>
+<geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
 <body name="foot" pos="0 0 -.5"><joint name="ankle" axis="0 -1 0" range="-45 45"/>
 <geom type="box" size=".15 .05 .02"/><site name="sole" pos="0 0 -.02"/></body></body></body>"""
-MOTORS = """<actuator><motor joint="hip" gear="100" ctrlrange="-1 1"/><motor joint="ankle" gear="60" ctrlrange="-1 1"/>
-</actuator>"""
+MOTORS = """<actuator><motor joint="hip" gear="100" ctrlrange="-1 1"/>
+<motor joint="ankle" gear="60" ctrlrange="-1 1"/></actuator>"""
 
 
 def test_the_root_of_a_planar_walker_has_no_motors(write) -> None:
