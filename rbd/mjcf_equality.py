@@ -64,7 +64,7 @@ def read_equalities(
     for element in root.findall("equality/*"):
         tag, name = element.tag, element.get("name") or _made_name(element)
         active = "false" if off else element.get("active", "false" if element.get("class", "") in inactive else "true")
-        if reason := _left_out(element, active=active):
+        if reason := _left_out(wrong, name, element, active=active):
             lost.append(("equality", name, reason))
             continue
         while name in found and not element.get("name"):
@@ -78,22 +78,26 @@ def read_equalities(
     return tuple(found.values()), tuple(lost)
 
 
-def _left_out(element: ElementTree.Element, *, active: str) -> str:
+def _left_out(wrong: Complaints, name: str, element: ElementTree.Element, *, active: str) -> str:
     """Why an equality is not read; empty if it is."""
     if element.tag not in _KINDS:
         return f"is a <{element.tag:.40}>; only {', '.join(f'<{kind}>' for kind in _KINDS)} are read"
     if active != "true":
         return "is not active in the file"
-    if element.tag == "joint" and any(_higher(element)):
+    if element.tag == "joint" and any(_polynomial(wrong, name, element)[2:]):
         return "has a polynomial above the first degree; give an rbd.FunctionConstraint"
     return ""
 
 
-def _higher(element: ElementTree.Element) -> list[float]:
-    try:
-        return [float(x) for x in element.get("polycoef", "0 1").split()[2:]]
-    except ValueError:
-        return []  # told where the numbers are read
+def _polynomial(wrong: Complaints, name: str, element: ElementTree.Element) -> list[float]:
+    """Its coefficients, up to five; those that are not given are 0 and 1, then 0."""
+    text = element.get("polycoef")
+    if text is None:
+        return [0.0, 1.0]
+    count = min(max(len(text.split()), 1), 5)
+    given = wrong.numbers(f"<joint> equality {name!r:.80}", element, "polycoef", count=count, most=LARGEST)
+    wrong.refuse()
+    return [*given, *(0.0, 1.0)[len(given) :]]
 
 
 def _made_name(element: ElementTree.Element) -> str:
@@ -131,10 +135,7 @@ def _joint(wrong: Complaints, name: str, element: ElementTree.Element, names: di
         ends.append(_named(wrong, what, "joint2", other, names["joint"]))
     if len(set(ends)) < len(ends):
         wrong.add(f"{what} ties {ends[0]!r:.80} to itself; expected two joints.")
-    text = element.get("polycoef", "0 1")
-    count = min(max(len(text.split()), 1), 5)
-    given = wrong.numbers(what, element, "polycoef", count=count, most=LARGEST) if element.get("polycoef") else [0.0, 1.0]
-    constant, slope = [*given, *(0.0, 1.0)[len(given):]][:2]
+    constant, slope = _polynomial(wrong, name, element)[:2]
     return Equality(name, "joint", tuple(ends), polynomial=(constant, slope))
 
 

@@ -12,11 +12,14 @@ from typing import Literal
 from rbd.errors import ModelError
 from rbd.mjcf import Mjcf, read_mjcf
 from rbd.mjcf_equality import Equality, read_equalities
-from rbd.urdf_file import UrdfFile, check_urdf
+from rbd.urdf_file import Complaints, UrdfFile, check_urdf
+from rbd.urdf_shapes import check_shapes
 from rbd.xml_file import FileLimits, read_xml
 
 MOST_MESHES = 5_000
 """So many names of meshes are looked up; no robot has more."""
+_ROTORS = ("motorInertia", "rotorInertia", "rotor_inertia")
+"""Elements in which some URDFs state what their motors' rotors weigh, each with its own idea of the gear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +88,12 @@ def read(
             f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>."
         )
     urdf = check_urdf(path, element, floating=base > 0, known=known)
+    shapes = Complaints(path.name)
+    check_shapes(shapes, element)
+    shapes.refuse()
     check_freedoms(path, urdf.freedoms + base, limits)
     mass = sum(link.mass for link in urdf.links.values() if base or link.name not in urdf.base)
-    return RobotFile(path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf)), _urdf_meshes(element))
+    return RobotFile(path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf, element)), _urdf_meshes(element))
 
 
 def _read_mjcf(
@@ -115,12 +121,26 @@ def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:
         )
 
 
-def _remarks(urdf: UrdfFile) -> Iterator[tuple[str, str, str]]:
+def _remarks(urdf: UrdfFile, robot: ElementTree.Element) -> Iterator[tuple[str, str, str]]:
     for joint in urdf.joints.values():
         if joint.kind == "planar" and (joint.axis is None or any(joint.axis[:2])):
             yield "planar", joint.name, "moves in the x-y plane of its frame, whatever its axis"
         if joint.mimics is not None and joint.kind != "fixed":
             yield "mimic", joint.name, f"follows {joint.mimics!r} in the file; here it moves by itself, and has a motor"
+    for part in (*robot.findall("transmission"), *robot.findall("joint")):
+        driven = part.find("joint") if part.tag == "transmission" else part
+        for element in part.iter():
+            if element.tag.rpartition("}")[2].rpartition(":")[2] in _ROTORS and not _is_zero(element):
+                name = (part if driven is None else driven).get("name", "")
+                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not read"
+                yield "armature", name, f"{told}; give it as the joint's <dynamics armature=...>, seen through the gear [kg m2]"
+
+
+def _is_zero(element: ElementTree.Element) -> bool:
+    try:
+        return float(element.get("value") or element.text or "0") == 0.0
+    except ValueError:
+        return False
 
 
 def _urdf_meshes(robot: ElementTree.Element) -> tuple[tuple[str, str], ...]:

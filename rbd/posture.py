@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,10 +11,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.contact import PointContact, SurfaceContact
-from rbd.errors import ModelError
 from rbd.model import CheckedModel
 from rbd.polygon import convex_hull, inside_distance
 from rbd.state import State
+from rbd.urdf_file import BASE_JOINT, Complaints
 from rbd.xml_file import FileLimits, read_xml
 
 Foot = SurfaceContact | PointContact
@@ -45,14 +46,27 @@ def semantic_postures(robot: CheckedModel, srdf: Path) -> dict[str, Array]:
     for group in tree.iter("group_state"):
         angles = {}
         for joint in group.iter("joint"):
-            try:
-                angles[joint.get("name", "")] = [float(x) for x in joint.get("value", "").split()]
-            except ValueError:
-                raise ModelError(
-                    f"{srdf.name}: joint {joint.get('name')!r} of {group.get('name')!r} has value {joint.get('value')!r}."
-                ) from None
+            name = joint.get("name", "")
+            what = f"joint {name!r:.80} of the posture {group.get('name')!r:.80}"
+            angles[name] = _values(robot, Complaints(srdf.name), what, name, joint)
         found[group.get("name", "")] = configuration(robot, angles)
     return found
+
+
+def _values(
+    robot: CheckedModel, wrong: Complaints, what: str, name: str, element: ElementTree.Element
+) -> list[float]:
+    """What an SRDF says for a joint: as many finite numbers as it has coordinates; an angle will do for one that turns."""
+    count = max(len(element.get("value", "").split()), 1)
+    model = robot.model
+    if model.existJointName(name) and name != BASE_JOINT:  # whose size is a matter of how the robot is loaded
+        joint = model.joints[model.getJointId(name)]
+        count = 1 if joint.nv == 1 and (joint.nq == 1 or count != joint.nq) else joint.nq
+    values = wrong.numbers(what, element, "value", count=count)
+    wrong.refuse()
+    if count in (4, 7) and not np.linalg.norm(values[-4:]) > 1e-6:
+        wrong.stop(f"{what} has a zero quaternion: {element.get('value')!r:.80}.")
+    return values
 
 
 def stand(robot: CheckedModel, q: Array, feet: Sequence[Foot]) -> Array:

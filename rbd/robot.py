@@ -24,7 +24,7 @@ from rbd.model import CheckedModel
 from rbd.model_file import RobotFile, check_freedoms, read
 from rbd.posture import configuration, semantic_postures, stand
 from rbd.state import State
-from rbd.urdf_file import BASE_JOINT
+from rbd.urdf_file import BASE_JOINT, UrdfFile
 from rbd.xml_file import FileLimits, read_xml
 
 
@@ -351,6 +351,16 @@ def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
         return passive  # what is no list of names is refused where names are looked up
 
 
+def _add_rotors(model: pin.Model, urdf: UrdfFile) -> None:
+    """The rotor inertias of the file's <dynamics armature>, on the diagonal of M; Pinocchio's reader drops them."""
+    armature = np.array(model.armature)
+    for joint in urdf.joints.values():
+        if joint.armature and model.existJointName(joint.name):
+            made = model.joints[model.getJointId(joint.name)]
+            armature[made.idx_v : made.idx_v + made.nv] = joint.armature
+    model.armature = armature
+
+
 def _built(file: RobotFile, root: Root) -> pin.Model:
     """Pinocchio's model of a checked file."""
     path = file.path
@@ -366,6 +376,8 @@ def _built(file: RobotFile, root: Root) -> pin.Model:
         elif file.urdf is not None:
             base = pin.JointModelPlanar() if root == "planar" else pin.JointModelFreeFlyer()
             model = pin.buildModelFromXML(file.urdf.text, base, BASE_JOINT)
+        if file.urdf is not None:
+            _add_rotors(model, file.urdf)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")
         raise ModelError(

@@ -49,7 +49,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint between two links; `axis` and `mimics` are None where the file has none."""
+    """A joint between two links; `axis` and `mimics` are None where the file has none; rotor inertia [kg m2, kg]."""
 
     name: str
     kind: str
@@ -58,6 +58,7 @@ class Joint:
     axis: Sequence[float] | None
     mimics: str | None
     text: str
+    armature: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,7 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
     axis, limits, dynamics = (element.find(tag) for tag in ("axis", "limit", "dynamics"))
     mimic = element.find("mimic")
     parts = [_origin(wrong, what, element)]
-    direction = None
+    direction, armature = None, 0.0
     if axis is not None and kind not in ("fixed", "floating"):
         direction = wrong.numbers(f"the axis of {what}", axis, "xyz", count=3)
         length = sum(x * x for x in direction) ** 0.5
@@ -219,6 +220,7 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
         parts.append(_limit(wrong, what, kind, limits))
     if dynamics is not None and kind != "fixed":
         damping, friction = (_positive(wrong, what, dynamics, key) for key in ("damping", "friction"))
+        armature = _positive(wrong, what, dynamics, "armature")
         parts.append(f"<dynamics damping='{damping!r}' friction='{friction!r}'/>")
     if mimic is not None:
         for key in ("multiplier", "offset"):
@@ -227,7 +229,7 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
         f"<joint name={quoteattr(name)} type={quoteattr(kind)}><parent link={quoteattr(parent)}/>"
         f"<child link={quoteattr(child)}/>{''.join(parts)}</joint>"
     )
-    return Joint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text)
+    return Joint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text, armature)
 
 
 def _limit(wrong: Complaints, what: str, kind: str, limit: ElementTree.Element | None) -> str:

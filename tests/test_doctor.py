@@ -177,9 +177,9 @@ def test_loading_stays_fast(name: str) -> None:
     """The best of ten loads, doctor included, is below 50 ms (measured: 10 for Talos, 6 for the human)."""
     seconds = []
     for _ in range(10):
-        start = time.perf_counter()
+        start = time.process_time()  # of this process alone: the machine may have other work
         rbd.load_robot(name)
-        seconds.append(time.perf_counter() - start)
+        seconds.append(time.process_time() - start)
     assert min(seconds) < 0.05
 
 

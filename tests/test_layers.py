@@ -33,6 +33,7 @@ LAYERS: dict[str, int] = {
     "catalogue": 1,
     "xml_file": 1,
     "urdf_file": 1,
+    "urdf_shapes": 1,
     "mjcf": 1,
     "mjcf_equality": 1,
     "loop_file": 1,
@@ -110,6 +111,8 @@ BESIDE: set[tuple[str, str]] = {
     ("loop_file", "urdf_file"),  # the same largest numbers and names
     ("model_file", "xml_file"),  # a robot's file is read, then checked as URDF or MJCF
     ("model_file", "urdf_file"),
+    ("model_file", "urdf_shapes"),
+    ("urdf_shapes", "urdf_file"),  # sizes are numbers, complained of alike
     ("model_file", "mjcf"),
     ("model_file", "mjcf_equality"),
     ("catalogue", "errors"),

@@ -21,6 +21,7 @@ from rbd.urdf_file import FARTHEST, Complaints
 
 Element = ElementTree.Element
 SMALLEST_SCALE, LARGEST_SCALE = 1e-9, 1e6
+_ELSEWHERE = "Copy it there, or give the folder above both: load_robot(..., package_dirs=[folder])"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +116,7 @@ class Meshes:
                 inside = False
             if not inside:
                 told = f"<mesh> names the file {file!r:.200}, outside the folder of {self._wrong.file}"
-                remedy = "Copy it there, or give the folder above both: load_robot(..., package_dirs=[folder])"
-                self._wrong.stop(f"{told}. {remedy}.")
+                self._wrong.stop(f"{told}. {_ELSEWHERE}.")
 
     def solid(self, what: str, name: str) -> Solid:
         """What a mesh weighs at density one.
@@ -129,9 +129,9 @@ class Meshes:
             kinds = ("legacy", "exact", "convex", "shell")
             kind = keyword(self._wrong, f"mesh {name!r:.80}", element, "inertia", "legacy", kinds)
             try:
-                if kind == "convex" and element.get("maxhullvert", "-1") != "-1":
-                    raise ValueError("has maxhullvert, with which its convex hull is not known. Take it out")
                 convex = kind == "convex" or not len(surface.faces)
+                if convex and element.get("maxhullvert", "-1") != "-1":
+                    raise ValueError("has maxhullvert, with which its convex hull is not known. Take it out")
                 faces = hull(surface.vertices) if convex else surface.faces
                 self._solids[name] = mesh_solid(surface.vertices, faces, kind)
             except ValueError as error:
@@ -176,11 +176,12 @@ class Meshes:
         try:
             place = (self._folder / self._settings.mesh_folder / self._wanted(name)).resolve()
             if not any(place.is_relative_to(folder) for folder in self._inside):
-                raise ValueError(f"has the file {name!r:.200} outside the folder of {self._wrong.file}")
+                told = f"names the file {name!r:.200}, outside the folder of {self._wrong.file}"
+                raise ValueError(f"{told}. {_ELSEWHERE}")
             if not place.is_file():
-                raise ValueError(f"has the file {name!r:.200}, which is not there")
+                raise ValueError(f"names the file {name!r:.200}, which is not there")
         except (OSError, RuntimeError):
-            raise ValueError(f"has the file {name!r:.200}, which is no path") from None
+            raise ValueError(f"names the file {name!r:.200}, which is no path") from None
         return place
 
     def _wanted(self, name: str) -> str:
