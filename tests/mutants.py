@@ -129,8 +129,7 @@ def fork(name: str, task: Task) -> tuple[int, Fork]:
         for stream in (0, 1, 2):
             os.dup2(quiet, stream)
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        for what, limit in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY_LIMIT)):
-            resource.setrlimit(what, (limit, limit))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         os.chdir(ROOT)
         tempfile.tempdir = os.environ["TMPDIR"] = folder
         os.environ["PYTHONPATH"] = os.pathsep.join([folder, str(ROOT)])
@@ -297,6 +296,7 @@ sys.meta_path.insert(0, Finder)
 
 def attempt(mutant: Mutant, tests: dict[str, float], tell: Tell) -> None:
     """Load the mutant in place of its module and run the tests until one fails, which is told."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
     folder = Path(tempfile.gettempdir())
     (folder / "mutant.txt").write_text(mutant.text, encoding="utf-8")
     name = mutant.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")

@@ -25,6 +25,9 @@ from rbd.geometry.spread import across, spread
 
 NEARLY_ACROSS = 0.99995
 """A face's normal is tried where its cosine with the nearest direction is above this: 0.6 degrees."""
+IN_TOUCH_M, RETREAT_M = 1e-7, 1e-5
+"""Of shapes nearer than the first coal's normal leans by up to 1e-5, and edges that cross seem to meet at an end: the second
+shape is drawn back by the other length, and the distance taken from there."""
 LEVEL_M = 1e-4
 """Points that are less than this behind the nearest one belong to the same face or edge, though they may not touch yet."""
 LEANING = 0.1
@@ -122,6 +125,15 @@ def meeting(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3,
 
 def _nearest(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
     """(signed distance, unit vector from the second to the first, nearest points)."""
+    gap, n, p_1, p_2 = _by_coal(first, X_1, second, X_2)
+    if abs(gap) < IN_TOUCH_M:
+        away = RETREAT_M * n
+        gap, n, p_1, p_2 = _by_coal(first, X_1, second, pin.SE3(X_2.rotation, X_2.translation - away))
+        return gap - RETREAT_M, n, p_1, p_2 + away
+    return gap, n, p_1, p_2
+
+
+def _by_coal(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.enable_signed_distance = True
     # With its own 1e-6 normals of round shapes are wrong by 1e-3; this costs no more.

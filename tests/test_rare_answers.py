@@ -1,0 +1,161 @@
+"""What is rarely said: nearest motions in words, solvers that fail the check, sets that no checker knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd import engine
+from rbd.cones import Cone
+from rbd.errors import InputError, NoSolution, WrongPinocchio
+from rbd.residuals import blame
+from rbd.rows import Rows
+from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, check_solver, law_residuals, reference_problems
+
+
+def squeezed() -> rbd.GaussProblem:
+    """A mass of 1 kg that is to accelerate at 1 or more and at -0.5 or less, and at rest across; loosely, nothing."""
+    rows = [
+        Rows("low", np.array([[1.0, 0.0]]), np.array([-1.0]), rbd.NonNegative(1)),
+        Rows("high", np.array([[-1.0, 0.0]]), np.array([-0.5]), rbd.NonNegative(1)),
+        Rows("across", np.array([[0.0, 1.0]]), np.array([0.0]), rbd.Free(1)),
+    ]
+    return rbd.GaussProblem(np.eye(2), np.ones(2), rows)
+
+
+def test_a_nearest_motion_names_what_it_misses():
+    """Halfway: both stops by 0.75 m/s2; what is met is not listed."""
+    near = rbd.nearest_motion(squeezed())
+    lines = str(near).splitlines()
+    assert lines[0] == "nearest motion: rows are missed by up to 0.75 m/s2 (rad/s2), least squares"
+    assert [line.split()[0] for line in lines[1:3]] == ["low", "high"] and "across" not in "\n".join(lines[1:3])
+    assert near.a == pytest.approx([0.25, 0.0], abs=1e-9) and "violation 0.75" in repr(near)
+
+
+@dataclass(frozen=True)
+class Lame:
+    """A solver that answers with free motion, whatever the rows."""
+
+    law: str = "bilateral"
+
+    def reason_unsupported(self, problem: rbd.GaussProblem) -> str | None:
+        """Takes all."""
+        return None
+
+    def solve(self, problem: rbd.GaussProblem) -> rbd.Solution:
+        """Free motion."""
+        answer = rbd.KKT().solve(rbd.GaussProblem(problem.M, problem.rhs))
+        return replace(answer, problem=problem, multipliers=np.zeros(problem.m))
+
+
+def test_a_nearest_motion_that_its_solver_does_not_find_is_none():
+    """A solver that leaves the rows alone has no answer to the relaxed problem."""
+    with pytest.raises(NoSolution, match="the nearest motion was not found"):
+        rbd.nearest_motion(squeezed(), solver=Lame())
+
+
+@dataclass(frozen=True)
+class Rough:
+    """A solver whose motions are off by 1e-8: within the tolerance that is asked for, and not solved."""
+
+    law: str = "bilateral"
+
+    def reason_unsupported(self, problem: rbd.GaussProblem) -> str | None:
+        """Takes what `KKT` takes."""
+        return rbd.KKT().reason_unsupported(problem)
+
+    def solve(self, problem: rbd.GaussProblem) -> rbd.Solution:
+        """Nearly right."""
+        answer = rbd.KKT().solve(problem)
+        return replace(answer, a=answer.a + 1e-8 * np.abs(answer.a).max(initial=1.0))
+
+
+def test_a_solver_fails_that_is_not_right_or_does_not_say_so():
+    """Free motion for an answer; an answer that is only nearly solved; no answer to any problem."""
+    with pytest.raises(SolverWrong, match="its status is .*, though its residuals are small"):
+        check_solver(Rough(), tolerance=1e-5, accuracy=1e-5)
+    with pytest.raises(SolverWrong, match="Lame fails .* of .* problems"):
+        check_solver(Lame())
+    with pytest.raises(SolverWrong, match="it takes none of the problems"):
+        check_solver(rbd.KKT(), problems=[p for p in reference_problems() if rbd.KKT().reason_unsupported(p.problem)])
+
+
+@dataclass(frozen=True)
+class Strange:
+    """A set that is a half-line, under a name of its own."""
+
+    dim: int = 1
+
+    def project(self, force):
+        """The nearest force that pushes."""
+        return np.maximum(force, 0.0)
+
+    def generators(self):
+        """One half-line."""
+        return rbd.NonNegative(1).generators()
+
+
+def test_a_checker_says_which_sets_it_knows():
+    """Another set is refused by name; true cones want the patch they are at; idle rows are passed over."""
+    cone: Cone = Strange()
+    P = rbd.GaussProblem(np.eye(1), -np.ones(1), [Rows("odd", np.eye(1), np.zeros(1), cone)])
+    with pytest.raises(InputError, match="check_solver knows no Strange"):
+        law_residuals(P, rbd.ProxQP().solve(P), "convex")
+    corners = [[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]]
+    sole = Rows("sole", np.eye(6), np.zeros(6), rbd.WrenchCone(corners, 0.5))
+    idle = Rows("idle", np.zeros((0, 6)), np.zeros(0), rbd.NonNegative(0))
+    P = rbd.GaussProblem(np.eye(6), np.array([0.0, 0.0, -9.81, 0.0, 0.0, 0.0]), [sole, idle])
+    with pytest.raises(InputError, match="'sole': true cones at a patch's corners want its patch"):
+        law_residuals(P, rbd.ADMM().solve(P), "coulomb")
+    assert max(law_residuals(P, rbd.ProxQP().solve(P), "convex").values()) < 1e-9
+
+
+def test_a_constraint_without_velocities_is_checked_by_its_rows():
+    """Rows that give no velocity: J v alone is compared, and the report is as good."""
+
+    @dataclass(frozen=True)
+    class Silent:
+        name: str = "silent"
+
+        def rows(self, state: rbd.State) -> Rows:
+            frame = state.frame("box")
+            return Rows(self.name, frame.J[:3], frame.bias[:3], rbd.Free(3), error=frame.X_WF.translation.copy())
+
+    robot = box(10.0)
+    state = rbd.State(robot, np.array([0.1, 0.2, 0.3, 0.0, 0.0, np.sin(0.2), np.cos(0.2)]))
+    report = check_constraint(Silent(), state)
+    assert report.name == "silent"
+    with pytest.raises(ConstraintWrong, match="gave rows named 'silent'"):
+        check_constraint(SimpleNamespace(name="loud", rows=Silent().rows), state)
+
+
+def test_no_constraint_is_to_blame_where_there_is_none():
+    """A problem without rows."""
+    P = rbd.GaussProblem(np.eye(1), np.ones(1))
+    assert blame(P, np.zeros(1), np.zeros(0), None) == "no constraint"
+
+
+# -------------------------------------------------------------------------------------------------- the right Pinocchio
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({}, "which knows no robots"),
+        ({"Model": object, "__version__": "2.7.0"}, "finds version 2.7.0 at"),
+        ({"Model": object, "__version__": "unknown"}, "finds version unknown at"),
+        ({"Model": object, "__version__": "4.1.0", "__file__": "/opt/ros/noetic/pinocchio/__init__.py"}, "/opt/ros"),
+    ],
+)
+def test_another_pinocchio_is_refused(given: dict, match: str):
+    """A package of that name that is none, an old one, ROS's."""
+    module = ModuleType("pinocchio")
+    module.__file__ = "/somewhere/pinocchio/__init__.py"
+    for name, value in given.items():
+        setattr(module, name, value)
+    with pytest.raises(WrongPinocchio, match=match):
+        engine.check(module)
