@@ -14,7 +14,7 @@ _DAMPING = 1e-7
 """Over the largest diagonal entry of D: what lets rows repeat each other. A round leaves so much of what was missed."""
 _TO_AND_FRO = 4
 """Rounds that are tried; what slips goes no farther."""
-_ROUNDS = 4
+_ROUNDS = 6
 
 
 class Stillness:
@@ -31,7 +31,9 @@ class Stillness:
         self._all_cones = np.array_equal(self._cones, np.arange(parts.size))
         self._mu = parts.mu
 
-    def impulses(self, D: Array, u: Array, guess: Array, exact: float) -> tuple[Array, float] | None:
+    def impulses(
+        self, D: Array, u: Array, guess: Array, exact: float, *, others: bool = True
+    ) -> tuple[Array, float] | None:
         """(impulses w, how far D w + u is from zero, scaled), or None if no row impulses near the guess hold all rows still.
 
         Of rows that repeat each other it is the nearest answer to the guess, in the Euclidean norm: by Newton's steps with
@@ -42,6 +44,7 @@ class Stillness:
             u: Row velocities without impulses, shape (m,).
             guess: Where to start, shape (m,).
             exact: An answer's error, over the largest of u, in units where each diagonal entry of D is one.
+            others: Whether to look farther from the guess where the nearest answer is outside the sets.
         """
         sizes = [size for size in D.diagonal().tolist() if size > 0.0]  # a row that moves nothing, as in a plane, is still
         rate = largest(u)
@@ -58,7 +61,7 @@ class Stillness:
         for i in range(_ROUNDS):
             w = w - lapack.dpotrs(R, missed)[0]
             if i == 0 and not self._allow(w):  # near enough to tell
-                other = self._allowed(w, R, D, u)
+                other = self._allowed(w, R, D, u) if others else None
                 if other is None:
                     return None
                 w = other

@@ -33,6 +33,7 @@ from rbd.errors import InputError
 from rbd.simulation.bases import Bases
 from rbd.simulation.carry import Carry
 from rbd.simulation.closing import Closing, first_crossing
+from rbd.simulation.least_forces import least_forces
 from rbd.simulation.moment import Moment
 from rbd.simulation.motion import Motion
 from rbd.simulation.nearness import Nearness
@@ -372,10 +373,11 @@ class _Run:
             begun = self._begin(t, 1e-3 * h)  # what slides now, and stops before half the step is over, slides in the record
         answer, half = begun.answer, 0.5 * begun.h
         assert begun.tau is not None
-        force, speed = answer.impulse / half, slide(at.layout, answer.velocity)
-        a = (answer.v - at.state.v) / half - self.bases.spin(at.state.v)
+        speed = slide(at.layout, answer.velocity)
+        a, law = (answer.v - at.state.v) / half - self.bases.spin(at.state.v), self.motion.law
         return Moment(
-            t, at.state, a, begun.tau, lambda: touches_of(at, force, speed, self.names),
+            t, at.state, a, begun.tau,
+            lambda: touches_of(at, least_forces(at, begun.active, answer, half, law), speed, self.names),
             answer.law, at.drift, at.drift_rate, at.penetration, self.watch.taken(),
         )  # fmt: skip
 

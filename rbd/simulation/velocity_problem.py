@@ -8,8 +8,8 @@ M = L L^T, W = L^-1 J^T and y = L^-1 (M v + h (...)),
 
     u+ = W^T W p + W^T y + offset,        v+ = L^-T (y + W p)
 
-What is tried, in order: the impulses near the last ones that hold every row still; Newton's steps; all that `rbd.ADMM` tries.
-The problem itself is put together only for the last.
+What is tried, in order: the shortest impulses that hold every row still, and those near the last ones; Newton's steps; all that
+`rbd.ADMM` tries. The problem itself is put together only for the last.
 """
 
 from __future__ import annotations
@@ -56,12 +56,14 @@ class VelocityAnswer:
         impulse: Row impulses, shape (p,) [N s, N m s]; zero of points that do not act.
         velocity: u+ of all points, shape (p,) [m/s, rad/s].
         law: How far they are from the law, scaled.
+        least: Whether the impulses are known to be the shortest that do the same.
     """
 
     v: Array
     impulse: Array
     velocity: Array
     law: float
+    least: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ class VelocitySolver:
         y = blas.dtrsv(L, rhs, lower=1)
         if not is_finite(y):
             raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")
-        merit = 0.0
+        merit, least = 0.0, False
         if chosen.parts.size:
             J, c, left_out = at.J[index], offset[index], 0.0
             W = blas.dtrsm(1.0, L, J.T, lower=1)
@@ -138,13 +140,13 @@ class VelocitySolver:
                 rows = [Rows(name, J[span], c[span], cone) for name, span, cone in chosen.groups]
                 return GaussProblem(M, rhs, rows, from_state=True)
 
-            f, merit = self._impulses(chosen, D, u, guess[index], None if shift is None else shift[index], h, problem)
+            f, merit, least = self._impulses(chosen, D, u, guess[index], None if shift is None else shift[index], h, problem)
             if left_out:
                 merit = max(merit, self._contradiction(chosen, at, left_out / (max(h, largest(u)) or 1.0)))
             impulse[index] = f
             y = y + W @ f
         v = blas.dtrsv(L, y, lower=1, trans=1)
-        return VelocityAnswer(v, impulse, at.J @ v + offset, merit)
+        return VelocityAnswer(v, impulse, at.J @ v + offset, merit, least)
 
     def _contradiction(self, chosen: _Chosen, at: Snapshot, missed: float) -> float:
         """What held rows miss, over the size of what they ask; what a pose and a velocity that are off account for is no error.
@@ -168,14 +170,17 @@ class VelocitySolver:
         shift: Array | None,
         h: float,
         problem: Callable[[], GaussProblem],
-    ) -> tuple[Array, float]:
-        """(row impulses, how far they are from the law)."""
+    ) -> tuple[Array, float, bool]:
+        """(row impulses, how far they are from the law, whether they are known to be the shortest)."""
         if chosen.bilateral:
-            return _held(D, u, max(h, largest(u)) or 1.0, problem)
+            return *_held(D, u, max(h, largest(u)) or 1.0, problem), False
         if shift is None and chosen.stillness is not None:
+            shortest = chosen.stillness.impulses(D, u, np.zeros(len(u)), STILL, others=False)
+            if shortest is not None:
+                return *shortest, True
             still = chosen.stillness.impulses(D, u, guess, STILL)
             if still is not None:
-                return still
+                return *still, False
         T = chosen.parts
         if not chosen.plain:
             D, u, guess = T.H.T @ D @ T.G, T.H.T @ u, T.project(T.H.T @ guess)
@@ -183,7 +188,7 @@ class VelocitySolver:
         if shift is not None:
             x, merit, S = self._tried(D, u + shift, T, guess)
             if merit <= _exact(S):
-                return T.G @ T.project(S.weights(x)), merit
+                return T.G @ T.project(S.weights(x)), merit, False
             # Sole and load may be such that no friction opposes the velocity in the middle: then that at the end.
         x, merit, S = self._tried(D, u, T, guess)
         exact = _exact(S)
@@ -192,8 +197,8 @@ class VelocitySolver:
         if merit > exact:
             x, merit = yielding_steps(S, np.zeros(T.size), coulomb=self.coulomb)
         if merit <= exact:
-            return T.G @ T.project(S.weights(x)), merit
-        return self._searched(problem())
+            return T.G @ T.project(S.weights(x)), merit, False
+        return *self._searched(problem()), False
 
     def _tried(self, D: Array, u: Array, T: Parts, guess: Array) -> tuple[Array, float, Scaled]:
         """(scaled weights, merit, the scaled problem) from a guess."""
@@ -234,6 +239,12 @@ class VelocitySolver:
 def _exact(S: Scaled) -> float:
     """The merit that will do: where next to nothing moves, rounding is more than `EXACT` of it."""
     return max(EXACT, _ROUNDING / S.rate)
+
+
+def chosen_rows(layout: Layout, active: Array) -> tuple[Array | slice, tuple[tuple[str, slice, Cone], ...], Parts]:
+    """(rows of the points that act, (constraint, its rows among them, set of its forces), these sets as weights)."""
+    chosen = _choose(layout, active, 1.0)
+    return chosen.index, chosen.groups, chosen.parts
 
 
 def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
