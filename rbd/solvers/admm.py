@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 from rbd.arrays import Array, largest, lazy
 from rbd.cones import pyramid
 from rbd.errors import InputError
+from rbd.limits import SEARCH_WORK, Work
 from rbd.parts import Parts
 from rbd.problem import GaussProblem, checked
 from rbd.residuals import SOLVED
@@ -139,6 +140,7 @@ class _Search:
         self.P, self.law, self.start = P, law, start
         self.coulomb = law == "coulomb"
         self.iterations = 0
+        self.work, self.step = Work(SEARCH_WORK), float(P.parts.size) ** 3 + 1e4
         self.infeasible = False
         self.best: Solution | None = None
         self.answers: list[Solution] = []
@@ -153,10 +155,11 @@ class _Search:
             return self.answers[0]
         S, W = self.S, self.W
         for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W)):
-            if self.answers and i >= wanted:
+            if (self.answers and i >= wanted) or self.work.left < 0.0:
                 break
             w, merit, steps = steps_from(S, guess, coulomb=self.coulomb, iterations=25 if i < 3 else 40, proximal=proximal)
             self.iterations += steps
+            self.work.spend(steps * self.step)
             if self.coulomb and merit < _FOUND and leaves_motion_open(S, w):
                 w, reason = self._alike(S, w), OPEN
             else:
@@ -227,6 +230,7 @@ class _Search:
         for _ in range(_FIXED_POINT_STEPS if self.coulomb else 1):
             w, n = interior_point(S, extra=extra)
             self.iterations += n
+            self.work.spend(n * self.step)
             yield w, 1e-6
             extra = de_saxce(S, S.D @ w + S.q)
         if not self.coulomb:
@@ -292,6 +296,8 @@ class _Search:
         assert self.best is not None
         if self.infeasible:
             reason = "no acceleration satisfies the rows together, whatever the forces"
+        elif self.work.left < 0.0:
+            reason = f"no motion was found within {SEARCH_WORK:.0e} multiplications, and not all starts were tried"
         elif self.coulomb:
             reason = (
                 "no motion that satisfies Coulomb's law was found, from any start; where the convex law has no answer, "

@@ -63,7 +63,7 @@ def interior_point(problem: Scaled, *, extra: Array | float = 0.0, iterations: i
             break
         scaling = _Scaling(sides, s, z)
         inverse_square = scaling.inverse_square
-        K = D + E.T @ inverse_square @ E
+        K = _added(D, sides, inverse_square)
         K[fixed], K[:, fixed] = 0.0, 0.0
         K[fixed, fixed] = 1.0
         K.flat[: problem.order.singles * (p + 1) : p + 1] += 1e-12  # lines that depend on each other have no barrier
@@ -113,6 +113,17 @@ def _sides(problem: Scaled) -> _Sides:
     E[first, column + 2] = 1.0  # the axis; tangents over mu make the cone its own dual
     E[first + 1, column] = E[first + 2, column + 1] = 1.0 / order.mu
     return _Sides(E, b, half)
+
+
+def _added(D: Array, sides: _Sides, square: Array) -> Array:
+    """D + E^T square E. Each row of E has one entry, and `square` is diagonal over half-lines: no product of matrices."""
+    K, half = D.copy(), sides.half
+    column = np.abs(sides.E).argmax(axis=1)
+    entry = sides.E[np.arange(len(column)), column]
+    np.add.at(K, (column[:half], column[:half]), entry[:half] ** 2 * square.diagonal()[:half])
+    cones, of = column[half:], entry[half:]
+    K[np.ix_(cones, cones)] += of[:, None] * square[half:, half:] * of
+    return K
 
 
 def _unit(sides: _Sides) -> Array:
