@@ -67,8 +67,9 @@ class Balance:
     _left: int = field(default=0, init=False)
 
     def least(self) -> float | None:
-        """The least coefficient that balances, at all cones that take a larger one; None above `MOST`, or if not found within the limit of programs.
+        """The least coefficient that balances, at all cones that take a larger one; None where it is not found.
 
+        Not found is what lies above `MOST`, or takes more linear programs than `rbd.limits` allows.
         What those are given already counts: zero, say, where they balance as they are.
         """
         self._left = limits.FRICTION_PROGRAMS
