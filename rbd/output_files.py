@@ -27,7 +27,7 @@ def check_place(path: Path, error: type[RbdError] = InputError, *, what: str = "
     """
     try:
         _place(path)
-    except (OSError, ValueError) as reason:
+    except OSError as reason:
         raise error(_complaint(path, reason, what)) from None
 
 
@@ -82,6 +82,8 @@ def _place(path: Path) -> tuple[Path, os.stat_result | None]:
         old = os.stat(path)
     except FileNotFoundError:
         old = None
+    except ValueError:  # a lone surrogate, a null character
+        raise OSError(errno.EINVAL, "no file can have this name") from None
     if old is not None and stat.S_ISDIR(old.st_mode):
         raise IsADirectoryError(errno.EISDIR, "it is a folder")
     if old is not None and not os.access(path, os.W_OK):
@@ -108,7 +110,7 @@ def _longest_name(folder: Path) -> int:
         return 255
 
 
-def _complaint(path: Path, reason: Exception, what: str = "") -> str:
-    why = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
+def _complaint(path: Path, reason: OSError, what: str = "") -> str:
+    why = reason.strerror or str(reason) or type(reason).__name__
     name = f"{what} {str(path)!r:.300}".lstrip()
     return f"{name} cannot be written: {why}. Give a file in a folder that is there and is yours."

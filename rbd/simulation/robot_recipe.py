@@ -36,7 +36,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "sizes": [robot.nq, robot.nv, robot.nu],
         "motors": list(robot.actuated_names),
     }
-    if not isinstance(robot, Robot) or not robot.urdf.is_file():
+    if not isinstance(robot, Robot) or not os.path.isfile(robot.urdf):
         return out
     loops = _loops(robot)
     if loops is None:
@@ -120,7 +120,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
         )
     path = Path(file)
     loops = given.get("loops", True)
-    if path.is_absolute() and not path.is_file() and (folder / path.name).is_file():
+    if path.is_absolute() and not os.path.isfile(path) and os.path.isfile(folder / path.name):
         file = str(folder / path.name)
         if isinstance(loops, str):
             loops = str(folder / Path(loops).name)
@@ -185,7 +185,7 @@ def _loops(robot: Robot) -> str | bool | None:
     if own is not None and own.name == name:
         return True
     other = robot.urdf.parent / name
-    return os.fspath(other.resolve()) if other.is_file() else None
+    return os.fspath(other.resolve()) if os.path.isfile(other) else None
 
 
 def _found(name: str) -> Path | None:

@@ -207,10 +207,13 @@ def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict
             raise InputError(f"{name!r:.80} holds numbers for which it gives no mode")
         out[name] = np.array([words[code] for code in codes])
     for name, shape in (empty.items() if isinstance(empty, dict) else ()):
-        if not isinstance(shape, list) or not all(type(k) is int and 0 <= k < 2**40 for k in shape) or 0 not in shape:
+        if not isinstance(shape, list) or not all(type(k) is int and 0 <= k < 2**31 for k in shape) or 0 not in shape:
             raise InputError(f"its header gives {name!r:.80} the shape {shape!r:.80}")
         if name in wanted:
-            out[name] = np.zeros(shape)
+            try:
+                out[name] = np.zeros(shape)
+            except ValueError:  # too many dimensions, or lengths whose product no computer can count
+                raise InputError(f"its header gives {name!r:.80} the shape {shape!r:.80}") from None
     rest = {key: value for key, value in header.items() if key not in ("sha256", "format", "version")}
     if _checksum(rest, out) != header.get("sha256"):
         raise InputError("its numbers are not those that were written (their checksum differs)")
@@ -221,7 +224,8 @@ def _checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
     """Of the header and of all that a trajectory is made of: netCDF has none of its own."""
     found = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for name, x in sorted(arrays.items()):
-        found.update(name.encode() + ("\0".join(x.tolist()).encode() if x.dtype.kind == "U" else x.astype("<f8").tobytes()))
+        text = "\0".join(x.tolist()).encode(errors="surrogatepass") if x.dtype.kind == "U" else x.astype("<f8").tobytes()
+        found.update(name.encode(errors="surrogatepass") + text)
     return found.hexdigest()
 
 

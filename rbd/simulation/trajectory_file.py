@@ -16,19 +16,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.lib import format as npy
 
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.output_files import write_file
+from rbd.simulation.trajectory_sizes import Member, check_header, check_netcdf, npz_members
 
 if TYPE_CHECKING:
     import xarray
 
 FORMAT, VERSION = "rbd trajectory", 1
 HEADER = "header"
-LARGEST_HEADER = 200_000_000
-"""Characters; events of very long motions."""
 EXTRA = "Install the extra: pip install 'rbd[study]'"
 
 
@@ -65,23 +63,26 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     data = _bytes(path)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            members = npz_members(archive, len(data))
             if HEADER not in members:
                 raise InputError(_foreign(path, f"it holds {', '.join(sorted(members))[:200] or 'nothing'}"))
-            arrays = {name: _array(archive, info) for name, info in members.items()}
+            header = _header(path, str(_array(archive, members.pop(HEADER))), len(data))
+            arrays = {name: _array(archive, member) for name, member in members.items()}
     except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, OSError, MemoryError, NotImplementedError,
             RuntimeError, SyntaxError, TypeError) as error:  # what zipfile and NumPy raise on bytes that are not theirs
         if isinstance(error, InputError):
             raise
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
-    return _header(path, str(arrays.pop(HEADER))), arrays
+    return header, arrays
 
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
     """A dataset, the header among its attributes."""
-    content = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)}).to_netcdf(
-        engine="scipy", format="NETCDF3_64BIT"
-    )
+    told = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)})
+    try:
+        content = told.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+    except UnicodeEncodeError as error:
+        raise InputError(f"a netCDF file has no character {error.object[error.start]!r}. Save it as .npz.") from None
     write_file(path, lambda file: file.write(content))
 
 
@@ -89,13 +90,14 @@ def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:
     """Header and dataset of what `write_netcdf` wrote; errors as `read_npz`."""
     xarray, data = xarray_or_error(), _bytes(path)
     try:
+        check_netcdf(data)
         dataset = xarray.load_dataset(io.BytesIO(data), engine="scipy", decode_cf=False)
         text = dataset.attrs.get(HEADER)
     except Exception as error:  # SciPy's reader raises whatever the wrong bytes lead to
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
     if not isinstance(text, str):
         raise InputError(_foreign(path, f"it holds {', '.join(sorted(map(str, dataset.variables)))[:200]}"))
-    return _header(path, text), dataset
+    return _header(path, text, len(data)), dataset
 
 
 def xarray_or_error() -> Any:
@@ -118,36 +120,32 @@ def as_json(header: Mapping[str, Any]) -> str:
 
 def _bytes(path: Path) -> bytes:
     try:
+        if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+            raise OSError("it is a device or a pipe")
         return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{str(path)!r:.200} cannot be read: {error.strerror or error}.") from error
+    except (OSError, ValueError) as error:  # a ValueError where the path can be none
+        raise InputError(f"{str(path)!r:.200} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     except MemoryError:
         raise InputError(f"{str(path)!r:.200} is larger than the memory.") from None
 
 
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Array:
-    """One array; its size must be that of its place in the archive before any memory is taken for it."""
-    with archive.open(info) as file:
-        version = npy.read_magic(file)
-        read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
-        if read is None:
-            raise ValueError(f"{info.filename!r:.80} is an array of version {version}")
-        shape, by_columns, kind = read(file)
-        size = int(np.prod(shape, dtype=object)) * kind.itemsize
-        if kind.hasobject or kind.kind not in "fU" or file.tell() + size != info.file_size:
-            raise ValueError(f"{info.filename!r:.80} says that it is {kind} of shape {shape}, which it is not")
+def _array(archive: zipfile.ZipFile, member: Member) -> Array:
+    with archive.open(member.info) as file:
+        file.read(member.start)
         data = file.read()  # to the end, where the checksum is compared
-    if len(data) != size:
-        raise ValueError(f"{info.filename!r:.80} is cut short")
-    out = np.frombuffer(data, kind).reshape(shape, order="F" if by_columns else "C") if size else np.zeros(shape, kind)
+    if len(data) != member.size:
+        raise ValueError(f"{member.info.filename!r:.80} is cut short")
+    shape, kind = member.shape, member.kind
+    out = np.frombuffer(data, kind).reshape(shape, order="F" if member.by_columns else "C") if data else np.zeros(shape, kind)
     if kind.kind == "U":
         out.tolist()  # raises on what are no characters
     return out
 
 
-def _header(path: Path, text: str) -> dict[str, Any]:
+def _header(path: Path, text: str, file_size: int) -> dict[str, Any]:
     try:
-        header = json.loads(text) if len(text) <= LARGEST_HEADER else None
+        check_header(text, file_size)
+        header = json.loads(text)
     except (ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != FORMAT:

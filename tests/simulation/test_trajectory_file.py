@@ -6,6 +6,9 @@ import builtins
 import dataclasses
 import json
 import os
+import subprocess
+import sys
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -19,6 +22,7 @@ from rbd.simulation import trajectory_file
 from rbd.simulation.moment import Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
+from rbd.simulation.trajectory_dataset import arrays_of_netcdf
 
 URDF = Path(__file__).parents[2] / "urdf"
 ENDINGS = ("npz", "nc")
@@ -320,3 +324,196 @@ def test_without_xarray_the_extra_is_named(fall: Trajectory, tmp_path: Path, mon
         with pytest.raises(rbd.InputError, match=r"rbd\[study\]"):
             call()
     fall.save(tmp_path / "x.npz")
+
+
+# Files that mean harm
+
+
+def npz_with(path: Path, members: dict[str, bytes]) -> None:
+    """An archive with these bytes for its arrays, compressed as far as they go."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name, data in members.items():
+            archive.writestr(f"{name}.npy", data)
+
+
+def npy_of(kind: str, shape: tuple[int, ...], data: bytes) -> bytes:
+    """An .npy file by hand: its header says what it likes."""
+    head = repr({"descr": kind, "fortran_order": False, "shape": shape}).encode()
+    head += b" " * (-(len(head) + 11) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head + data
+
+
+def netcdf_with(n: int, length: int, *, repeat: int = 1) -> bytes:
+    """A netCDF 3 file whose n variables all lie at one place."""
+
+    def name(text: str) -> bytes:
+        return len(text).to_bytes(4, "big") + text.encode() + bytes(-len(text) % 4)
+
+    def number(k: int) -> bytes:
+        return k.to_bytes(4, "big")
+
+    head = b"CDF\x01" + number(0) + number(10) + number(1) + name("time") + number(length) + bytes(8) + number(11) + number(n)
+    each = number(1) + number(0) + bytes(8) + number(6) + number(8 * length)
+    begin = len(head) + n * (len(name(f"v{n:06d}")) + len(each) + 4)
+    return head + b"".join(name(f"v{i:06d}") + each + number(begin) for i in range(n)) + bytes(8 * length * repeat)
+
+
+def harmful(folder: Path) -> dict[str, Path]:
+    """{what it does: a file of at most a megabyte or two}."""
+    text = '{"format": "rbd trajectory", "version": 1, "events": ['.ljust(64)
+    out = {}
+
+    def put(what: str, members: dict[str, bytes]) -> None:
+        out[what] = folder / f"{what}.npz"
+        npz_with(out[what], members)
+
+    million = 1_000_000
+    small = npy_of("<U2", (), "{}".encode("utf-32-le"))
+    put("a long header", {"header": npy_of(f"<U{100 * million}", (), text.encode("utf-32-le") + bytes(400 * million - 256))})
+    put("long times", {"header": small, "times": npy_of("<f8", (50 * million,), bytes(400 * million))})
+    put("long words", {"header": small, "mode_x": npy_of(f"<U{50 * million}", (2,), bytes(400 * million))})
+    put("what is no part of it", {"header": small, "x": npy_of("<f8", (50 * million,), bytes(400 * million))})
+    lists = "[[]" + ",[]" * 3 * million + "]"
+    put("many lists", {"header": npy_of(f"<U{len(lists)}", (), lists.encode("utf-32-le"))})
+    put("deep lists", {"header": npy_of(f"<U{2 * million}", (), ("[" * 2 * million).encode("utf-32-le"))})
+    put("objects", {"header": npy_of("|O", (), b"\x80\x04N.")})
+    put("no such size", {"header": small, "times": npy_of("<f8", (2**62, 2**62), b"")})
+    put("less than none", {"header": small, "times": npy_of("<f8", (-8, -1), bytes(64))})
+    put("many members", {f"x{i}": b"" for i in range(8000)})
+    bomb = folder / "two times.npz"
+    with zipfile.ZipFile(bomb, "w") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        for _ in range(2):
+            archive.writestr("header.npy", small)
+    out["two of one name"] = bomb
+    for what, content in {
+        "netCDF over itself": netcdf_with(6000, 60_000),
+        "netCDF of records": b"CDF\x02" + b"\xff" * 4 + bytes(24),
+        "netCDF of many dimensions": b"CDF\x01" + bytes(4) + (10).to_bytes(4, "big") + b"\xff" * 4 + bytes(64),
+        "netCDF cut short": netcdf_with(3, 60)[:60],
+    }.items():
+        out[what] = folder / f"{what}.nc"
+        out[what].write_bytes(content)
+    return out
+
+
+def test_files_that_mean_harm_take_no_memory(tmp_path: Path):
+    """A megabyte that says that it holds gigabytes is refused in words, with 150 MB at most, in a process of its own."""
+    files = harmful(tmp_path)
+    assert max(path.stat().st_size for path in files.values()) < 2_500_000
+    code = """
+import resource, sys, rbd, xarray, scipy.io
+def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+for path in sys.argv[1:]:
+    before = peak()
+    try:
+        rbd.Trajectory.load(path)
+    except rbd.InputError as error:
+        print(peak() - before, len(str(error)) < 600 and "no trajectory" in str(error), path, error, sep="|")
+"""
+    command = [sys.executable, "-c", code, *map(str, files.values())]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    told = [line.split("|") for line in done.stdout.splitlines()]
+    assert len(told) == len(files), done.stdout
+    for megabytes, words, path, error in told:
+        assert int(megabytes) < 150 and words == "True", (megabytes, path, error)
+
+
+def test_files_of_others_that_hold_the_same_are_read(fall: Trajectory, tmp_path: Path):
+    """Packed again by NumPy with compression, or with an array more."""
+    fall.save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as found:
+        whole = dict(found)
+    np.savez_compressed(tmp_path / "y.npz", **whole, mine=np.arange(3.0))
+    assert_same(fall, Trajectory.load(tmp_path / "y.npz", fall.robot))
+
+
+def test_a_long_rest_may_be_compressed(tmp_path: Path):
+    """A motion in which nothing changes packs a hundred times smaller, and is still read."""
+    box = rbd.load_robot(URDF / "box.urdf")
+    state, touch = box.at(), Touch(np.zeros(6), "holds")
+    rest = [Moment(0.1 * k, state, np.zeros(6), np.zeros(0), lambda: {"grip": touch}) for k in range(3000)]
+    still = Trajectory.of(Motion(box, (Force("grip"),)), rest)
+    still.save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as found:
+        np.savez_compressed(tmp_path / "y.npz", **found)
+    assert (tmp_path / "y.npz").stat().st_size * 20 < (tmp_path / "x.npz").stat().st_size
+    assert_same(still, Trajectory.load(tmp_path / "y.npz"))
+
+
+LONG = ("x" * 5000, "/" + "x" * 300 + "/y.urdf", "x/" * 3000)
+ODD_TEXTS = (*LONG, "\ud800", "\udcff.urdf", "a\0b", "~nobody/x.urdf", "\x1b[2J", "")
+
+
+@pytest.mark.parametrize("odd", ODD_TEXTS, ids=lambda text: ascii(text)[:12])
+def test_odd_paths_and_characters_in_a_header_are_refused_in_words(odd: str, fall: Trajectory, tmp_path: Path):
+    """Where the robot was, its packages and loops, names of constraints, words: long, null, lone surrogates."""
+    path = tmp_path / "x.npz"
+    fall.save(path)
+    with np.load(path) as found:
+        whole = dict(found)
+    header = json.loads(str(whole["header"]))
+    robot = rbd.simulation.trajectory_dataset.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
+    changes = [
+        {"robot": robot | {"file": odd}},
+        {"robot": robot | {"file": str(tmp_path / odd) if odd else odd}},
+        {"robot": robot | {"package_dirs": [odd]}},
+        {"robot": robot | {"loops": odd}},
+        {"robot": robot | {"root": odd}},
+        {"robot": robot | {"passive": [odd]}},
+        {"robot": robot | {"name": odd}},
+        {"constraints": [odd]},
+        {"contacts": [odd]},
+        {"law": odd},
+        {"events": [[0.0, odd, odd, 0, 0.0, 0.0]]},
+    ]
+    for change in changes:
+        np.savez(path, **whole | {"header": np.array(json.dumps(header | change))})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                repr(Trajectory.load(path))
+            except (rbd.InputError, rbd.ModelError) as error:
+                assert len(str(error)) < 2000
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("odd", ODD_TEXTS, ids=lambda text: ascii(text)[:12])
+def test_odd_paths_of_files_are_refused_in_words(odd: str, ending: str, fall: Trajectory, tmp_path: Path):
+    """To write to and to read from."""
+    for path in (f"{odd}.{ending}", str(tmp_path / f"no folder {odd}" / f"x.{ending}")):
+        for call in (fall.save, Trajectory.load):
+            if os.path.isabs(path) or "x" * 300 in path or call is Trajectory.load:
+                with pytest.raises(rbd.InputError):
+                    call(path)
+
+
+def test_words_with_lone_surrogates_are_kept(tmp_path: Path):
+    """A name of a file that is no UTF-8 becomes such a word; it comes back as it was."""
+    motion, moments, events = falling(n=3)
+    odd = Trajectory.of(motion, moments, events, "by \udcff", 0.1, "ended \ud800")
+    for ending in ENDINGS:
+        try:
+            odd.save(tmp_path / f"x.{ending}")
+        except rbd.InputError as error:
+            assert ending == "nc" and "netCDF" in str(error)
+            continue
+        back = Trajectory.load(tmp_path / f"x.{ending}", odd.robot)
+        assert (back.integrator, back.interrupted) == (odd.integrator, odd.interrupted)
+
+
+def test_what_is_no_file_is_not_read(tmp_path: Path):
+    """A pipe would be waited for, a device read for ever."""
+    os.mkfifo(tmp_path / "x.npz")
+    (tmp_path / "y.npz").symlink_to("/dev/zero")
+    for name in ("x.npz", "y.npz"):
+        with pytest.raises(rbd.InputError, match="device or a pipe"):
+            Trajectory.load(tmp_path / name)
+
+
+def test_an_empty_array_of_odd_shape_is_refused(fall: Trajectory, tmp_path: Path):
+    """The header of a netCDF file names arrays without entries, and their shapes."""
+    for shape in ([2**31, 0], [2**30] * 8 + [0], [0] * 70, [-1, 0], [True, 0], "ab", None):
+        header = {"arrays": ["tau"], "modes": [], "empty": {"tau": shape}, "sha256": ""}
+        with pytest.raises(rbd.InputError):
+            arrays_of_netcdf(header, trajectory_file.xarray_or_error().Dataset())
