@@ -5,7 +5,8 @@
     whole numbers, indices and the ends   numbers doubled, True and False exchanged     .T, abs and sqrt dropped
       of slices one more or less          min and max, any and all, sin and cos ...     a call or an update left out
 
-Left out are messages (`raise`, `warn`, f-strings), `assert`, annotations, decorators, and floats below 1e-3 (tolerances).
+Left out are messages (`raise`, `warn`, f-strings, how numbers are printed), `assert`, annotations, decorators, and floats below
+1e-3 (tolerances).
 """
 # ruff: noqa: D102
 
@@ -28,6 +29,7 @@ BOUNDARY = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
 DROPPED_CALLS = ("abs", "sqrt")
 SYMMETRIC = ("min", "max", "minimum", "maximum", "dot", "hypot", "zip", "isinstance", "getattr", "partial", "cast")
 ATOMS = (ast.Name, ast.Constant, ast.Attribute, ast.Call, ast.Subscript, ast.List, ast.Tuple, ast.Dict, ast.ListComp)
+UNSEEN = ("strict", "maxsize", "precision", "max_line_width", "threshold", "stacklevel")  # checks of our own code, and print
 SILENT = (ast.Raise, ast.Assert, ast.JoinedStr, ast.arg, ast.Import, ast.ImportFrom)
 
 
@@ -120,7 +122,7 @@ class Drawer(ast.NodeVisitor):
             self.visit(node.value)
 
     def visit_keyword(self, node: ast.keyword) -> None:
-        if node.arg != "strict":  # of zip: a check of our own code
+        if node.arg not in UNSEEN:
             self.generic_visit(node)
 
     def visit_Expr(self, node: ast.Expr) -> None:

@@ -189,3 +189,14 @@ def test_rows_may_be_made_of_lists():
     """J, bias and the resultant as lists of numbers are the same rows."""
     rows = Rows("row", [[1, 0]], [2], rbd.Free(1), resultant=[[1], [0], [0]])
     assert rows.J.dtype == float and rows.resultant.tolist() == [[1.0], [0.0], [0.0]]
+
+
+def test_what_a_contact_lacks_is_told_by_what_it_is():
+    """A name that is none, a frame that is none: each message says which."""
+    kinds = {rbd.PointContact: {}, rbd.LineContact: {"half_length": 0.1}, rbd.SurfaceContact: {"half_lengths": (1, 1)}}
+    for kind, shape in kinds.items():
+        with pytest.raises(InputError, match="name") as nameless:
+            kind("", "frame", **shape)
+        with pytest.raises(InputError, match="frame") as frameless:
+            kind("toe", 3, **shape)
+        assert "''" in str(nameless.value) and "3" in str(frameless.value)

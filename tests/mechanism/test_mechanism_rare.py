@@ -24,6 +24,7 @@ from rbd.mechanism import (
     velocity_partition,
 )
 from rbd.mechanism.coordinates import coordinates_of
+from rbd.mechanism.count import plane_normal
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
 START = np.array([0.7, -0.03, 1.5])
@@ -242,3 +243,45 @@ def test_what_moves_by_itself_has_no_mobility():
     driven = rbd.PointContact(foot.name, foot.frame, velocity=(0.1, 0.0, 0.0))
     with pytest.raises(InputError, match="moves by itself"):
         mobility(robot.standing(), [driven])
+
+
+def test_a_stop_that_is_just_reached_does_not_end_the_motion():
+    """The last value is the stop's own: the way is complete, and nothing was beyond a limit."""
+    robot = pendulum()
+    robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.5
+    motion = trace(robot, [rbd.JointLimit("stop", "crank")], np.zeros(1), "crank", (0.0, 0.5), steps=5)
+    assert motion.complete and not motion.stopped_by and motion.input[-1] == 0.5 and not motion.beyond_limits
+
+
+def test_a_joint_at_its_limit_is_not_beyond_it():
+    """Up to 1e-9 on both sides, as the rounding of a pose that was brought there."""
+    robot = pendulum()
+    robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.7
+    beyond = coordinates_of(robot).beyond_limits
+    for inside in (-0.5, 0.7, 0.0, -0.5 - 5e-10, 0.7 + 5e-10):
+        assert beyond(np.array([inside])) == ()
+    for outside in (-0.5 - 2e-9, 0.7 + 2e-9):
+        (found,) = beyond(np.array([outside]))
+        assert (found.joint, found.value, found.lower, found.upper) == ("crank", outside, -0.5, 0.7)
+
+
+def test_the_normal_of_a_plane_is_a_unit_vector():
+    """Of linkages whose hinges stand anywhere in the x-z plane, and of slides alone; a robot in space has none."""
+    for robot in (rbd.mechanism.n_four_bar(3, length=0.7), rbd.mechanism.slider_crank(0.3, 0.8, offset=0.1)):
+        assert np.abs(plane_normal(robot.at("assembled"))) == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+    assert plane_normal(rbd.load_robot("ur5").at()) is None
+
+
+def test_a_velocity_that_has_no_name_is_refused():
+    """A number is no joint."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    state = rbd.State(robot, assemble(robot, loops, START).q)
+    with pytest.raises(rbd.RbdError, match="3"):
+        velocity_partition(state, loops, {3: 1.0})
+
+
+def test_where_nothing_is_redundant_no_direction_is_tried():
+    """Full rank decides by itself, and is said."""
+    robot, loops = four_bar(*CRANK_ROCKER)
+    found = mobility(rbd.State(robot, assemble(robot, loops, START).q), loops)
+    assert found.motion.tried == 0 and len(found.motion.points) == 1 and "J has full rank here" in str(found)

@@ -152,3 +152,11 @@ def test_two_modes_are_two_shapes(K, squared):
         first = next(x for x in modes.shapes[:, k] if x != 0)
         assert first == 1
     assert sympy.simplify(modes.shapes.det()) != 0
+
+
+def test_the_angle_with_a_number_for_its_coefficient_is_solved_for():
+    """A parameter might be zero: p A + B = 1 gives B, A + p B = 1 gives A; of two numbers the last angle."""
+    chain, p = Chain(2, lengths=(0.5, 0.4)), sympy.Symbol("p", positive=True)
+    A, B = chain.q
+    for relation, free in ((p * A + B - 1, A), (A + p * B - 1, B), (A + 2 * B - 1, A)):
+        assert list(chain.constrained(relation).free) == [free]

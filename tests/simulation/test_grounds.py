@@ -1,5 +1,7 @@
 """Contacts with the ground, measured together and one by one."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -86,3 +88,21 @@ def test_points_of_contact_between_bodies_are_where_the_bodies_have_them(kind: s
     assert gaps.min(axis=1).max() < ROUNDING and sorted(gaps.argmin(axis=1)) == list(range(len(corners)))
     (rows,) = rbd.gauss_problem(state, np.zeros(robot.nu), [contact]).rows
     assert np.array_equal(measured.axes, rows.patch.axes)
+
+
+@pytest.mark.parametrize("stepper", ["smooth", "stepping"])
+def test_recorded_corners_of_a_held_patch_are_on_the_body(stepper: str):
+    """A box that hangs by a patch, turned every way: its corners are X_WF X_FP p at each recorded moment, and carry m g."""
+    robot = rbd.load_robot(Path(__file__).parents[2] / "urdf" / "box.urdf")
+    pose = pin.SE3(pin.exp3(np.array([0.4, -0.7, 0.9])), np.array([0.1, 0.2, 1.0]))
+    state = robot.at(pin.SE3ToXYZQUAT(pose))
+    placement = pin.SE3(pin.exp3(np.array([-0.3, 0.5, 0.2])), np.array([0.05, -0.1, 0.1]))
+    patch = rbd.SurfaceContact("glue", "box", half_lengths=(0.05, 0.02), placement=placement)
+    settings = {"integrator": rbd.RungeKutta4()} if stepper == "smooth" else {"integrator": rbd.TimeStepping()}
+    motion = rbd.simulate(state, [patch], duration=0.02, step=0.01, progress=False, **settings)
+    for k in range(len(motion)):
+        X_WP = motion.state(k).frame("box").X_WF * placement
+        expected = np.array([X_WP.act(p) for p in patch.corners])
+        found = motion.points["glue"][k]
+        assert np.abs(found - expected).max() < 1e-9 if len(found) == 4 else len(found) == 1
+        assert motion.forces["glue"][k][:3] == pytest.approx([0.0, 0.0, 98.1], abs=1e-6)

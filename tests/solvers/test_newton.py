@@ -10,6 +10,7 @@ import pytest
 from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.parts import Parts, parts_of
 from rbd.rows import Rows
+from rbd.solvers.admm import de_saxce
 from rbd.solvers.interior_point import interior_point
 from rbd.solvers.newton import newton, order_of, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
@@ -199,3 +200,11 @@ def test_points_that_yield_less_and_less_come_to_the_rigid_answer(rng):
         assert merit < 1e-10 and missed(D, y_free, T, T.project(S.weights(w)), coulomb=False) < 1e-9
         exact, _, _ = steps_from(S, np.zeros(12), coulomb=False)
         assert np.abs(S.D @ (w - exact)).max() < 1e-9
+
+
+def test_de_saxces_term_is_mu_times_the_sliding_speed(rng):
+    """At the normal of each cone mu |y_t|, of both tangents, and nothing elsewhere."""
+    T = parts(Product([NonNegative(2), FrictionCone(0.5), FrictionCone(1.5)]))
+    S = scaled(np.eye(T.size), rng.normal(size=T.size), T)
+    y = np.array([7.0, -8.0, 3.0, -4.0, 9.0, 5.0, 12.0, -2.0])
+    assert de_saxce(S, y) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.5 * 5.0, 0.0, 0.0, 1.5 * 13.0], abs=1e-14)
