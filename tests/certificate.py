@@ -150,7 +150,7 @@ class _Arrays:
         scaled = M / np.outer(self.root, self.root)
         self.inverse = np.linalg.inv(scaled) / np.outer(self.root, self.root)
         self.a_free = np.linalg.solve(scaled, rhs / self.root) / self.root
-        self.pushed = np.zeros((len(rhs), 0))
+        self.pushed, self.load = np.zeros((len(rhs), 0)), float(np.abs(rhs).max())
 
     def forces(self, columns: Sequence[Array]) -> None:
         """Generalised forces of the constraints, one column each, shapes (nv, k)."""
@@ -164,7 +164,8 @@ class _Arrays:
     def push(self, J: Array, p: Array, rate: float) -> float:
         """What a point's force is measured against."""
         mobility = float(np.linalg.norm(J @ self.inverse @ J.T, 2)) if J.size else 0.0
-        return max(float(np.linalg.norm(p)), rate / mobility if mobility > 0.0 else 0.0)
+        # On what cannot move, as a link that is welded to the ground, any force is as good as another.
+        return max(float(np.linalg.norm(p)), rate / mobility if mobility > 0.0 else self.load)
 
     def held(self, name: str, J: Array, c: Array, bias: Array, more: Array | float = 0.0) -> None:
         """Rows that hold; `more` are terms that cancel in J and bias themselves."""
