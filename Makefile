@@ -10,7 +10,7 @@ help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
 	@echo "make test      all tests"
 	@echo "make bench     what an answer costs beside one constraintDynamics call"
-	@echo "make fuzz      robot files broken on purpose, N=20000 of them: each refused by name, or loaded right"
+	@echo "make fuzz      robot files broken on purpose, N=20000, and random problems, PROBLEMS=5000: refused by name, or right"
 	@echo "make lint      ruff and mypy"
 	@echo "make pictures  the pictures of README and docs again (needs Chromium)"
 
@@ -36,9 +36,11 @@ bench: $(MARKER)
 	$(BIN)/python tests/bench.py
 
 N ?= 20000
+PROBLEMS ?= 5000
 SEED ?= 0
 fuzz: $(MARKER)
 	$(BIN)/python tests/fuzz.py --n $(N) --seed $(SEED) --keep $(VENV)/fuzz_failures
+	$(BIN)/python tests/fuzz_problems.py --n $(PROBLEMS) --seed $(SEED)
 
 pictures: $(MARKER)
 	$(BIN)/python docs/pictures/make.py
