@@ -298,7 +298,8 @@ def least_miss(M: Array, rows: Sequence[object], facets: int = 16) -> float:
     """Least largest violation of the rows by any acceleration, over the largest bias, by a linear program (HiGHS).
 
     Rows that hold must be at rest, points must open or rest: c along every ray of the pyramid *around* the cone is not
-    negative, which is stricter than what the circular cone asks. Rows are scaled to unit length in the metric of M. NaN if HiGHS fails.
+    negative, which is stricter than what the circular cone asks. Rows are scaled to unit length in the metric of M; NaN if
+    HiGHS fails.
     """
     root = np.sqrt(np.diag(M))
     L = np.linalg.cholesky(M / np.outer(root, root))

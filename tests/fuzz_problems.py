@@ -432,8 +432,8 @@ def main() -> int:
         if found.seconds > slowest[0]:
             slowest = found.seconds, i, found.story
         if found.outcome == "failure" or given.n == 1:
-            print(f"\n{i}: {found.outcome} {found.why}\n  {found.story}\n  worst {found.worst:.1e}, {found.seconds:.2f} s; again: "
-                  f"python tests/fuzz_problems.py --seed {given.seed} --start {i} --n 1", flush=True)  # fmt: skip
+            print(f"\n{i}: {found.outcome} {found.why}\n  {found.story}\n  worst {found.worst:.1e}, {found.seconds:.2f} s; "
+                  f"again: python tests/fuzz_problems.py --seed {given.seed} --start {i} --n 1", flush=True)  # fmt: skip
         if counts.total() % 50 == 0:
             print(f"\r{counts.total()} of {given.n}: {dict(counts)}", end="", file=sys.stderr, flush=True)
     print("", *[f"{n:6} refused, {what}" for what, n in reasons.most_common(30)], sep="\n")

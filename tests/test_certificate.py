@@ -84,7 +84,8 @@ def _answers(seed: int, *, moving: bool) -> list[tuple[R.Tree, list[R.Given], rb
         _, made = R.tree(rng, most=5, spread=R.pick(rng, (0.0, 2.0)), root="free_flyer")
         q = R.posture(rng, made.robot)
         if moving:  # points that hold take any velocity
-            given = [R.point(f"c{k}", made.robot, R.pick(rng, made.links), 0.1 * R.unit(rng), R.unit(rng), None) for k in range(2)]
+            where = [(R.pick(rng, made.links), 0.1 * R.unit(rng), R.unit(rng)) for _ in range(2)]
+            given = [R.point(f"c{k}", made.robot, *each, None) for k, each in enumerate(where)]
             v = rng.uniform(-1.0, 1.0, made.robot.nv)
         else:
             given = R.contacts(rng, made, q, unlimited=False)[1]
@@ -161,7 +162,7 @@ def test_rows_that_are_wrong_and_used_consistently_are_seen_on_the_robot(what: s
     for made, given, state, tau, s in _answers(7, moving=True):
         rows = [replace(r, **{what: getattr(r, what) * (1.0 + WRONG)}) for r in s.problem.rows]
         wrong = rbd.KKT().solve(rbd.GaussProblem(s.problem.M, s.problem.rhs, rows))
-        if wrong.residuals.within(1e-9):  # of rows that repeat each other each is wrong by another amount: there is no answer then
+        if wrong.residuals.within(1e-9):  # rows that repeat each other contradict each other then
             assert _of(wrong).worst <= LIMIT
             assert _of_robot(made, given, state, tau, wrong).worst > LIMIT
 
@@ -203,5 +204,6 @@ def test_what_is_not_a_number_is_never_clean() -> None:
 def test_an_own_linear_program_tells_whether_there_are_accelerations() -> None:
     """Two stops that contradict each other by 1 m/s2 miss by half of it at least; two that agree, by nothing."""
     for bias, least in ((-1.0, 0.5), (1.0, 0.0)):
-        rows = [rbd.Rows(name, s * np.ones((1, 1)), np.array([bias]), rbd.NonNegative(1)) for name, s in (("a", 1.0), ("b", -1.0))]
+        stop, both = rbd.NonNegative(1), (("a", 1.0), ("b", -1.0))
+        rows = [rbd.Rows(name, sign * np.ones((1, 1)), np.array([bias]), stop) for name, sign in both]
         assert C.least_miss(np.eye(1), rows) == pytest.approx(2.0 * least, abs=1e-9)
