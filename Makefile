@@ -10,7 +10,7 @@ help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
 	@echo "make test      all tests"
 	@echo "make bench     what an answer costs beside one constraintDynamics call"
-	@echo "make fuzz      robot files broken on purpose, N=20000 URDF and N_MJCF=4000 MJCF: each refused by name, or right"
+	@echo "make fuzz      robot files broken on purpose (N=20000 URDF, N_MJCF=4000 MJCF) and PROBLEMS=5000 random problems: refused by name, or right"
 	@echo "make mutants   small faults put into the code on purpose, N=300 of them by SEED=0: each noticed by a test"
 	@echo "make coverage  which lines and branches the tests execute, in processes that they start, too"
 	@echo "make lint      ruff and mypy"
@@ -39,11 +39,13 @@ bench: $(MARKER)
 
 fuzz: N ?= 20000
 N_MJCF ?= 4000
+PROBLEMS ?= 5000
 mutants: N ?= 300
 SEED ?= 0
 fuzz: $(MARKER)
 	$(BIN)/python tests/fuzz.py --n $(N) --seed $(SEED) --keep $(VENV)/fuzz_failures
 	$(BIN)/python tests/fuzz.py --mjcf --n $(N_MJCF) --seed $(SEED) --keep $(VENV)/fuzz_failures
+	$(BIN)/python tests/fuzz_problems.py --n $(PROBLEMS) --seed $(SEED)
 
 # What was found is kept in .mutants: an interrupted run goes on where it stopped.
 mutants: $(MARKER)

@@ -1,19 +1,20 @@
 """The equations of an answer, written a second time: from `docs/theory.md`, sharing no code with what computed the answer.
 
 Two views. `of_arrays` judges a least-constraint problem given as arrays. `of_robot` judges accelerations and world forces on a
-Pinocchio model: the equation of motion by `rnea` with the forces on the bodies (no M, no Jacobian of the package), the motion of
-each contact point by forward kinematics, the rate of momentum about the centre of mass.
+Pinocchio model: the equation of motion by `rnea` with the forces on the bodies (no M, no Jacobian of the package), the motion
+of each contact point by forward kinematics, the rate of momentum about the centre of mass.
 
-Every row, and every point, is measured against its own terms, so that a link of a microgram counts as much as one of a kilogram:
+Every row, and every point, is measured against its own terms, so that a milligram counts as much as a kilogram:
 
     equation of motion, row i    sum_j |M_ij a_j| + |rhs_i| + sum_r |J_ri f_r|
     acceleration of a row        sum_j |J_rj a_j| + |bias_r| + |feedback_r|;       of a point: the largest of its rows
     force of a point             |f|, or what would give the point the acceleration above, if that is more
     momentum                     the terms of each of the six components
 
-with three floors. A row whose terms vanish is measured against `FREE` of what motors, weight and each constraint force alone would
-make it do; an equation of motion against `ROUNDING` of sqrt(M_ii) max_j sqrt(M_jj) (|a_j| + |a_free_j|), the size of the rounding of any factorisation, and of what
-its joint carries. A contact law is judged by how far the point is from satisfying it, not by a product of force and acceleration.
+with three floors. A row whose terms vanish is measured against `FREE` of what motors, weight and each constraint force alone
+would make it do; an equation of motion against `ROUNDING` of sqrt(M_ii) max_j sqrt(M_jj) (|a_j| + |a_free_j|), the size of the
+rounding of any factorisation, and of what its joint carries. A contact law is judged by how far the point is from satisfying
+it, not by a product of force and acceleration.
 """
 
 from __future__ import annotations
@@ -150,7 +151,7 @@ class _Arrays:
         scaled = M / np.outer(self.root, self.root)
         self.inverse = np.linalg.inv(scaled) / np.outer(self.root, self.root)
         self.a_free = np.linalg.solve(scaled, rhs / self.root) / self.root
-        self.pushed = np.zeros((len(rhs), 0))
+        self.pushed, self.load = np.zeros((len(rhs), 0)), float(np.abs(rhs).max())
 
     def forces(self, columns: Sequence[Array]) -> None:
         """Generalised forces of the constraints, one column each, shapes (nv, k)."""
@@ -164,7 +165,8 @@ class _Arrays:
     def push(self, J: Array, p: Array, rate: float) -> float:
         """What a point's force is measured against."""
         mobility = float(np.linalg.norm(J @ self.inverse @ J.T, 2)) if J.size else 0.0
-        return max(float(np.linalg.norm(p)), rate / mobility if mobility > 0.0 else 0.0)
+        # On what cannot move, as a link that is welded to the ground, any force is as good as another.
+        return max(float(np.linalg.norm(p)), rate / mobility if mobility > 0.0 else self.load)
 
     def held(self, name: str, J: Array, c: Array, bias: Array, more: Array | float = 0.0) -> None:
         """Rows that hold; `more` are terms that cancel in J and bias themselves."""
@@ -295,8 +297,9 @@ def _judge_patch(A: _Arrays, name: str, cone: object, J: Array, f: Array, bias: 
 def least_miss(M: Array, rows: Sequence[object], facets: int = 16) -> float:
     """Least largest violation of the rows by any acceleration, over the largest bias, by a linear program (HiGHS).
 
-    Rows that hold must be at rest, points must open or rest: c along every ray of the pyramid *around* the cone is not negative,
-    which is stricter than what the circular cone asks. Rows are scaled to unit length in the metric of M. NaN if HiGHS fails.
+    Rows that hold must be at rest, points must open or rest: c along every ray of the pyramid *around* the cone is not
+    negative, which is stricter than what the circular cone asks. Rows are scaled to unit length in the metric of M; NaN if
+    HiGHS fails.
     """
     root = np.sqrt(np.diag(M))
     L = np.linalg.cholesky(M / np.outer(root, root))
@@ -627,7 +630,7 @@ def _judge_loop(
     later: list[Callable[[], None]],
     laws: bool,
 ) -> None:
-    """d = p_b - p_a seen in the turning axes of a: its second rate is R^T (d'' - 2 w x d' - w' x d + w x (w x d))."""
+    """With d = p_b - p_a, seen in the turning axes of a: its second rate is R^T (d'' - 2 w x d' - w' x d + w x (w x d))."""
     pa, Ja, ua, ca, ba = B.point(x.joint_a, x.X_a.translation)
     pb, Jb, ub, cb, bb = B.point(x.joint_b, x.X_b.translation)
     on_b = x.wrench if x.joint_b else -x.wrench
@@ -637,7 +640,8 @@ def _judge_loop(
     if not (x.joint_a and x.joint_b):
         outside.append((pb, on_b if x.joint_b else -on_b))
     if laws:
-        later.append(lambda: _judge_closed(A, x, B.rotation(x.joint_a) @ x.X_a.rotation, (pa, Ja, ua, ca, ba), (pb, Jb, ub, cb, bb)))
+        R = B.rotation(x.joint_a) @ x.X_a.rotation
+        later.append(partial(_judge_closed, A, x, R, (pa, Ja, ua, ca, ba), (pb, Jb, ub, cb, bb)))
 
 
 def _judge_closed(A: _Arrays, x: Loop, R: Array, a: tuple[Array, ...], b: tuple[Array, ...]) -> None:
@@ -682,7 +686,8 @@ def _judge_momentum(
         arm = where - com
         part = np.concatenate([wrench[:3], wrench[3:] + np.cross(arm, wrench[:3])])
         total = total + part
-        size = size + np.abs(np.concatenate([wrench[:3], np.abs(wrench[3:]) + np.linalg.norm(arm) * np.linalg.norm(wrench[:3])]))
+        turning = np.abs(wrench[3:]) + np.linalg.norm(arm) * np.linalg.norm(wrench[:3])
+        size = size + np.concatenate([np.abs(wrench[:3]), turning])
     # The rounding of each body's share: about the world's origin, where Pinocchio adds them up.
     reach = float(np.linalg.norm(com)) + 1.0
     for k in range(6):

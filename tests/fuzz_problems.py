@@ -105,7 +105,7 @@ def _refused(error: rbd.RbdError, problem: rbd.GaussProblem | None) -> tuple[str
         proved = error.contradiction is not None
         least = C.least_miss(problem.M, problem.rows)
         if proved and least <= 1e-10:
-            raise _Fault(f"says that there is no acceleration, with a proof, and there is one (least miss {least:.1e}): {text:.200}")
+            raise _Fault(f"no acceleration, with a proof, and there is one (least miss {least:.1e}): {text:.200}")
         why += ": proved" if proved else ": there is none" if least > EMPTY else ": hard" if least <= 1e-10 else ": in doubt"
     return "refused", why, math.nan
 
@@ -260,7 +260,8 @@ def _can_be_held(state: rbd.State, given: list[R.Given]) -> str:
     bounds = [(None, None) if x else (0.0, None) for x in free]
     bounds += [(-x, x) if math.isfinite(x) else (None, None) for x in limit] + [(0.0, None)]
     b = nle / weight
-    found = linprog(np.r_[np.zeros(W.shape[1]), 1.0], lines, np.r_[b, -b], bounds=bounds, method="highs", options={"time_limit": 5.0})
+    cost = np.r_[np.zeros(W.shape[1]), 1.0]
+    found = linprog(cost, lines, np.r_[b, -b], bounds=bounds, method="highs", options={"time_limit": 5.0})
     if found.status != 0:
         return "unknown"
     return "hard" if found.x[-1] <= 1e-12 else "in doubt" if found.x[-1] <= 1e-8 else "there is nothing"
@@ -358,7 +359,8 @@ def judge(seed: int, i: int) -> Verdict:
             outcome = "refused", f"{type(error).__name__} outside: {error!s:.120}", math.nan
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
-            outcome = "failure", f"{type(error).__name__} at {Path(where.filename).name}:{where.lineno}: {error!s:.200}", math.nan
+            place = f"{Path(where.filename).name}:{where.lineno}"
+            outcome = "failure", f"{type(error).__name__} at {place}: {error!s:.200}", math.nan
     return Verdict(kind, story, *outcome, seconds=time.process_time() - begin)
 
 
@@ -384,7 +386,8 @@ def _fork(seed: int, i: int) -> tuple[int, int]:
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
         os.write(write, json.dumps(asdict(judge(seed, i))).encode())
     except BaseException as error:
-        os.write(write, json.dumps(asdict(Verdict("judge", "", "failure", f"the judge failed: {error!r:.300}"))).encode())
+        fault = Verdict("judge", "", "failure", f"the judge failed: {error!r:.300}")
+        os.write(write, json.dumps(asdict(fault)).encode())
     finally:
         os._exit(0)
 
@@ -429,8 +432,8 @@ def main() -> int:
         if found.seconds > slowest[0]:
             slowest = found.seconds, i, found.story
         if found.outcome == "failure" or given.n == 1:
-            print(f"\n{i}: {found.outcome} {found.why}\n  {found.story}\n  worst {found.worst:.1e}, {found.seconds:.2f} s; again: "
-                  f"python tests/fuzz_problems.py --seed {given.seed} --start {i} --n 1", flush=True)  # fmt: skip
+            print(f"\n{i}: {found.outcome} {found.why}\n  {found.story}\n  worst {found.worst:.1e}, {found.seconds:.2f} s; "
+                  f"again: python tests/fuzz_problems.py --seed {given.seed} --start {i} --n 1", flush=True)  # fmt: skip
         if counts.total() % 50 == 0:
             print(f"\r{counts.total()} of {given.n}: {dict(counts)}", end="", file=sys.stderr, flush=True)
     print("", *[f"{n:6} refused, {what}" for what, n in reasons.most_common(30)], sep="\n")

@@ -1,7 +1,7 @@
 """Random problems for `tests/fuzz_problems.py`: least-constraint problems in arrays, and robots with contacts and loops.
 
-Draws are hard on purpose: masses over nine decades, contacts at one point, opposed, a hundred of them, friction from 1e-9 to 1e6,
-loops given twice, soles turned any way. Everything follows from the random generator alone.
+Draws are hard on purpose: masses over nine decades, contacts at one point, opposed, a hundred of them, friction from 1e-9 to
+1e6, loops given twice, soles turned any way. Everything follows from the random generator alone.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def unit(rng: Rng) -> Array:
 
 
 def decades(rng: Rng, n: int, spread: float) -> Array:
-    """n numbers over so many decades: at random, falling, or rising."""
+    """So many numbers n over so many decades: at random, falling, or rising."""
     x = np.sort(rng.uniform(0.0, spread, n))
     order = int(rng.integers(3))
     return 10.0 ** -(rng.permutation(x) if order == 0 else x if order == 1 else x[::-1])
@@ -63,7 +63,8 @@ def _cone(rng: Rng) -> rbd.cones.Cone:
         return rbd.Box([lo, -np.inf][:1], [float(rng.choice([-lo, 2.0 * abs(lo), np.inf]))])
     if kind == 5:
         k = int(rng.integers(3, 6))
-        corners = np.column_stack([rng.uniform(-0.2, 0.2, (k, 2)), np.zeros(k) if rng.random() < 0.7 else rng.uniform(-0.1, 0.1, k)])
+        above = np.zeros(k) if rng.random() < 0.7 else rng.uniform(-0.1, 0.1, k)
+        corners = np.column_stack([rng.uniform(-0.2, 0.2, (k, 2)), above])
         return rbd.WrenchCone(corners, mu, facets)
     if kind == 6:
         return rbd.LineCone(float(10.0 ** rng.uniform(-2, 0)), mu, facets)
@@ -305,7 +306,8 @@ def coordinate(name: str, robot: rbd.Robot, joint: str, kind: str, q: Array, lim
         made: object = rbd.JointLock(name, joint)
     elif kind == "stop":
         at = float(q[j.idx_q])
-        made = rbd.JointLimit(name, joint, **({"lower": at, "upper": at + 1.0} if sign > 0 else {"upper": at, "lower": at - 1.0}))
+        low, high = (at, at + 1.0) if sign > 0.0 else (at - 1.0, at)
+        made = rbd.JointLimit(name, joint, lower=low, upper=high)
     else:
         made = rbd.JointFriction(name, joint, limit)
 
@@ -348,7 +350,8 @@ def contacts(rng: Rng, made: Tree, q: Array, *, held: bool | None = None, unlimi
             out.append(point(f"c{k}", robot, link, offset, n, mu, facets))
         elif family == "opposed":
             out.append(point(f"c{k}", robot, link, offset, n, mu, facets))
-            out.append(point(f"o{k}", robot, link, offset + (0 if rng.random() < 0.5 else 0.1) * size * n, -n, mu, facets))
+            apart = (0.0 if rng.random() < 0.5 else 0.1) * size * n
+            out.append(point(f"o{k}", robot, link, offset + apart, -n, mu, facets))
         elif family == "soles" or rng.random() < 0.3:
             corners = np.zeros((int(rng.integers(2, 6)), 3))
             corners[:, :2] = size * rng.normal(size=(len(corners), 2))
@@ -373,7 +376,7 @@ def joints(rng: Rng, made: Tree, q: Array) -> list[Given]:
     if not names or rng.random() < 0.6:
         return []
     return [
-        coordinate(f"on_{name}", made.robot, name, pick(rng, ("lock", "stop", "friction")), q, float(10.0 ** rng.uniform(-4, 1)))
+        coordinate(f"on_{name}", made.robot, name, pick(rng, ("lock", "stop", "friction")), q, 10.0 ** float(rng.uniform(-4, 1)))
         for name in rng.permutation(names)[: int(rng.integers(1, 3))]
     ]
 

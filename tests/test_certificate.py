@@ -26,8 +26,9 @@ def _corners(s: rbd.Solution) -> dict:
     }
 
 
-def _of(s: rbd.Solution) -> C.Certificate:
-    return C.of_arrays(s.problem.M, s.problem.rhs, s.problem.rows, s.a, s.multipliers, _corners(s), s.law)
+def _of(s: rbd.Solution, a: np.ndarray | None = None) -> C.Certificate:
+    a = s.a if a is None else a
+    return C.of_arrays(s.problem.M, s.problem.rhs, s.problem.rows, a, s.multipliers, _corners(s), s.law)
 
 
 @pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ADMM(), rbd.ADMM(law="convex")], ids=repr)
@@ -76,24 +77,37 @@ def test_convex_answers_are_none_of_coulombs_and_the_other_way_round() -> None:
 
 
 def _answers(seed: int, *, moving: bool) -> list[tuple[R.Tree, list[R.Given], rbd.State, np.ndarray, rbd.Solution]]:
-    """Solved draws of every family, no more than nine decades of mass."""
-    out = []
+    """Solved draws in which accelerations, forces, and of what moves J_dot v too, count in the equations that they are in."""
+    out: list[tuple[R.Tree, list[R.Given], rbd.State, np.ndarray, rbd.Solution]] = []
     rng = np.random.default_rng(seed)
-    for _ in range(60):
+    while len(out) < 6:
         _, made = R.tree(rng, most=5, spread=R.pick(rng, (0.0, 2.0)), root="free_flyer")
         q = R.posture(rng, made.robot)
-        _, given = R.contacts(rng, made, q, unlimited=False)
-        v = R.still_velocity(rng, made.robot, q, given) if moving else np.zeros(made.robot.nv)
-        if moving and not v.any():
-            continue
+        if moving:  # points that hold take any velocity
+            where = [(R.pick(rng, made.links), 0.1 * R.unit(rng), R.unit(rng)) for _ in range(2)]
+            given = [R.point(f"c{k}", made.robot, *each, None) for k, each in enumerate(where)]
+            v = rng.uniform(-1.0, 1.0, made.robot.nv)
+        else:
+            given = R.contacts(rng, made, q, unlimited=False)[1]
+            v = np.zeros(made.robot.nv)
         state, tau = rbd.State(made.robot, q, v), R.torques(rng, made.robot)
-        s = rbd.solve(state, tau, [g.constraint for g in given], check=False)
-        if s.status == "solved":
+        solver = rbd.KKT() if moving else rbd.ProxQP()
+        s = rbd.solve(state, tau, [g.constraint for g in given], solver=solver, check=False)
+        P, turning = s.problem, np.abs(s.problem.J) @ np.abs(s.a)
+        terms = _terms(s)
+        counts = [
+            ((np.abs(P.M @ s.a) > 0.2 * terms) & (np.abs(s.a) > 1e-6 * np.abs(s.a).max())).any(),
+            (np.abs(P.J.T @ s.multipliers) > 0.2 * terms).any(),
+            not moving or (np.abs(P.bias) > 0.2 * (turning + np.abs(P.bias)) + 1e-3).any(),
+        ]
+        if s.residuals.within(1e-9) and all(counts):
             out.append((made, given, state, tau, s))
-        if len(out) == 8:
-            break
-    assert len(out) == 8
     return out
+
+
+def _terms(s: rbd.Solution) -> np.ndarray:
+    P = s.problem
+    return np.abs(P.M) @ np.abs(s.a) + np.abs(P.rhs) + np.abs(P.J).T @ np.abs(s.multipliers)
 
 
 def _of_robot(made, given, state, tau, s, **other) -> C.Certificate:
@@ -101,30 +115,24 @@ def _of_robot(made, given, state, tau, s, **other) -> C.Certificate:
     force[made.robot.actuated] = tau
     forces = other.get("forces", s.forces)
     corners = other.get("corners", s.corner_forces)
-    things = [g.thing(state, forces, corners) for g in other.get("given", given)]
+    things = [g.thing(state, forces, corners) for g in other.get("placed", given)]
     q, v, a = (other.get(name, value) for name, value in (("q", state.q), ("v", state.v), ("a", s.a)))
     return C.of_robot(made.robot.model, q, v, a, force, things, s.law)
 
 
 def test_an_answer_wrong_by_a_part_in_a_million_is_seen_on_the_robot() -> None:
-    """Accelerations, forces, the configuration, the velocities (J_dot v), the points' places: each spoilt alone."""
+    """Accelerations, forces, the configuration, the points' places: each spoilt alone."""
     rng = np.random.default_rng(1)
-    caught = dict.fromkeys(("a", "forces", "q", "J"), 0)
-    drawn = _answers(3, moving=False)
-    for one in drawn:
+    for one in _answers(3, moving=False):
         made, given, state, _, s = one
         assert _of_robot(*one).worst <= LIMIT
-        more = (1.0 + WRONG) * np.ones(made.robot.nv)
-        caught["a"] += _of_robot(*one, a=s.a * more).worst > LIMIT or not s.a.any()
+        assert _of_robot(*one, a=(1.0 + WRONG) * s.a).worst > LIMIT
         forces = {name: (1.0 + WRONG) * f for name, f in s.forces.items()}
         corners = {name: (1.0 + WRONG) * f for name, f in s.corner_forces.items()}
-        caught["forces"] += _of_robot(*one, forces=forces, corners=corners).worst > LIMIT
+        assert _of_robot(*one, forces=forces, corners=corners).worst > LIMIT
         q = pin.integrate(made.robot.model, state.q, np.r_[np.zeros(3), 10.0 * WRONG * rng.normal(size=made.robot.nv - 3)])
-        caught["q"] += _of_robot(*one, q=q).worst > LIMIT
-        caught["J"] += _of_robot(*one, given=[_elsewhere(g, made) for g in given]).worst > LIMIT
-    # Where nothing pushes, as in free fall, forces and places of contacts are no matter.
-    idle = sum(all(not np.any(f) for f in s.forces.values()) for *_, s in drawn)
-    assert caught["a"] == len(drawn) and min(caught.values()) >= len(drawn) - idle and idle < 3, caught
+        assert _of_robot(*one, q=q).worst > LIMIT
+        assert _of_robot(*one, placed=[_elsewhere(g, made) for g in given]).worst > LIMIT
 
 
 def _elsewhere(g: R.Given, made: R.Tree) -> R.Given:
@@ -145,24 +153,18 @@ def test_a_wrong_bias_is_seen_on_the_robot() -> None:
     """A velocity that differs by a part in a million from the one that was solved."""
     for one in _answers(5, moving=True):
         assert _of_robot(*one).worst <= LIMIT
-        state = one[2]
-        big = 10.0 * float(np.abs(state.h).max()) / max(float(np.abs(state.h - one[0].robot.at(state.q).h).max()), 1e-300)
-        assert _of_robot(*one, v=state.v * (1.0 + WRONG * max(1.0, big))).worst > LIMIT
+        assert _of_robot(*one, v=one[2].v * (1.0 + WRONG)).worst > LIMIT
 
 
 @pytest.mark.parametrize("what", ["J", "bias"])
 def test_rows_that_are_wrong_and_used_consistently_are_seen_on_the_robot(what: str) -> None:
     """The arrays agree with themselves; the forces on the bodies and the motion of the points do not."""
-    seen = 0
     for made, given, state, tau, s in _answers(7, moving=True):
-        rows = [replace(r, **{what: getattr(r, what) * (1.0 + 10.0 * WRONG)}) for r in s.problem.rows]
-        P = rbd.GaussProblem(s.problem.M, s.problem.rhs, rows)
-        wrong = rbd.ProxQP().solve(P)
-        if wrong.status != "solved" or not wrong.multipliers.any() or not all(r.bias.any() for r in rows):
-            continue
-        assert _of(wrong).worst <= LIMIT
-        seen += _of_robot(made, given, state, tau, wrong).worst > LIMIT
-    assert seen >= 3
+        rows = [replace(r, **{what: getattr(r, what) * (1.0 + WRONG)}) for r in s.problem.rows]
+        wrong = rbd.KKT().solve(rbd.GaussProblem(s.problem.M, s.problem.rhs, rows))
+        if wrong.residuals.within(1e-9):  # rows that repeat each other contradict each other then
+            assert _of(wrong).worst <= LIMIT
+            assert _of_robot(made, given, state, tau, wrong).worst > LIMIT
 
 
 def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
@@ -173,12 +175,12 @@ def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
         s = rbd.ADMM(law="convex").solve(P)
         if s.status != "solved" or P.m > 60 or _of(s).worst > LIMIT:
             continue
-        terms = np.abs(P.M) @ np.abs(s.a) + np.abs(P.rhs) + np.abs(P.J).T @ np.abs(s.multipliers)
+        terms = _terms(s)
         for i in range(P.nv):
             if P.M[i, i] * abs(s.a[i]) > 0.2 * terms[i]:
                 a = s.a.copy()
                 a[i] *= 1.0 + WRONG
-                assert _of(replace(s, a=a)).worst > LIMIT
+                assert _of(s, a).worst > LIMIT
                 tried += 1
         for r in range(P.m):
             if (np.abs(P.J[r] * s.multipliers[r]) > 0.2 * terms).any():
@@ -196,11 +198,12 @@ def test_what_is_not_a_number_is_never_clean() -> None:
     for bad in (np.nan, np.inf):
         a = s.a.copy()
         a[0] = bad
-        assert not _of(replace(s, a=a)).worst <= LIMIT
+        assert not _of(s, a).worst <= LIMIT
 
 
 def test_an_own_linear_program_tells_whether_there_are_accelerations() -> None:
     """Two stops that contradict each other by 1 m/s2 miss by half of it at least; two that agree, by nothing."""
     for bias, least in ((-1.0, 0.5), (1.0, 0.0)):
-        rows = [rbd.Rows(name, s * np.ones((1, 1)), np.array([bias]), rbd.NonNegative(1)) for name, s in (("a", 1.0), ("b", -1.0))]
+        stop, both = rbd.NonNegative(1), (("a", 1.0), ("b", -1.0))
+        rows = [rbd.Rows(name, sign * np.ones((1, 1)), np.array([bias]), stop) for name, sign in both]
         assert C.least_miss(np.eye(1), rows) == pytest.approx(2.0 * least, abs=1e-9)

@@ -1,0 +1,144 @@
+"""Random problems, seeded and short; and the judge can tell a failure when it sees one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import fuzz_problems as fuzz
+import numpy as np
+import pytest
+
+import rbd
+
+SCRIPT = Path(fuzz.__file__)
+
+
+def _first(kind: str, word: str, *, solver: str = "") -> int:
+    """Number of the first problem of seed 0 of a kind, a word in its story, that is solved."""
+    for i in range(400):
+        found, story = fuzz.told(0, i)
+        if found == kind and word in story and solver in story and fuzz.judge(0, i).outcome == "solved":
+            return i
+    raise AssertionError(f"no {kind} with {word!r}")
+
+
+def test_random_problems_are_solved_or_refused() -> None:
+    """No problem of a fixed seed has a wrong answer, a false proof, an error that is not ours, or ends by the clock."""
+    command = [sys.executable, str(SCRIPT), "--n", "150", "--seed", "2"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    told = re.search(r"150 problems in .*: (\d+) solved, (\d+) inaccurate, (\d+) refused, (\d+) failure", run.stdout)
+    assert told and run.returncode == 0 and told[4] == "0", run.stdout + run.stderr
+    solved, inaccurate, refused, _ = map(int, told.groups())
+    assert solved + inaccurate + refused == 150
+    assert solved > 90 and inaccurate < 15 and 5 < refused, "problems that all go one way test nothing"
+
+
+def test_a_problem_is_always_the_same() -> None:
+    """Seed and number say all; another seed says something else."""
+    once, again, other = ([fuzz.told(seed, i) for i in range(30)] for seed in (0, 0, 1))
+    assert once == again
+    assert sum(a == b for a, b in zip(once, other, strict=True)) < 3
+
+
+def test_every_kind_of_trouble_comes_up() -> None:
+    """In 300 problems there is each family, solver and integrator."""
+    stories = [" ".join(fuzz.told(5, i)) for i in range(300)]
+    words = (
+        "arrays|robot|loop|hold|steps|smooth|9 decades|one point|opposed|twice|a hundred points|soles|scaled|friction 1e-09|"
+        "friction 1e+06|closed by revolute and|planar|fixed|KKT|ProxQP|ADMM(law='coulomb'|ADMM(law='convex'|RungeKutta4|"
+        "Adaptive|time stepping, convex|time stepping, coulomb|slides|still"
+    )
+    missing = [word for word in words.split("|") if not any(word in story for story in stories)]
+    assert not missing
+
+
+@pytest.mark.parametrize("what", ["a", "multipliers"])
+def test_a_wrong_answer_that_is_called_solved_is_a_failure(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A solver that is off by a part in a hundred thousand, and a certificate that is content with everything."""
+    i = _first("arrays", "random", solver="ProxQP")
+    right = rbd.ProxQP.solve
+
+    def wrong(self, problem) -> rbd.Solution:
+        s = right(self, problem)
+        value = getattr(s, what)
+        off = replace(s, **{what: value + 1e-5 * np.abs(value).max()})
+        off.__dict__["residuals"] = s.residuals
+        return off
+
+    monkeypatch.setattr(rbd.ProxQP, "solve", wrong)
+    found = fuzz.judge(0, i)
+    assert found.outcome == "failure" and "equations are missed" in found.why, found
+
+
+def test_torques_beyond_their_limits_are_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`hold` that takes more than a motor has, or forces that do not balance."""
+    i = _first("hold", "joints")
+    right = rbd.hold
+    for change in ({"tau": 1e5}, {"tau": 1.0 + 1e-6}):
+
+        def wrong(*given, change=change, **more) -> rbd.equilibrium.Hold:
+            held = right(*given, **more)
+            return replace(held, tau=held.tau * change["tau"])
+
+        monkeypatch.setattr(rbd, "hold", wrong)
+        assert fuzz.judge(0, i).outcome == "failure"
+
+
+@pytest.mark.parametrize("kind", ["steps", "smooth"])
+def test_recorded_moments_that_are_wrong_are_a_failure(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One acceleration in a trajectory, off by a part in a hundred thousand."""
+    i = _first(kind, "joints")
+    right = rbd.simulate
+
+    def wrong(*given, **more) -> rbd.Trajectory:
+        motion = right(*given, **more)
+        a = motion.a.copy()
+        a[0] += 1e-5 * np.abs(a).max()
+        return replace(motion, a=a)
+
+    monkeypatch.setattr(rbd, "simulate", wrong)
+    found = fuzz.judge(0, i)
+    assert found.outcome == "failure" and "moment 0" in found.why, found
+
+
+def test_errors_that_are_not_ours_and_false_proofs_are_failures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bare ValueError, a warning of NumPy; and a contradiction that is claimed of rows that agree."""
+    i = _first("arrays", "random", solver="ProxQP")
+    right = rbd.ProxQP.solve
+
+    def divides(self, problem) -> rbd.Solution:
+        np.log(np.zeros(1))
+        return right(self, problem)
+
+    def raises(self, problem) -> rbd.Solution:
+        raise ValueError("zero-size array")
+
+    def denies(self, problem) -> rbd.Solution:
+        s = right(self, problem)
+        off = replace(s, a=s.a + 1.0 + np.abs(s.a).max())
+        off.__dict__["contradiction"] = "rows that contradict each other"
+        return off
+
+    for solve, why in ((divides, "RuntimeWarning"), (raises, "ValueError"), (denies, "with a proof, and there is one")):
+        monkeypatch.setattr(rbd.ProxQP, "solve", solve)
+        found = fuzz.judge(0, i)
+        assert found.outcome == "failure" and why in found.why, found
+
+
+@pytest.mark.parametrize(("ends", "why"), [(lambda *_: time.sleep(60), "more than"), (lambda *_: _spin(), "more than")])
+def test_time_outs_are_failures(ends, why: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What waits, and what computes without end, is stopped and counted, and its story told."""
+    monkeypatch.setattr(fuzz, "judge", ends)
+    monkeypatch.setattr(fuzz, "TIME_LIMIT", 0.2)
+    (i, found), = fuzz.run(0, [3])
+    assert i == 3 and found.outcome == "failure" and why in found.why and found.story == fuzz.told(0, 3)[1]
+
+
+def _spin() -> None:
+    while True:
+        pass
