@@ -146,7 +146,8 @@ class Linkage:
         if urdf.suffix != ".urdf":
             raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf, the loop file goes beside it.")
         loops = urdf.with_suffix(ENDING)
-        check_place(loops, ModelError)
+        for place in (urdf, loops):
+            check_place(place, ModelError)
         write_text(urdf, self.urdf(), ModelError)
         write_text(loops, self.yaml(), ModelError)
         return load_robot(urdf)
