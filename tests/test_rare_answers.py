@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import engine
+from rbd import engine, equilibrium
 from rbd.cones import Cone
-from rbd.errors import InputError, NoSolution, WrongPinocchio
+from rbd.errors import CannotHold, InaccurateWarning, InputError, NoSolution, WrongPinocchio
 from rbd.residuals import blame
 from rbd.rows import Rows
+from rbd.solvers import qp
 from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, check_solver, law_residuals, reference_problems
 
 
@@ -159,3 +161,73 @@ def test_another_pinocchio_is_refused(given: dict, match: str):
         setattr(module, name, value)
     with pytest.raises(WrongPinocchio, match=match):
         engine.check(module)
+
+
+# ------------------------------------------------------------------------------------------- holding, and what it leaves
+
+
+def off_by(relative: float):
+    """`qp.attempts` with answers that are off by this much."""
+    right = qp.attempts
+
+    def attempts(*given, **more):
+        for attempt in right(*given, **more):
+            yield replace(attempt, x=attempt.x * (1.0 + relative))
+
+    return attempts
+
+
+@pytest.mark.parametrize(
+    ("relative", "told"), [(1e-8, pytest.warns(InaccurateWarning, match="held with a relative error of")), (1e-2, None)]
+)
+def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, relative, told):
+    """A program that is solved badly: a warning up to 1e-7, no torques above; never a wrong answer in silence."""
+    monkeypatch.setattr(equilibrium.qp, "attempts", off_by(relative))
+    monkeypatch.setattr(equilibrium._Statics, "_exact", lambda self, x: x)
+    if told is None:
+        with pytest.raises(CannotHold, match="no torques were found within tolerance"):
+            rbd.hold(talos.standing(), talos.soles(0.7))
+    else:
+        with told:
+            held = rbd.hold(talos.standing(), talos.soles(0.7))
+        assert held.residual < 1e-7 * talos.mass * 9.81
+
+
+def test_a_posture_held_by_a_lock_and_soles_has_margins_of_the_soles(talos):
+    """A locked joint carries, and is no contact: torques, friction and centres of pressure are those of the soles."""
+    held = rbd.hold(talos.standing(), [*talos.soles(0.7), rbd.JointLock("brake", "arm_left_4_joint")])
+    assert set(held.margins.friction) == set(held.margins.centre_of_pressure) == {"left_sole", "right_sole"}
+    assert "brake" in held.forces and "brake" not in held.contacts and "brake" not in str(held)
+    free = talos.actuated_names.index("arm_left_4_joint")
+    assert abs(held.tau[free]) < 1.0  # the lock, or the motor, carries the forearm: least torques choose the lock
+
+
+def test_a_robot_that_nothing_carries_is_told_without_a_hull(talos):
+    """A lock is no ground: the weight is said, and no distance to a hull."""
+    with pytest.raises(CannotHold, match="balance its weight") as told:
+        rbd.hold(talos.standing(), [rbd.JointLock("brake", "arm_left_4_joint")])
+    assert "hull" not in str(told.value)
+
+
+def test_one_law_alone_has_one_heading():
+    """A held pendulum has no law of contact: all solvers are of one sort, or each alone."""
+    robot = box(2.0)
+    found = rbd.agree(rbd.State(robot, pin.neutral(robot.model)), np.zeros(0), [rbd.PointContact("glue", "box")])
+    text = str(found)
+    assert found.agree and "all that must agree do" in text
+    assert ("two laws" in text) == (len({answer.law for answer in found.answers}) > 1)
+
+
+def test_laws_are_compared_at_contacts_alone(talos):
+    """A lock beside the soles has forces under both laws and no line in the comparison."""
+    state = talos.standing()
+    contacts = [*talos.soles(0.7), rbd.JointLock("brake", "arm_left_4_joint")]
+    found = rbd.compare_laws(state, rbd.hold(state, contacts).tau, contacts)
+    assert set(found.under_convex) == set(found.under_coulomb) == {"left_sole", "right_sole"} and found.agree
+
+
+def test_configurations_far_beyond_the_earth_are_refused():
+    """Numbers above the bound are named with it; a passive joint may be given alone."""
+    robot = box(1.0)
+    with pytest.raises(InputError, match=r"reaches .*; at most .* is taken"):
+        rbd.State(robot, np.array([1e12, 0, 0, 0, 0, 0, 1.0]))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from linkages import Builder, at
+from linkages import Builder, at, free
 from planar_models import bar, checked, four_bar, six_bar
 
 import rbd
@@ -25,6 +25,7 @@ from rbd.mechanism import (
 )
 from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.count import plane_normal
+from rbd.mechanism.held import characteristic_length
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
 START = np.array([0.7, -0.03, 1.5])
@@ -285,3 +286,9 @@ def test_where_nothing_is_redundant_no_direction_is_tried():
     robot, loops = four_bar(*CRANK_ROCKER)
     found = mobility(rbd.State(robot, assemble(robot, loops, START).q), loops)
     assert found.motion.tried == 0 and len(found.motion.points) == 1 and "J has full rank here" in str(found)
+
+
+def test_a_robot_without_lengths_is_measured_in_metres():
+    """Hinges in one point have no length of their own: one metre; a bar of 3 m has its own."""
+    assert characteristic_length(free(pin.JointModelRX(), pin.JointModelRY())) == 1.0
+    assert characteristic_length(four_bar(1.0, 3.0, 2.5, 3.0)[0]) > 1.0
