@@ -1,0 +1,103 @@
+"""Several impacts in one step: each at its own time, up to as many as are asked for; then what comes through is stopped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from closed_forms import bounces, bouncing_height
+from contact_cases import bouncing_ball
+from flat_bodies import chain, flat_body, flat_state, floor_point
+
+import rbd
+
+G = 9.81
+BY = pytest.mark.parametrize("extrapolate", [False, True])
+
+
+def _touches(found, name=None):
+    return [e for e in found.events if e.kind == "touches" and (name is None or e.name == name)]
+
+
+@BY
+@pytest.mark.parametrize("step", [0.02, 0.07])
+def test_bounces_that_last_longer_than_a_step_are_those_of_the_series(step, extrapolate):
+    """A ball with e = 0.6: times and speeds of its bounces fall as e^k, and its height is exact, wherever steps fall."""
+    case, times = bouncing_ball(0.6), bounces(1.0, 0.6, 4)
+    found = case.run(1.55, step, integrator=rbd.TimeStepping(extrapolate=extrapolate))
+    touched = _touches(found)
+    assert len(touched) == len(times)
+    assert np.abs(np.array([e.t for e in touched]) - times).max() < 1e-9
+    assert np.abs(np.array([e.speed for e in touched]) - np.sqrt(2.0 * G) * 0.6 ** np.arange(4)).max() < 1e-8
+    assert case.error(found) < 1e-8
+
+
+@BY
+def test_bodies_that_strike_at_different_times_of_one_step_do_so_in_order(extrapolate):
+    """A block held level that lands on a high and on a low step: its edges strike apart, each at its own time."""
+    robot = flat_body(2.0, 0.02)
+    edges = [
+        floor_point("edge0", (-0.2, -0.1), friction=0.0),
+        floor_point("edge1", (0.2, -0.1), friction=0.0, anchor=(0.0, 0.0, -0.05)),
+    ]
+    start, by = flat_state(robot, (0.0, 0.2, 0.0)), rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, edges, duration=0.3, step=0.3, integrator=by, progress=False)
+    first, second = _touches(found)[:2]
+    assert [first.name, second.name] == ["edge0", "edge1"]
+    assert abs(first.t - np.sqrt(2.0 * 0.1 / G)) < 1e-9
+    # A plastic blow p at the left edge: J = (1, x), so u- = -v, p = v / (1/m + x^2 / I), and the block turns from there on.
+    speed = np.sqrt(2.0 * G * 0.1)
+    impulse = speed / (1.0 / 2.0 + 0.2**2 / 0.02)
+    assert abs(first.impulse - impulse) < 1e-9
+    assert first.t < second.t < 0.3
+    assert second.speed > speed
+
+
+@pytest.mark.parametrize("impacts", [0, 3, 20])
+def test_so_many_bodies_bounce_in_one_step_and_the_others_are_stopped(impacts):
+    """Four masses fall from different heights in one step; with `impacts=n` the first n bounce, each at its own time."""
+    heights, e, step = np.array([0.10, 0.15, 0.20, 0.25]), 0.5, 0.27
+    joints = [(f"z{i}", pin.JointModelPZ(), 1.0 + i, [0.1, 0.1, 0.1]) for i in range(4)]
+    robot = chain(joints, names=[f"mass{i}" for i in range(4)], name="four_masses")
+    floors = [floor_point(f"floor{i}", (0.0, 0.0, 0.0), friction=0.0, frame=f"mass{i}") for i in range(4)]
+    times = np.sqrt(2.0 * heights / G)
+    assert times[-1] < step < 2.0 * times[0]
+    found = rbd.simulate(
+        rbd.State(robot, heights), floors, duration=step, step=step, restitution=e, progress=False,
+        integrator=rbd.TimeStepping(impacts=impacts),
+    )  # fmt: skip
+    bounced = min(impacts, 4)
+    struck = [event for event in _touches(found) if event.speed]
+    assert [event.name for event in struck[:bounced]] == [f"floor{i}" for i in range(bounced)]
+    for event, t, mass in zip(struck, times[:bounced], (1.0, 2.0, 3.0, 4.0), strict=False):
+        assert abs(event.t - t) < 1e-9
+        assert abs(event.speed - G * t) < 1e-9
+        assert abs(event.impulse - (1.0 + e) * mass * G * t) < 1e-8
+    for i in range(4):
+        height, speed = bouncing_height(heights[i], e, step) if i < bounced else (0.0, 0.0)
+        assert abs(found.q[-1, i] - height) < 1e-8
+        assert abs(found.v[-1, i] - speed) < 1e-8
+
+
+@BY
+def test_extrapolated_steps_are_of_order_two_and_record_the_same_forces(extrapolate):
+    """A box pulled along a rough floor by a force that grows with time: it sticks, slips at mu m g, and v has a closed form."""
+    robot, m, mu = flat_body(2.0, 0.02), 2.0, 0.4
+    edges = [floor_point(f"edge{i}", (x, -0.1), friction=mu) for i, x in enumerate((-0.4, 0.4))]
+    start, rate = flat_state(robot, (0.0, 0.1, 0.0)), 20.0
+    slips = mu * m * G / rate
+    errors = []
+    for step in (0.02, 0.01):
+        found = rbd.simulate(
+            start, edges, duration=0.8, step=step, integrator=rbd.TimeStepping(extrapolate=extrapolate), progress=False,
+            external=lambda s, t: np.array([rate * t, 0.0, 0.0]),
+        )  # fmt: skip
+        t = np.maximum(found.times - slips, 0.0)
+        errors.append(np.abs(found.q[:, 0] - rate * t**3 / (6.0 * m)).max())
+        friction = sum(found.forces[edge.name][:, 0] for edge in edges)
+        expected = -np.minimum(rate * found.times, mu * m * G)
+        near = np.abs(found.times - slips) > 2.0 * step
+        assert np.abs(friction - expected)[near].max() < 1e-6
+        assert np.abs(sum(found.forces[edge.name][:, 2] for edge in edges) - m * G).max() < 1e-6
+    assert errors[0] < 0.5 * 0.02**2  # how much depends on where in its step the slip begins
+    assert errors[1] < 0.5 * 0.01**2
