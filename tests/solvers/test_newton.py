@@ -11,7 +11,7 @@ from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.parts import Parts, parts_of
 from rbd.rows import Rows
 from rbd.solvers.interior_point import interior_point
-from rbd.solvers.newton import newton, order_of, scaled, steps_from
+from rbd.solvers.newton import _gap, _matrix, newton, order_of, scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
 
 BOX = Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
@@ -186,3 +186,20 @@ def test_the_order_of_columns_is_put_back(rng):
     S = scaled(spd(rng, T.size), rng.normal(size=T.size), T)
     weights = rng.normal(size=T.size)
     assert S.weights(S.guess(weights)) == pytest.approx(weights, abs=1e-14)
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_newtons_matrix_is_the_slope_of_the_gap(coulomb, rng):
+    """By central differences, row by row: of points that slip, stick and open, of lines and intervals."""
+    T, slipping = parts(MIXED), 0
+    for _ in range(40):
+        S = scaled(spd(rng, T.size), rng.normal(size=T.size), T)
+        w, h = rng.normal(size=T.size), 1e-6
+        y = S.D @ w + S.q
+        _, edges = _gap(S, w, y, coulomb)
+        slipping += int(edges[-1].sum())
+        found = _matrix(S, S.D - np.eye(T.size), edges, coulomb)
+        for j, e in enumerate(np.eye(T.size)):
+            ahead, behind = (_gap(S, w + s * e, S.D @ (w + s * e) + S.q, coulomb)[0] for s in (h, -h))
+            assert -found[:, j] == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-5 * max(1.0, np.abs(found).max()))
+    assert slipping > 20
