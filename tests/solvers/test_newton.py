@@ -12,7 +12,7 @@ from rbd.parts import Parts, parts_of
 from rbd.rows import Rows
 from rbd.solvers.admm import de_saxce
 from rbd.solvers.interior_point import interior_point
-from rbd.solvers.newton import newton, order_of, scaled, steps_from, yielding_steps
+from rbd.solvers.newton import _gap, _matrix, newton, order_of, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 BOX = Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
@@ -208,3 +208,20 @@ def test_de_saxces_term_is_mu_times_the_sliding_speed(rng):
     S = scaled(np.eye(T.size), rng.normal(size=T.size), T)
     y = np.array([7.0, -8.0, 3.0, -4.0, 9.0, 5.0, 12.0, -2.0])
     assert de_saxce(S, y) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.5 * 5.0, 0.0, 0.0, 1.5 * 13.0], abs=1e-14)
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_newtons_matrix_is_the_slope_of_the_gap(coulomb, rng):
+    """By central differences, row by row: of points that slip, stick and open, of lines and intervals."""
+    T, slipping = parts(MIXED), 0
+    for _ in range(40):
+        S = scaled(spd(rng, T.size), rng.normal(size=T.size), T)
+        w, h = rng.normal(size=T.size), 1e-6
+        y = S.D @ w + S.q
+        _, edges = _gap(S, w, y, coulomb)
+        slipping += int(edges[-1].sum())
+        found = _matrix(S, S.D - np.eye(T.size), edges, coulomb)
+        for j, e in enumerate(np.eye(T.size)):
+            ahead, behind = (_gap(S, w + s * e, S.D @ (w + s * e) + S.q, coulomb)[0] for s in (h, -h))
+            assert -found[:, j] == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-5 * max(1.0, np.abs(found).max()))
+    assert slipping > 20

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
 import rbd
+from rbd.arrays import identity, zeros
+from rbd.limits import Work
 from rbd.solvers import qp
 
 
@@ -81,3 +85,31 @@ def test_least_violation_tells_whether_constraints_can_be_met(rng):
     assert qp.least_violation(none, np.zeros(0), np.array([[1.0], [-1.0]]), np.array([1.0, 0.0])) == pytest.approx(0.5)
     A = rng.normal(size=(3, 6))
     assert qp.least_violation(A, rng.normal(size=3), np.zeros((0, 6)), np.zeros(0)) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_nonnegative_least_squares_beside_proxsuite(rng):
+    """The point nearest to zero over A x = b, C x >= l: the same from both, multipliers too; equations that repeat."""
+    for _ in range(20):
+        A, C = rng.normal(size=(2, 6)), rng.normal(size=(12, 6))
+        inside = rng.normal(size=6)
+        b, l = A @ inside, C @ inside - rng.uniform(0.0, 1.0, 12)
+        first, second = islice(qp.attempts(identity(6), zeros(6), A, b, C, l, None), 2)
+        assert second.x == pytest.approx(first.x, abs=1e-7)
+        assert second.z == pytest.approx(first.z, abs=1e-6) and (second.z >= 0.0).all()
+        assert A.T @ second.y + C.T @ second.z == pytest.approx(second.x, abs=1e-10)
+        twice = qp._least_distance(np.vstack([A, A]), np.r_[b, b], C, l, 0)
+        assert twice is not None and twice.x == pytest.approx(first.x, abs=1e-7)
+
+
+def test_rows_that_cannot_be_met_have_no_nearest_point():
+    """X >= 1 and -x >= 1."""
+    assert qp._least_distance(None, None, np.array([[1.0], [-1.0]]), np.ones(2), 0) is None
+
+
+def test_settings_end_with_their_work(rng):
+    """One attempt where there is no work for more; else every setting."""
+    C = rng.normal(size=(5, 3))
+    H = 2.0 * np.eye(3)
+    assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None))) == len(qp.POLICY)
+    spent = Work(1.0)
+    assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None, work=spent))) == 1 and spent.left < 0.0
