@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,3 +75,32 @@ def test_bad_files_are_refused_with_code_two(tmp_path):
     (tmp_path / "four_bar.loops.yaml").write_text(broken)
     run = CliRunner().invoke(app, ["mechanism", str(tmp_path / "four_bar.urdf")])
     assert run.exit_code == 2 and "rocker_tip" in run.output
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "six_bar", "slider_crank"])
+def test_the_legend_lists_every_branch(name, tmp_path):
+    """Also that which the robot itself shows; each in a colour of its own."""
+    page = tmp_path / "x.html"
+    answer = CliRunner().invoke(app, ["mechanism", str(URDF / f"{name}.urdf"), "--html", str(page)])
+    assert answer.exit_code == 0
+    legend = json.loads(re.search(r'stage\.note\(\{"legend": (.*?)\}\);', page.read_text(encoding="utf-8"))[1])
+    listed = {entry["name"]: entry["color"] for entry in legend["entries"] if entry["name"].startswith("branch")}
+    count = len(_report(name).branches)
+    assert sorted(listed) == [f"branch {i}" for i in range(count)] and len(set(listed.values())) == count
+
+
+def test_a_pose_that_is_none_of_the_branches_hides_none():
+    """Where the search missed the branch of the pose itself, all that it found are drawn beside it."""
+    report = _report("four_bar")
+    assert report.shown in ("branch 0", "branch 1")
+    found = tuple(b for i, b in enumerate(report.branches.found) if f"branch {i}" != report.shown)
+    missed = replace(report, branches=replace(report.branches, found=found))
+    assert missed.shown == "" and list(missed.poses()) == ["branch 0"]
+
+
+def test_a_whole_turn_is_the_same_pose():
+    """A branch is told by its pose, not by how often a joint has turned."""
+    report, arm = _report("four_bar"), rbd.load_robot("ur5", root="fixed")
+    q = np.linspace(-1.0, 1.0, arm.nq)  # plain angles, that a whole turn does not change to themselves
+    found = tuple(replace(report.branches.found[0], q=x) for x in (q + 0.1, q + 2.0 * np.pi))
+    assert replace(report, robot=arm, state=arm.at(q), branches=replace(report.branches, found=found)).shown == "branch 1"

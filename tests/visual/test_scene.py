@@ -334,6 +334,17 @@ class TestBeside:
             messages = "".join(str(m) for m in scene._recorder.messages()[0])
             assert "beside/0/" not in messages
 
+    def test_many_poses_have_colours_of_their_own(self, g1, tmp_path):
+        """After the eight of the palette others follow; the pose that is shown is listed too."""
+        state = g1.standing()
+        with Scene(g1) as scene:
+            scene.show(state)
+            scene.beside({f"pose {i}": state for i in range(30)}, shown="here")
+            colors = {name: color for name, color in legend_of(scene, tmp_path)[1].items() if name[:4] in ("pose", "here")}
+            assert len(colors) == 31 and len({color for name, color in colors.items() if name != "here"}) == 30
+            scene.beside({})
+            assert "here" not in legend_of(scene, tmp_path)[1]
+
     def test_what_is_no_pose_is_refused(self, g1):
         """By name; and nothing before a first picture."""
         with Scene(g1) as scene:
