@@ -497,8 +497,12 @@ def of_robot(
     law: str,
     *,
     laws: bool = True,
+    still: bool = False,
 ) -> Certificate:
     """The certificate of an acceleration and of forces on a robot.
+
+    Of a robot that is held still (`still`) an equation of equilibrium is measured against `FREE` of the weight that its joint
+    carries at least.
 
     Args:
         model: Pinocchio's model.
@@ -508,6 +512,7 @@ def of_robot(
         force: Generalised force of motors and world, S^T tau + tau_ext, shape (nv,).
         things: What constrains it, with the forces.
         law: As `of_arrays`.
+        still: Whether it is held still.
         laws: Whether contact laws are judged too; else only the balance of forces and that forces lie in their cones.
     """
     B = _Body(model, q, v, a)
@@ -567,7 +572,7 @@ def of_robot(
     for joint in range(1, model.njoints):
         through = max(float(np.linalg.norm(carried[joint][:3])), float(np.linalg.norm(carried[joint][3:])))
         for i in range(model.joints[joint].idx_v, model.joints[joint].idx_v + model.joints[joint].nv):
-            size = max(float(terms[i]), float(floor[i]), ROUNDING * through)
+            size = max(float(terms[i]), float(floor[i]), (FREE if still else ROUNDING) * through)
             A.out.add("motion", f"coordinate {i}", float(missed[i]), size)
     if model.joints[1].nv == 6 and all(model.parents[j] != 0 for j in range(2, model.njoints)) and not np.any(force[:6]):
         _judge_momentum(A, model, q, v, a, outside)

@@ -215,7 +215,7 @@ def hold(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
         raise _Fault(f"hold takes {over} of a motor's limit")
     things = _things(given, state, held.forces, held.corner_forces)
     zero = np.zeros(robot.nv)
-    found = C.of_robot(robot.model, state.q, zero, zero, _force(state, held.tau), things, "coulomb", laws=False)
+    found = C.of_robot(robot.model, state.q, zero, zero, _force(state, held.tau), things, "coulomb", laws=False, still=True)
     yield _judged(found, status, "hold")
 
 

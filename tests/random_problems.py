@@ -312,8 +312,11 @@ def coordinate(name: str, robot: rbd.Robot, joint: str, kind: str, q: Array, lim
         made = rbd.JointFriction(name, joint, limit)
 
     def thing(state: rbd.State, forces: Forces, corners: Forces) -> Thing:
-        f = float(np.sum(forces[name]))  # of a trajectory, one number a bound
-        return C.Coordinate(name, i, kind, sign * f if kind == "stop" else f, sign, limit)
+        f = forces[name]
+        if kind == "stop" and len(f) == 2:  # of a trajectory: at the lower bound, and at the upper
+            return C.Coordinate(name, i, kind, float(f[0] - f[1]), 1.0 if f[0] > f[1] else -1.0)
+        one = float(f[0]) if len(f) else 0.0
+        return C.Coordinate(name, i, kind, sign * one if kind == "stop" else one, sign, limit)
 
     return Given(made, thing, kind == "lock")
 
@@ -376,7 +379,7 @@ def joints(rng: Rng, made: Tree, q: Array) -> list[Given]:
     if not names or rng.random() < 0.6:
         return []
     return [
-        coordinate(f"on_{name}", made.robot, name, pick(rng, ("lock", "stop", "friction")), q, 10.0 ** float(rng.uniform(-4, 1)))
+        coordinate(f"on_{name}", made.robot, name, pick(rng, ("lock", "stop", "friction")), q, 10.0 ** rng.uniform(-4, 1))
         for name in rng.permutation(names)[: int(rng.integers(1, 3))]
     ]
 
