@@ -58,6 +58,7 @@ class Stillness:
             return None
         w, missed = guess, D @ guess + u
         unit = math.sqrt(top / least) / rate  # an upper bound: of the scaled error, over the largest entry of `missed`
+        last = False
         for i in range(_ROUNDS):
             w = w - lapack.dpotrs(R, missed)[0]
             if i == 0 and not self._allow(w):  # near enough to tell
@@ -67,8 +68,9 @@ class Stillness:
                 w = other
             missed = D @ w + u
             merit = unit * largest(missed)
-            if merit <= exact:
+            if merit <= exact and (others or last):  # from zero one more round, to rounding: what rests is not to creep
                 return (w, merit) if i == 0 or self._allow(w) else None
+            last = merit <= exact
         return None
 
     def _allowed(self, w: Array, R: Array, D: Array, u: Array) -> Array | None:

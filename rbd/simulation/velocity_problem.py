@@ -43,6 +43,8 @@ STILL = 1e-13
 """Scaled velocity that is left to rows that are held still."""
 _ROUNDING = 1e-14
 """Of velocities, times the root of the mass that a point feels [kg^1/2 m/s]."""
+_NOTHING = 1e-100
+"""Velocities below this are zero [m/s, rad/s]: divided by them, others would overflow."""
 _QUICK = 10
 """Newton's steps that are tried first; from the step before, two as a rule."""
 
@@ -135,6 +137,8 @@ class VelocitySolver:
             D, u = W.T @ W, W.T @ y + c
             if not is_finite(u):
                 raise NoSolution(f"the velocity of {_names(chosen)} is not finite at this state.")
+            if largest(u) < _NOTHING:
+                u = np.zeros(len(u))
 
             def problem() -> GaussProblem:
                 rows = [Rows(name, J[span], c[span], cone) for name, span, cone in chosen.groups]
