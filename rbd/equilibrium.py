@@ -176,6 +176,9 @@ class _Statics:
         per_ray = self.J.T @ self.G * self.unit
         self.still = np.concatenate([base, idle])  # no torque on the base, nor on passive joints
         self.A, self.b = per_ray[self.still], -rhs[self.still]
+        self.least = np.minimum(state.M.diagonal()[self.still], 1.0)
+        top = np.abs(self.A).max(axis=1, initial=0.0)
+        self.row_size = np.where(top > 0.0, top, 1.0)  # a passive finger is balanced as well as the base
         self.passive = np.arange(len(base), len(self.still))
         self.T, self.t = per_ray[robot.actuated], -rhs[robot.actuated]  # tau = t - T x
 
@@ -211,8 +214,9 @@ class _Statics:
         return best * self.unit
 
     def _unbalanced(self, x: Array) -> float:
-        """What is left where no motor is, over the body weight."""
-        return float(np.abs(self.A @ x - self.b).max(initial=0.0)) / self.unit
+        """What is left where no motor is, each row over its own terms (as in `rbd.scales`)."""
+        terms = np.maximum(np.maximum(np.abs(self.A) @ np.abs(x), np.abs(self.b)), self.least)
+        return float((np.abs(self.A @ x - self.b) / terms).max(initial=0.0))
 
     def _miss(self, x: Array) -> float:
         """Largest violation of equilibrium, cones and torque limits, each relative to its scale."""
@@ -225,7 +229,8 @@ class _Statics:
         for least in (1e-6, 1e-10):  # at a limit, few weights carry much: those that carry little help then
             free, moved = (x > self.low + least) & (x < self.high - least), x.copy()
             for _ in range(2):
-                moved[free] += np.linalg.lstsq(self.A[:, free], self.b - self.A @ moved, rcond=1e-12)[0]
+                left = (self.b - self.A @ moved) / self.row_size
+                moved[free] += np.linalg.lstsq(self.A[:, free] / self.row_size[:, None], left, rcond=1e-12)[0]
             if self._unbalanced(moved) <= 1e-13 and self._miss(moved) <= SOLVED:
                 return moved
             tried.append(moved)

@@ -101,6 +101,12 @@ class Parts:
         return column_reach(self.H, self.G)
 
     @lazy
+    def bound_size(self) -> Array:
+        """Sum of the finite bounds' absolute values, shape (p,)."""
+        low, high = np.isfinite(self.lower), np.isfinite(self.upper)
+        return np.where(low, np.abs(self.lower), 0.0) + np.where(high, np.abs(self.upper), 0.0)
+
+    @lazy
     def only_cones(self) -> bool:
         """Whether every column is one of a second-order cone."""
         return 3 * len(self.mu) == self.size

@@ -91,6 +91,11 @@ class Rays:
         return np.where(self.above, self.upper, 0.0)
 
     @lazy
+    def bound_size(self) -> Array:
+        """Sum of the finite bounds' absolute values, shape (r,)."""
+        return np.abs(self.finite_lower) + np.abs(self.finite_upper)
+
+    @lazy
     def is_line(self) -> Array:
         """Which weights are free, shape (r,)."""
         return ~self.below & ~self.above

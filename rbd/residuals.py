@@ -262,7 +262,7 @@ def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Ter
         gaps = np.where(of_point, np.maximum(sinks, across / of_along), gap / of_along)
         return gaps, slack / (push[point] * of_along)
 
-    own = np.abs(w) if not R.has_intervals else np.abs(w) + np.abs(R.finite_lower) + np.abs(R.finite_upper)
+    own = np.abs(w) if not R.has_intervals else np.abs(w) + R.bound_size
     return _Terms(gap, slack, f - R.G @ w, P.ray_slices, own, over)
 
 
@@ -276,7 +276,7 @@ def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, cou
         def plain(scales: Scales) -> tuple[Array, Array]:
             return _over_columns(gap, slack, *scales.of_parts(T, w))
 
-        return _Terms(gap, slack, f - T.G @ w, T.slices, np.abs(w), plain)
+        return _Terms(gap, slack, f - T.G @ w, T.slices, np.abs(w) + T.bound_size, plain)
     n = T.cone_at + 2
     (y_1, y_2, y_n), (w_1, w_2, w_n) = y[T.cone_columns.T], w[T.cone_columns.T]
     slip, sinks = np.hypot(y_1, y_2), np.maximum(-y_n, 0.0)
@@ -300,7 +300,8 @@ def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, cou
             slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
         return gaps, slacks
 
-    return _Terms(gap, slack, f - T.G @ w, T.slices, np.abs(w), over)
+    own = np.abs(w) if T.only_cones else np.abs(w) + T.bound_size
+    return _Terms(gap, slack, f - T.G @ w, T.slices, own, over)
 
 
 def _over_columns(gap: Array, slack: Array, along: Array, push: Array) -> tuple[Array, Array]:

@@ -9,10 +9,11 @@ accelerations; of forces what accelerates the coordinate, or the row, at 1 m/s2,
     column h of a set              |h|^T (the above)
     force of row i                 |f_i|,                                               at least min(1, 1 / D_ii)
     weights of a point             sum of |weights| of its columns, and their bounds,   at least min(1, 1 / (n^T D n))
-    momentum, component k          max(|A_g| |a| + |bias|, |wrench|, forces with their levers)_k,
+    momentum, component k          max(|A_g| |a| + |bias|, |wrench|, forces with their arms)_k,
                                                                                         at least min(1, max_j |A_g|_kj)
 
-with D = J M^-1 J^T, and n the column of the point's normal.
+with D = J M^-1 J^T, and n the column of the point's normal. Of the arms of moments one is the radius of gyration, with the
+largest of the linear terms: rounding of the forces on a base turns the body about its centre of mass.
 """
 
 from __future__ import annotations
@@ -74,6 +75,8 @@ class Scales:
             own[: len(wrench)] = np.maximum(own[: len(wrench)], wrench)
             x, y, z = np.abs(point - b.com)
             own[3:] = np.maximum(own[3:], np.array([[0.0, z, y], [z, 0.0, x], [y, x, 0.0]]) @ wrench[:3])
+        # Moments about the centre of mass are those about the base, less the forces' at the arm between.
+        own[3:] = np.maximum(own[3:], np.sqrt(A[3:].max() / max(A[:3].max(), 1e-300)) * own[:3].max())
         return own
 
     def of_columns(self, weights: Array | None, law: str) -> tuple[Array, Array]:
@@ -104,7 +107,7 @@ class Scales:
         """
         normals = R.normals
         point = np.repeat(np.arange(len(R.starts)), R.widths)
-        terms = np.abs(w) + np.abs(R.finite_lower) + np.abs(R.finite_upper)
+        terms = np.abs(w) + R.bound_size
         push = np.add.reduceat(terms, R.starts) if len(terms) else terms
         return np.abs(R.G).T @ self.rows, np.abs(normals).T @ self.rows, self._at_least(push, normals), point
 
@@ -113,9 +116,7 @@ class Scales:
 
         The three columns of a cone share the scale of their weights, and the two tangential ones that of their accelerations.
         """
-        low, high = np.isfinite(T.lower), np.isfinite(T.upper)
-        terms = np.abs(w) + np.where(low, np.abs(T.lower), 0.0) + np.where(high, np.abs(T.upper), 0.0)
-        push, along = self._at_least(terms, T.G), np.abs(T.H).T @ self.rows + np.abs(T.offset)
+        push, along = self._at_least(np.abs(w) + T.bound_size, T.G), np.abs(T.H).T @ self.rows + np.abs(T.offset)
         if len(T.mu):
             i, j, n = T.cone_columns.T
             along[i] = along[j] = np.maximum(along[i], along[j])

@@ -224,7 +224,10 @@ class Off:
 
 
 def test_an_answer_is_judged_by_its_residuals_not_by_its_solver(talos: rbd.Robot) -> None:
-    """Off by 1e-11 of the whole in each row, more of the light ones' own: inaccurate, said aloud; by 1e-3: no solution, though the solver says nothing; check=False gives it."""
+    """Off by 1e-11: inaccurate, said aloud; by 1e-3: no solution, though the solver says nothing; check=False gives it.
+
+    1e-11 of |a| in each entry of a is a few 1e-8 of the smallest terms of a row.
+    """
     state, tau = talos.standing(), np.zeros(talos.nu)
     with pytest.warns(InaccurateWarning, match="Off is inaccurate on talos: scaled residuals .*solved is 1e-9"):
         solution = rbd.solve(state, tau, held(talos), solver=Off(1e-11))

@@ -233,13 +233,14 @@ class StageSolver:
         return f, bool(len(s) == len(f) and s[-1] > ZERO * s[0])
 
     def law(self, held: HeldRows, a: Array, rhs: Array, f: Array | None) -> float:
-        """The larger scaled residual of the equations of motion and of the rows."""
+        """The largest residual of the equations of motion and of the rows, each over its own terms as in `rbd.scales`."""
         if f is None:
             f, _ = self.forces(held, a, rhs)
-        Ma = held.state.M @ a
-        c = held.J @ a
-        moving = largest(Ma - rhs - held.J.T @ f) / max(1.0, largest(Ma), largest(rhs), largest(f))
-        return max(moving, largest(c + held.offset) / max(1.0, largest(c), largest(held.offset)))
+        M, J = held.state.M, held.J
+        own = np.maximum(np.maximum(np.abs(M) @ np.abs(a), np.abs(rhs)), np.minimum(M.diagonal(), 1.0))
+        own = np.maximum(own, np.abs(J).T @ np.abs(f))
+        rows = np.maximum(np.abs(J) @ np.abs(a) + np.abs(held.offset), 1.0)
+        return max(largest((M @ a - rhs - J.T @ f) / own), largest((J @ a + held.offset) / rows))
 
     def back(self, held: HeldRows, error: Array, placed: Array | None, damping: float = 0.0) -> Array:
         """The least x in |.|_M with J x = error in the placed rows, shape (nv,); see `rbd.simulation.projection`."""

@@ -23,7 +23,7 @@ from rbd.solvers.interior_point import interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
 from rbd.solvers.newton import Scaled, leaves_motion_open, scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
-from rbd.solvers.refinement import by_newton, refined
+from rbd.solvers.refinement import NEAR, by_newton, refined
 
 _FACETS = 16
 """Of the inscribed pyramids that the linear program of infeasibility puts in place of cones."""
@@ -41,8 +41,6 @@ HELD = (
 """The reason of an answer beside which the convex law's satisfies Coulomb's law too."""
 _FOUND = 1e-10
 """Scaled merit of what is an answer."""
-REFINED = 1e-2
-"""Answers with scaled residuals up to this are refined: their modes may be right."""
 _RANDOM_STARTS = 4
 _FIXED_POINT_STEPS = 12
 
@@ -272,7 +270,7 @@ class _Search:
         f = self.P.parts.G @ w
         a = constrained(self.P, f)
         found = Solution(self.P, a, f, w, self.law, "ADMM", self.iterations, time.perf_counter() - self.start, reason=reason)
-        if not found.residuals.within(SOLVED) and found.residuals.within(REFINED):
+        if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
             found = refined(found, by_newton(self.S, self.P.parts, coulomb=self.coulomb), self.P.parts)
         if not found.residuals.within(SOLVED):
             if self.best is None or not self.best.residuals.worst <= found.residuals.worst:

@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
+from scipy.linalg import lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, largest
 from rbd.parts import Parts
@@ -244,7 +245,9 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
             edge = np.column_stack([mu * x, mu * z, np.ones(len(mu))])[slip] * np.sqrt(problem.order.share[slip, None])
             O[slip] -= edge * (edge * (O[slip] + Y[slip])).sum(axis=1)[:, None]
     A = _matrix(problem, problem.D - identity(len(w)), edges, coulomb)
-    return np.asarray(np.linalg.lstsq(A, gap, rcond=_RANK)[0])
+    # Complete orthogonal factors rather than singular values: they always end.
+    found, _, _, _ = scipy_lstsq(A, gap, cond=_RANK, lapack_driver="gelsy", check_finite=False)
+    return np.asarray(found)
 
 
 _RANK = 1e-13

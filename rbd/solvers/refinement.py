@@ -20,7 +20,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, is_finite
 from rbd.parts import Parts
 from rbd.rays import Rays
 from rbd.residuals import SOLVED
@@ -29,6 +29,8 @@ from rbd.solvers.newton import Scaled, last_step, scaled, steps_from
 
 ROUNDS = 4
 """Corrections at most; one or two do where the modes of the contacts are right."""
+NEAR = 1e-2
+"""Scaled residuals up to which modes may be right, and refinement is tried."""
 ENOUGH = 0.1 * SOLVED
 """Scaled residuals that are refined no further."""
 
@@ -36,6 +38,7 @@ Correction: TypeAlias = Callable[[Array, Array], Array]
 """The change of forces (of rows, or weights) that answers the row accelerations c, shape (m,), which those given make."""
 
 
+@np.errstate(all="ignore")  # numbers near the largest that there are overflow; that ends it
 def refined(found: Solution, correct: Correction, parts: Parts | None = None) -> Solution:
     """The same answer with smaller residuals, or itself where that does not succeed.
 
@@ -49,10 +52,15 @@ def refined(found: Solution, correct: Correction, parts: Parts | None = None) ->
     assert x is not None
     for _ in range(ROUNDS):
         a = a + P.solve_M(P.rhs + P.J.T @ (x if parts is None else parts.G @ x) - P.M @ a)
-        change = correct(P.J @ a + P.offset, x)
+        c = P.J @ a + P.offset
+        if not is_finite(c):
+            break
+        change = correct(c, x)
+        if not is_finite(change):
+            break
         a = a + P.solve_M(P.J.T @ (change if parts is None else parts.G @ change))
         x = x + change if parts is None else parts.project(x + change)
-        if not np.isfinite(a @ a + x @ x):
+        if not (is_finite(a) and is_finite(x)):
             break
         f, weights = (x, found.weights) if parts is None else (parts.G @ x, x)
         trial = replace(found, a=a, multipliers=f, weights=weights)

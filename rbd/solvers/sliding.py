@@ -17,10 +17,12 @@ import numpy as np
 from rbd.arrays import Array, largest
 from rbd.parts import Sliding
 from rbd.problem import GaussProblem, checked
-from rbd.residuals import SOLVED, residuals
+from rbd.residuals import SOLVED
+from rbd.solution import Solution
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
-from rbd.solvers.newton import newton
+from rbd.solvers.newton import newton, scaled
+from rbd.solvers.refinement import NEAR, by_newton, refined
 
 STARTS = 64
 """Combinations of pressing and leaving to start Newton from, at most, where contacts at rest rub too."""
@@ -85,7 +87,8 @@ class _Search:
         if len(self.T.mu):
             weights, complete = self._by_newton(found.weights, weights, family), False
         undecided = [name for w in weights for name in self._undecided(w)]
-        answers = tuple((constrained(self.P, f), f, w) for w in weights for f in (self.T.G @ w,))
+        certified = [self._certified(w) for w in weights]
+        answers = tuple((s.a, s.multipliers, s.weights) for s in certified if s.weights is not None)
         if not answers:
             return SlidingAnswers((), complete, self._why_none(complete))
         if family or (undecided and len(self.T.mu)):
@@ -93,9 +96,17 @@ class _Search:
         return SlidingAnswers(answers, complete, self._several_words(weights) if len(answers) > 1 else "")
 
     def _holds(self, w: Array) -> bool:
+        return self._certified(w).residuals.within(SOLVED)
+
+    def _certified(self, w: Array) -> Solution:
+        """What weights give, refined where they are near an answer."""
         w = self.T.project(w)
         f = self.T.G @ w
-        return residuals(self.P, constrained(self.P, f), f, w, "coulomb").within(SOLVED)
+        found = Solution(self.P, constrained(self.P, f), f, w, "coulomb", "ADMM", 1, 0.0)
+        if found.residuals.within(SOLVED) or not found.residuals.within(NEAR):
+            return found
+        S = scaled(self.mixed.A, self.mixed.b, self.T)
+        return refined(found, by_newton(S, self.T, coulomb=True), self.T)
 
     def _gauss(self, w: Array) -> float:
         moved = self.mixed.V @ w
