@@ -130,8 +130,11 @@ def shortest(adm: Admissible, T: Array | None = None) -> Array | None:
 
 
 def _by_dual(adm: Admissible, E: Array, e: Array) -> Array | None:
-    """The same where |E x + e|^2 has no products of different columns; None where it has, or Newton's method does not end."""
-    P = adm.separable(E.T @ E, E.T @ (e - E @ adm.start / adm.size))  # e is of the start, y of zero
+    """The same where |E (x - start) / size + e|^2 has no products of different columns.
+
+    None where it has, or Newton's method on the dual does not end.
+    """
+    P = adm.separable(E.T @ E, E.T @ (e - E @ (adm.start / adm.size)))  # e is the value at the start, not at zero
     if P is None:
         return None
     found = least_squares(P)

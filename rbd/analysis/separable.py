@@ -24,6 +24,8 @@ from rbd.parts import project_cones
 _STEPS = 60
 _DONE = 1e-13
 """Largest |R y - b|, over the terms that make it up, of an answer."""
+_LARGEST = 1e4
+"""Largest terms of R^T lam, over those of the objective's slope, of an answer: its rounding then stays below 1e-12."""
 _DAMPED = 1e-14
 """Added to the derivative's diagonal, over its largest entry."""
 
@@ -80,7 +82,8 @@ class Separable:
 def least_squares(problem: Separable, lam: Array | None = None, work: Work | None = None) -> tuple[Array, Array] | None:
     """(y, lam): the minimiser, shape (n,), and its multipliers, shape (r,).
 
-    None where Newton's method does not end: of a set without an inside, an empty one, or without work left.
+    None where Newton's method does not end, or multipliers grow so large that rounding would decide: of a set without an
+    inside, or an empty one; and where no work is left.
 
     Args:
         problem: The problem.
@@ -97,7 +100,9 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
     for _ in range(_STEPS):
         missed = P.b - P.R @ y
         if largest(missed) <= _DONE * max(largest(magnitude @ np.abs(y)), largest(P.b)):
-            return y, lam
+            # Of a set without an inside lam runs off to infinity, and rounding of lam R decides what is projected.
+            size = max(largest(P.c), largest(P.d * y))
+            return (y, lam) if largest(np.abs(lam) @ magnitude) <= _LARGEST * size else None
         if work is not None and not work.spend(cost):
             return None
         J = P.derivative(p)

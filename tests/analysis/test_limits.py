@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,20 @@ class TestFallbacks:
         second = s.with_forces()
         assert first.force_choice == second.force_choice == MINIMUM_NORM
         assert first.corner_forces["floor"] == pytest.approx(second.corner_forces["floor"], abs=1e-7)
+
+    @pytest.mark.parametrize("solver", LAWS, ids=IDS)
+    @pytest.mark.parametrize("push", [(20.0, 10.0, 0.0), (58.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+    def test_the_shortest_forces_are_the_same_from_wherever_they_start(self, solver, push):
+        """From the end of each corner's range, to 1e-6 N."""
+        s = sole(push, solver)
+        expected = s.with_forces().corner_forces["floor"]
+        for corner in s.uniqueness().contacts["floor"].corners:
+            for end in (corner.at_lowest, corner.at_highest):
+                assert end is not None
+                start = replace(s, multipliers=end.multipliers, weights=end.weights, chosen_corners=None)
+                chosen = start.with_forces()
+                assert chosen.force_choice == MINIMUM_NORM
+                assert chosen.corner_forces["floor"] == pytest.approx(expected, abs=1e-6)
 
     def test_a_weight_that_mixes_corners_goes_by_the_barrier(self, rng):
         """A full matrix: no other admissible forces have a smaller value."""

@@ -46,6 +46,14 @@ def test_weights_and_bounds():
     assert least_squares(bounded)[0] == pytest.approx([3.0, 2.0])
 
 
+def test_a_set_without_an_inside_has_no_multipliers():
+    """Two normals that add up to zero, between tangents that rub: only the apex is left, and no finite multiplier holds it."""
+    R = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]])
+    target = np.array([1.0, 0.0, 1.0, -1.0, 2.0, 1.0])
+    found = least_squares(cones(2, 0.6, R, np.zeros(1), target))
+    assert found is None or np.abs(found[0]).max() < 1e-9
+
+
 def test_an_empty_set_and_no_work_have_no_answer():
     """A normal force of -1 is in no cone."""
     R = np.array([[0.0, 0.0, 1.0]])
