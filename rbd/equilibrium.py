@@ -21,8 +21,8 @@ from rbd.dynamics import checked, free_force
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.external import External
 from rbd.least_constraint import Constraint, rows_of, warn_of_distant
-from rbd.least_friction import Balance, told
-from rbd.limits import PROGRAM_PIVOTS, PROGRAM_SECONDS
+from rbd.least_friction import Balance, LimitReached, told
+from rbd.limits import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS
 from rbd.model import CheckedModel
 from rbd.parts import parts_of
 from rbd.polygon import convex_hull, inside_distance
@@ -280,6 +280,12 @@ class _Statics:
         """Whether more friction would do, and how much, under the circular cones themselves; empty where none would."""
         if not any(_rubs(c) for c in self.contacts):
             return ""
+        try:
+            return self._friction_words()
+        except LimitReached:
+            return f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. Try friction=10.0 at its contacts."
+
+    def _friction_words(self) -> str:
         if self._circular(as_given=True, limits=True).holds():
             mu = self._circular(limits=True, from_zero=True).least()
             enough = "" if mu is None else f" from a coefficient of {told(mu)} at every contact on"

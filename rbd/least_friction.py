@@ -29,6 +29,29 @@ MET = 1e-8
 """A miss up to this, over the body weight, is none."""
 
 
+class LimitReached(Exception):  # noqa: N818  it is told in words, not raised to a user
+    """The search took more than `rbd.limits.FRICTION_PROGRAMS` linear programs, or one of them was not solved."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Miss:
+    """How far forces are from balance.
+
+    Attributes:
+        miss: The least sum of what is missed.
+        price: What a unit of each weight lowers it by, shape (p,).
+        slope: What a unit of the coefficient lowers it by, to first order.
+    """
+
+    miss: float
+    price: Array
+    slope: float
+
+    @property
+    def met(self) -> bool:
+        """Whether nothing is missed."""
+        return self.miss <= MET
+
 
 def told(mu: float) -> str:
     """A coefficient that was found, rounded up to four digits: so much does."""
@@ -67,63 +90,68 @@ class Balance:
     _left: int = field(default=0, init=False)
 
     def least(self) -> float | None:
-        """The least coefficient that balances, at all cones that take a larger one; None where it is not found.
+        """The least coefficient that balances, at all cones that take a larger one; None if none up to `MOST` does.
 
-        Not found is what lies above `MOST`, or takes more linear programs than `rbd.limits` allows.
         What those are given already counts: zero, say, where they balance as they are.
+
+        Raises:
+            LimitReached: where it is not found within the limits.
         """
-        self._left = limits.FRICTION_PROGRAMS
-        self._rays = self._first_rays()
+        self._left, self._rays = limits.FRICTION_PROGRAMS, self._first_rays()
         low, high = 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
-        while not (found := self._balances(high)):
-            if found is None or high >= MOST:
+        while not self._balances(high).met:
+            if high >= MOST:
                 return None
             low, high = high, min(MOST, 2.0 * high)
+        guess, by_newton = 0.5 * (low + high), False
         while high - low > BRACKET * high and high > 1e-6:
-            middle = 0.5 * (low + high)
-            found = self._balances(middle)
-            if found is None:
-                return None
-            low, high = (low, middle) if found else (middle, high)
+            found = self._balances(guess)
+            if found.met:  # where Newton's step led, a touch below it proves that it is the least
+                high, guess, by_newton = guess, guess * (1.0 - 0.9 * BRACKET) if by_newton else low, False
+            else:  # Newton's step, a touch beyond, as the miss falls with mu
+                low, by_newton = guess, True
+                guess += found.miss / found.slope + 0.4 * BRACKET * guess if found.slope > 0.0 else high
+            if not low < guess < high:
+                guess, by_newton = 0.5 * (low + high), False
         return high
 
     def holds(self) -> bool:
-        """Whether the cones balance as they are."""
-        self._left = limits.FRICTION_PROGRAMS
-        self._rays = self._first_rays()
-        return bool(self._balances(0.0))
+        """Whether the cones balance as they are.
+
+        Raises:
+            LimitReached: where it is not found within the limits.
+        """
+        self._left, self._rays = limits.FRICTION_PROGRAMS, self._first_rays()
+        return self._balances(0.0).met
 
     def _first_rays(self) -> list[tuple[int, Array]]:
         """Eight around each cone: (which cone, unit vector of the ray's tangent)."""
         return [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in np.arange(8) * (np.pi / 4.0)]
 
-    def _balances(self, mu: float) -> bool | None:
-        """Whether it does with this coefficient; None where that was not found out."""
+    def _balances(self, mu: float) -> _Miss:
+        """How much is missed with this coefficient, under the circular cones."""
         coefficients = np.where(self.yields, np.maximum(mu, self.mu), self.mu)
         while self._left > 0:
             self._left -= 1
-            solved = self._program(coefficients)
-            if solved is None:
-                return None
-            miss, price = solved
-            if miss <= MET:
-                return True
+            found = self._program(coefficients)
+            if found.met:
+                return found
             better = []
             for i, at in enumerate(self.cone_at.tolist()):
-                q = price[at : at + 3]
+                q = found.price[at : at + 3]
                 size = float(np.hypot(q[0], q[1]))
                 # A newton along the best ray of the cone lowers the miss by this much.
                 gain = coefficients[i] * size + float(q[2])
-                if size > 0.0 and gain > 1e-6 * miss:
+                if size > 0.0 and gain > max(1e-6 * found.miss, 1e-9):  # less is rounding of HiGHS
                     better.append((i, q[:2] / size))
             new = [(i, d) for i, d in better if not any(j == i and d @ e > 1.0 - 1e-14 for j, e in self._rays)]
             if not new:
-                return False
+                return found
             self._rays += new
-        return None
+        raise LimitReached
 
-    def _program(self, mu: Array) -> tuple[float, Array] | None:
-        """(the least miss over the rays, what a unit of each column lowers it by, shape (p,)); None where HiGHS fails."""
+    def _program(self, mu: Array) -> _Miss:
+        """The least miss over the rays."""
         p, e, n = len(self.lower), len(self.b), len(self.t)
         loose = np.ones(p, bool)
         for at in self.cone_at.tolist():
@@ -142,7 +170,11 @@ class Balance:
         reach = np.r_[1.0 + self.t, 1.0 - self.t]
         answer = linear_program(cost, A_ub, reach, A_eq, self.b, bounds=bounds, tolerance=1e-10)
         if not answer.solved:
-            return None
+            raise LimitReached
         y, z = answer.equal, answer.lower
-        price = self.A.T @ y + self.T.T @ (z[:n] - z[n:])
-        return answer.value, price
+        price, loads = self.A.T @ y + self.T.T @ (z[:n] - z[n:]), answer.x[C.shape[1] - len(self._rays) : C.shape[1]]
+        slope = 0.0
+        for (i, d), load in zip(self._rays, loads.tolist(), strict=True):
+            at = int(self.cone_at[i])
+            slope += load * float(d @ price[at : at + 2]) * bool(self.yields[i])
+        return _Miss(answer.value, price, slope)
