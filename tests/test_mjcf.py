@@ -316,6 +316,8 @@ REFUSED = {
     "no such mesh": (body('<geom type="mesh" mesh="x"/>'), "", "", "names a mesh 'x'"),
     "two inertials": (body('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>' * 2), "", "", "has 2 <inertial>"),
     "boundmass of nothing": (body("", attributes='pos="1 2 3"'), '<compiler boundmass="1"/>', "", "boundmass gives it a mass"),
+    "boundmass of weightless shapes": (body('<geom size="1" density="0"/>'), '<compiler boundmass="1"/>', "", "gives it a mass"),
+    "two orientations": (body(BOX, attributes='quat="1 0 0 0" euler="1 2 3"'), "", "", "body 'b' has quat and euler"),
     "free below another": (body(BOX + f'<body name="c"><freejoint/>{BALL}</body>'), "", "", "body 'c' has a free joint"),
     "range of nothing": (body(BOX, '<joint name="j" limited="true"/>'), "", "", "limits swapped, or none"),
     "1_0": (body('<geom size="1_0"/>'), "", "", "size is '1_0'"),
