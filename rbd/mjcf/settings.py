@@ -76,9 +76,9 @@ def read_settings(wrong: Complaints, root: Element) -> Settings:
     weighed_anew = compiler.get("inertiafromgeom") == "true"
     if fused and (weighed_anew or total > 0.0):
         other = "inertiafromgeom='true'" if weighed_anew else "settotalmass"
-        wrong.stop(f"<compiler>: fusestatic with {other} weighs other bodies than the file draws; it is not read. Take one out.")
+        wrong.stop(f"<compiler>: fusestatic with {other} weighs other bodies than it draws; not read. Take one out.")
     if discards and weighed_anew:
-        wrong.stop("<compiler>: discardvisual with inertiafromgeom='true' may discard what weighs; it is not read. Take one out.")
+        wrong.stop("<compiler>: discardvisual with inertiafromgeom='true' may discard what weighs. Take one out.")
     if option.get("actuatorgroupdisable", "").strip():
         wrong.stop("<option>: actuatorgroupdisable switches motors off, and is not read. Take it out.")
     if "actuation" in off and root.find("actuator/*") is not None:
