@@ -165,10 +165,11 @@ class BodyReader:
                 told = f"geom {shape.name!r:.80} of {what}" if shape.name else f"<geom> {i + 1} of {what}"
                 solids.append(weight(self.wrong, told, shape, self.settings, self.meshes))
             own = joined(solids)
-            if not solids and self.settings.least_mass:
-                self.wrong.stop(f"{what} has neither an <inertial> nor shapes that weigh, and boundmass gives it a mass at a "
-                                "place that the file does not say. Give it an <inertial>.")
-        return self._bounded(what, joined([]) if own is None else own)
+        own = joined([]) if own is None else own
+        if own.mass == 0.0 and not inertials and self.settings.least_mass:
+            self.wrong.stop(f"{what} has neither an <inertial> nor shapes that weigh, and boundmass gives it a mass at a place "
+                            "that the file does not say. Give it an <inertial>.")
+        return self._bounded(what, own)
 
     def _inertial(self, what: str, element: Element, X: Pose) -> Solid:
         what = f"<inertial> of {what}"

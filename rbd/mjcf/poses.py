@@ -48,7 +48,7 @@ def pose(wrong: Complaints, what: str, element: Element, settings: Settings) -> 
 
 def rotation(wrong: Complaints, what: str, element: Element, settings: Settings) -> Array:
     """R of an element, shape (3, 3)."""
-    given = [key for key in ORIENTATIONS[1:] if element.get(key) is not None]
+    given = [key for key in ORIENTATIONS if element.get(key) is not None]
     if len(given) > 1:
         wrong.stop(f"{what} has {' and '.join(given)}; expected one orientation.")
     key = given[0] if given else "quat"

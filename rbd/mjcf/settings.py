@@ -70,6 +70,15 @@ def read_settings(wrong: Complaints, root: Element) -> Settings:
         wrong.stop(f"<compiler>: coordinate is {compiler.get('coordinate')!r:.40}; only local coordinates are read.")
     if truth(wrong, "<compiler>", compiler, "alignfree"):
         wrong.stop("<compiler>: alignfree is true, which moves the frames of floating bodies; it is not read. Take it out.")
+    total = numbers(wrong, "<compiler>", compiler, "settotalmass", 1, (-1.0,))[0]
+    fused = truth(wrong, "<compiler>", compiler, "fusestatic")
+    discards = truth(wrong, "<compiler>", compiler, "discardvisual")
+    weighed_anew = compiler.get("inertiafromgeom") == "true"
+    if fused and (weighed_anew or total > 0.0):
+        other = "inertiafromgeom='true'" if weighed_anew else "settotalmass"
+        wrong.stop(f"<compiler>: fusestatic with {other} weighs other bodies than it draws; not read. Take one out.")
+    if discards and weighed_anew:
+        wrong.stop("<compiler>: discardvisual with inertiafromgeom='true' may discard what weighs. Take one out.")
     if option.get("actuatorgroupdisable", "").strip():
         wrong.stop("<option>: actuatorgroupdisable switches motors off, and is not read. Take it out.")
     if "actuation" in off and root.find("actuator/*") is not None:
@@ -79,7 +88,6 @@ def read_settings(wrong: Complaints, root: Element) -> Settings:
     for key, value in least.items():
         if value < 0.0:
             wrong.stop(f"<compiler>: {key} is {value:g}; expected zero or more.")
-    total = numbers(wrong, "<compiler>", compiler, "settotalmass", 1, (-1.0,))[0]
     x, y, z = numbers(wrong, "<option>", option, "gravity", 3, Settings.gravity)
     fluid = [numbers(wrong, "<option>", option, key, 1, (0.0,))[0] for key in ("density", "viscosity")]
     return Settings(
