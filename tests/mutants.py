@@ -205,8 +205,7 @@ def observe(file: str, folder: Path, tell: Tell) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     settings = {"data_file": str(folder / "data"), "config_file": str(ROOT / "pyproject.toml")}
-    cover = coverage.Coverage(data_suffix=True, **settings)
-    cover.start()
+    (cover := coverage.Coverage(data_suffix=True, **settings)).start()
     importlib.import_module("rbd")
     watch = Watch(tell, file=file, cover=cover)
     watch._count_for(file)

@@ -270,6 +270,8 @@ def test_the_normal_of_a_plane_is_a_unit_vector():
     """Of linkages whose hinges stand anywhere in the x-z plane, and of slides alone; a robot in space has none."""
     for robot in (rbd.mechanism.n_four_bar(3, length=0.7), rbd.mechanism.slider_crank(0.3, 0.8, offset=0.1)):
         assert np.abs(plane_normal(robot.at("assembled"))) == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+    aside = Builder("aside").joint("hinge", pin.JointModelRY(), at(2.0, 0.0, 1.0)).robot()
+    assert np.abs(plane_normal(rbd.State(aside, np.zeros(1)))) == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
     assert plane_normal(rbd.load_robot("ur5").at()) is None
 
 
