@@ -501,8 +501,8 @@ def of_robot(
 ) -> Certificate:
     """The certificate of an acceleration and of forces on a robot.
 
-    Of a robot that is held still (`still`) an equation of equilibrium is measured against `FREE` of the weight that its joint
-    carries at least.
+    Of a robot that is held still (`still`) an equation of equilibrium, and a force's place in its cone, are measured against
+    `FREE` of the weight that the joint carries at least.
 
     Args:
         model: Pinocchio's model.
@@ -552,7 +552,8 @@ def of_robot(
                 outside.append((where, wrench))
                 R, k_name = x.axes, f"{x.name}[{k}]"
                 seen = R.T @ J[:3], R.T @ p, R.T @ c[:3], R.T @ u[:3], R.T @ bias[:3]
-                later.append(partial(_judge_point, A, k_name, x.mu, x.facets, *seen, laws))
+                least = FREE * float(np.linalg.norm(carried[x.joint][:3])) if still else 0.0
+                later.append(partial(_judge_point, A, k_name, x.mu, x.facets, *seen, laws, least))
         elif isinstance(x, Held):
             where, J, _, c, bias = B.point(x.joint, x.placement.translation)
             put(x.joint, where, J, x.wrench)
@@ -584,14 +585,14 @@ def _numbers(x: Touch | Held | Loop | Coordinate) -> Array:
 
 
 def _judge_point(
-    A: _Arrays, name: str, mu: float, facets: int, J: Array, p: Array, c: Array, u: Array, bias: Array, laws: bool
+    A: _Arrays, name: str, mu: float, facets: int, J: Array, p: Array, c: Array, u: Array, bias: Array, laws: bool, least: float
 ) -> None:
     own, free = A.sizes(J, bias)
     if laws:
         A.point(name, mu, facets, J, p, c, u, own, free)
     else:
         rate = max(float(own.max()), FREE * float(free.max()))
-        A.out.add("cone", name, cone_distance(p, mu), A.push(J, p, rate))
+        A.out.add("cone", name, cone_distance(p, mu), max(least, A.push(J, p, rate)))
 
 
 def _judge_coordinate(A: _Arrays, x: Coordinate, v: Array, laws: bool) -> None:
