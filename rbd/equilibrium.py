@@ -283,7 +283,10 @@ class _Statics:
         try:
             return self._friction_words()
         except LimitReached:
-            return f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. Try friction=10.0 at its contacts."
+            return (
+                f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. "
+                "Try friction=10.0 at its contacts."
+            )
 
     def _friction_words(self) -> str:
         if self._circular(as_given=True, limits=True).holds():

@@ -78,9 +78,7 @@ class Scene:
             arrow_per_weight = a_length("arrow_per_weight", arrow_per_weight)
         seen = three("seen_from", FRONT_LEFT if seen_from is None else seen_from)
         if not seen[:2].any():
-            raise InputError(
-                f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down."
-            )
+            raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
         self._seen_from = None if seen_from is None else seen
         self._legend = legend
         self._robot = robot
