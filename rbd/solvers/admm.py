@@ -276,7 +276,7 @@ class _Search:
             if self.best is None or not self.best.residuals.worst <= found.residuals.worst:
                 self.best = found
             return False
-        if all(largest(a - other.a) > 1e-6 * max(1.0, largest(a)) for other in self.answers):
+        if all(largest(found.a - other.a) > 1e-6 * max(1.0, largest(found.a)) for other in self.answers):
             self.answers.append(found)
         return True
 
