@@ -333,7 +333,16 @@ def _push(push: str | None, at: str | None) -> Array | None:
 
 def _write_json(path: Path | None, report: Reported) -> None:
     if path is not None:
-        write_text(path, json.dumps(report.data(), indent=2) + "\n")
+        write_text(path, json.dumps(_sayable(report.data()), indent=2, allow_nan=False) + "\n")
+
+
+def _sayable(value: object) -> object:
+    """None in place of NaN and infinity, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: _sayable(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_sayable(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _told(console: Console, what: str, where: Path | str) -> None:

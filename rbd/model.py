@@ -252,12 +252,7 @@ class DataPool:
 
     def take(self, fill: Callable[[pin.Data], None]) -> tuple[Slot, int]:
         """A slot filled for a new ticket: a free one, a new one while there are few, else the one lent longest."""
-        while self._returned:
-            slot, ticket = self._returned.popleft()
-            if slot.ticket == ticket and slot in self._lent:
-                slot.ticket = 0
-                self._lent.remove(slot)
-                self._free.append(slot)
+        self._take_back()
         if self._free:
             slot = self._free.pop()
         elif len(self._lent) < self._size:
@@ -273,9 +268,28 @@ class DataPool:
     def give_back(self, slot: Slot, ticket: int) -> None:
         """End a loan; nothing happens if the slot has gone to another ticket meanwhile.
 
-        It takes no lock: the garbage collector calls it at any moment, in a thread that may hold another robot's lock.
+        It waits for no lock: the garbage collector calls it at any moment, in a thread that may hold another robot's lock.
+        While the lock is taken the slot is only noted, for the next `take`.
         """
         self._returned.append((slot, ticket))
+        lock = self.lock
+        if lock.acquire(blocking=False):
+            try:
+                self._take_back()
+            finally:
+                lock.release()
+
+    def _take_back(self) -> None:
+        """Make free what was given back; under the lock."""
+        while True:
+            try:  # rather than asking first: the garbage collector may come in between and take the last one
+                slot, ticket = self._returned.popleft()
+            except IndexError:
+                return
+            if slot.ticket == ticket and slot in self._lent:
+                slot.ticket = 0
+                self._lent.remove(slot)
+                self._free.append(slot)
 
     def renew_after_fork(self) -> None:
         """In a forked child: a new lock; what a thread of the parent was computing is not lent again."""

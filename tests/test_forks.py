@@ -159,7 +159,7 @@ def test_robots_without_a_file_of_their_own_survive_a_childs_end():
     assert (ours / "robot.urdf").is_file() and new_folder().parent == ours.parent
 
 
-def test_a_state_that_is_forgotten_takes_no_lock(talos: rbd.Robot):
+def test_a_state_that_is_forgotten_waits_for_no_lock(talos: rbd.Robot):
     """The garbage collector may run in a thread that holds another robot's lock: two such threads would wait for ever."""
     state = talos.at("half_sitting")
     with held(talos.pool.lock):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
 import subprocess
@@ -15,7 +16,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli import app
+from rbd.cli import _write_json, app
 from rbd.terminal import Table, answering, terminal
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -170,6 +171,18 @@ def test_the_address_of_a_replay_is_told(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("rbd.visual.animation.VIEWER_SECONDS", 0.1)
     code, out, _ = run("simulate", str(URDF / "box.urdf"), "--duration", "0.05", "--show")
     assert code == 0 and re.search(r"replaying at (http://127\.0\.0\.1:\d+/)\n", out)[1] == opened[0]
+
+
+def test_numbers_that_json_has_not_are_null(tmp_path: Path):
+    """NaN and infinity would make a file that other readers refuse."""
+
+    class Report:
+        def data(self) -> dict[str, object]:
+            return {"a": [1.0, float("nan")], "b": {"c": (float("inf"), 2)}, "d": "NaN"}
+
+    _write_json(tmp_path / "x.json", Report())
+    told = json.loads((tmp_path / "x.json").read_text(), parse_constant=pytest.fail)
+    assert told == {"a": [1.0, None], "b": {"c": [None, 2]}, "d": "NaN"}
 
 
 def test_the_console_reads_no_markup():
