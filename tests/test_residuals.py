@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -156,3 +157,40 @@ def test_forces_of_moving_rows_are_judged_by_the_bound_against_the_motion():
             found = residuals(P, a, np.array(f), None, law)
             assert found.cone == pytest.approx(off) and found.stationarity == 0.0
             assert found.feasibility == pytest.approx(0.0) and found.complementarity == pytest.approx(0.0, abs=1e-9)
+
+
+def _two_bodies(sink: float, share: float, mu: float = 0.5) -> Solution:
+    """1 kg flung at 1e9 m/s2 beside a milligram on the floor, which sinks; the floor carries `share` of what it should."""
+    M = np.diag([1.0, 1e-6, 1e-6, 1e-6])
+    J = np.eye(4)[1:]
+    weight = 1e-6 * 9.81
+    problem = rbd.GaussProblem(M, np.array([1e9, 0.0, 0.0, -weight]), [Rows("tip", J, np.zeros(3), rbd.FrictionCone(mu))])
+    f = np.array([0.0, 0.0, share * weight])
+    return Solution(problem, np.array([1e9, 0.0, 0.0, -sink]), f, f, "coulomb", "by hand", 1, 0.0)
+
+
+def test_a_light_body_is_not_excused_by_a_heavy_one():
+    """Sinking at 0.01 m/s2 of a floor's 9.81, and a thousandth of its weight missing: each is told in its own terms."""
+    assert _two_bodies(0.0, 1.0).status == "solved"
+    sinks, hangs = _two_bodies(0.01, 1.0).residuals, _two_bodies(0.0, 0.999).residuals
+    assert float(sinks.feasibility) == pytest.approx(0.01) and sinks.feasibility.scaled == pytest.approx(0.01)
+    assert sinks.stationarity.scaled == pytest.approx(0.01 / 9.81)  # 1e-8 N, of 9.81e-6 N
+    assert hangs.stationarity == pytest.approx(9.81e-9) and hangs.stationarity.scaled == pytest.approx(1e-3)
+    assert _two_bodies(0.01, 1.0).status == _two_bodies(0.0, 0.999).status == "failed"
+
+
+@pytest.mark.parametrize("mu", [1e-9, 0.5, 1e6])
+def test_sinking_is_seen_whatever_the_friction(mu):
+    """At 1e-3 m/s2, while it is dragged sideways at 10: no coefficient divides it."""
+    s = _two_bodies(1e-3, 0.0, mu)
+    a = s.a + np.array([0.0, 10.0, 0.0, 0.0])
+    assert replace(s, a=a).residuals.feasibility == pytest.approx(1e-3)
+    assert replace(s, a=a).residuals.feasibility.scaled == pytest.approx(1e-3)
+
+
+def test_residuals_cross_processes_with_their_scales():
+    """Pickled after they were asked, and told the same."""
+    r = _two_bodies(0.01, 1.0).residuals
+    assert r.worst > 1e-3
+    back = pickle.loads(pickle.dumps(r))
+    assert back.scaled == r.scaled and back.values == r.values and float(back.cone) == 0.0
