@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from itertools import accumulate, pairwise
-from math import inf, isfinite
+from math import isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -90,8 +90,10 @@ class GaussProblem:
     def __post_init__(self, from_state: bool) -> None:
         if not from_state:
             self._check_inertia()
-        if self.rest_speed is not REST_SPEED and not 0.0 <= a_number(self.rest_speed) < inf:
-            raise InputError(f"rest_speed is {self.rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s], e.g. 1e-6.")
+        if self.rest_speed is not REST_SPEED:
+            if not 0.0 <= a_number(self.rest_speed) < 1e100:
+                raise InputError(f"rest_speed is {self.rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
+            object.__setattr__(self, "rest_speed", float(self.rest_speed))
         rows = _rows(self.rows)
         object.__setattr__(self, "rows", rows)
         names = [r.name for r in rows]

@@ -234,6 +234,12 @@ def of_state(name: str, **more: Any) -> Case:
     return Case(getattr(rbd.dynamics, name), {"state": MOVING, **more})
 
 
+def use_ground(on: Any) -> Any:
+    """How far a point and a sole are from a plane."""
+    contacts = rbd.PointContact("toe", "box", on=on), rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.05), on=on)
+    return [contact.rows(BOX.at()).patch.gaps for contact in contacts], [foot.on for foot in BOLT.feet(on=on)][0] is None
+
+
 CASES: dict[str, Case] = {
     "Box": Case(lambda **given: use_cone(rbd.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
     "Free": Case(lambda **given: use_cone(rbd.Free(**given)), {"dim": 3}),
@@ -254,6 +260,10 @@ CASES: dict[str, Case] = {
     "combine": Case(
         use_pair, {"first": BOX, "second": BOLT, "placement": np.eye(4), "names": ("a_", "b_"), "against": "b_FL_FOOT"}
     ),
+    "Ground": Case(
+        lambda **given: use_ground(rbd.Ground(**given)), {"point": np.zeros(3), "normal": np.array([0.0, 0.0, 1.0])}
+    ),
+    "Ground, by its height": Case(use_ground, {"on": 0.25}),
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
     "JointLimit": Case(
         lambda **given: use_joint(rbd.JointLimit(**given)),
@@ -310,7 +320,7 @@ CASES: dict[str, Case] = {
     "ProxQP": Case(lambda problem: rbd.ProxQP().solve(problem), {"problem": PROBLEM}),
     "ADMM": Case(lambda law, problem: rbd.ADMM(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
-    "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True}, 200),
+    "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True, "rest_speed": 1e-6}, 200),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
     "compare_laws": Case(rbd.compare_laws, ASKED),
@@ -372,6 +382,9 @@ CASES: dict[str, Case] = {
         {"state": LINKED, "constraints": list(FOUR_BAR.loops), "prefer": ["crank_joint"]},
     ),
     "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
+    "mechanism.project_velocity": Case(
+        lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
+    ),
     "mechanism.mobility": Case(
         rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops), "tolerance": 1e-9, "seed": 1}
     ),

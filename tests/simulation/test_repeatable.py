@@ -99,7 +99,7 @@ def _moved(state: rbd.State, constraints: list, duration: float, **options: obje
 
 
 def _solves(robot: rbd.Robot, q: Array, v: Array, tau: Array) -> Iterator[tuple[str, Job]]:
-    held, rubbing = robot.soles(friction=None), robot.soles(friction=0.7)
+    held, rubbing = robot.soles(friction=None, on=None), robot.soles(friction=0.7, on=None)
     yield from (
         ("KKT", lambda: _solved(rbd.State(robot, q, v), tau, held, rbd.KKT())),
         ("ProxQP held", lambda: _solved(rbd.State(robot, q, v), tau, held, rbd.ProxQP())),
