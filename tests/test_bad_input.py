@@ -140,7 +140,7 @@ CALLS: dict[str, tuple[Call, set[str]]] = {
     "PointContact(name=)": (lambda r, x: rbd.solve(*at_rest(r), [rbd.PointContact(x, TORSO)]), WORDS),
     "PointContact(frame=)": (lambda r, x: rbd.PointContact("toe", x).rows(r.standing()), set()),
     "PointContact(offset=)": (lambda r, x: rbd.PointContact("toe", TORSO, offset=x), {"three"}),
-    "PointContact(normal=)": (lambda r, x: rbd.PointContact("toe", TORSO, normal=x), set()),
+    "PointContact(normal=)": (lambda r, x: rbd.PointContact("toe", TORSO, normal=x), {"None"}),
     "PointContact(friction=)": (lambda r, x: rbd.PointContact("toe", TORSO, friction=x), FRICTION),
     "PointContact(facets=)": (lambda r, x: rbd.PointContact("toe", TORSO, friction=0.5, facets=x), set()),
     "PointContact(facets=) held": (lambda r, x: rbd.PointContact("toe", TORSO, facets=x), set()),

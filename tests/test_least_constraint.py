@@ -143,9 +143,9 @@ def test_a_rubbing_contact_that_moves_is_refused_by_name(talos: rbd.Robot, frict
     state, tau = rbd.State(talos, q, v), rbd.hold(talos.standing(), talos.soles()).tau
     if friction:
         with pytest.raises(ContactMoves, match=r"'right_sole' moves at .* m/s.*friction=None"):
-            rbd.solve(state, tau, talos.soles(friction))
+            rbd.solve(state, tau, talos.soles(friction, on=None))
     else:
-        assert rbd.solve(state, tau, talos.soles(friction)).status is rbd.Status.SOLVED  # smooth ground lets it turn
+        assert rbd.solve(state, tau, talos.soles(friction, on=None)).status is rbd.Status.SOLVED  # smooth ground lets it turn
     for speed, refused in ((2e-6, True), (0.9e-6, False)):
         point = rbd.PointContact("toe", "right_sole_link", friction=friction)
         sinking = np.zeros(talos.nv)

@@ -155,7 +155,7 @@ def test_the_parallel_leg_stands_on_its_foot() -> None:
     """With a base that floats its sole is flat on the ground under the hip's height, and it can be held."""
     robot = rbd.load_robot(FOLDER / "parallel_leg.urdf", root="free_flyer")
     state = robot.at("assembled")
-    (sole,) = robot.soles_from_collision(["foot"], at=state)
+    (sole,) = robot.soles_from_collision(["foot"], at=state, on=None)
     patch = sole.rows(state).patch
     assert patch is not None and np.abs(patch.axes[:, 2] - [0, 0, 1]).max() < 1e-9
     assert len(sole.corners) == 4 and abs(np.ptp(sole.corners[:, 0]) - 0.19) < 1e-9

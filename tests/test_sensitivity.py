@@ -45,7 +45,8 @@ def slope(f: Callable[[float], np.ndarray], h: float) -> np.ndarray:
 
 def whole_solve(state: rbd.State, tau: Any, constraints: Any, external: Any, solver: Any, *, held: bool) -> np.ndarray:
     """(a, forces) of a new solve; `held` forgets the velocities that would change the modes of what is at rest."""
-    problem = rbd.gauss_problem(state, tau, constraints, external=external)
+    rest_speed = 1.0 if held else 1e-6
+    problem = rbd.gauss_problem(state, tau, constraints, external=external, rest_speed=rest_speed)
     if held:
         rows = [replace(r, velocity=np.zeros(len(r))) for r in problem.rows]
         problem = rbd.GaussProblem(problem.M, problem.rhs, rows)
