@@ -41,6 +41,9 @@ ASIDE = 1e-4
 COUNTS = 1e-4
 """Singular values of u . J_dot below this, over |J_dot|, count as zero: rows that repeat each other everywhere."""
 
+ROUNDED = 1e-11
+"""Of the largest singular value, over the time between the two sides: what a difference of rounded rows may be."""
+
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
@@ -90,7 +93,7 @@ class Crossing:
         J_dot = (ahead.J - behind.J) / (2.0 * e * norms[:, None])
         W_dot = blas.dtrsm(1.0, held.L, J_dot.T, lower=1)
         Q, s, Pt = np.linalg.svd(U[:, k:].T @ (W_dot @ Vt[k:].T))
-        rank = int((s > COUNTS * float(np.linalg.norm(W_dot, 2))).sum())
+        rank = int((s > max(COUNTS * float(np.linalg.norm(W_dot, 2)), ROUNDED * first / e)).sum())
         if not rank:
             return None
         turning = (ahead.offset - behind.offset) / (2.0 * e * norms)

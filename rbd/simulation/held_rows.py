@@ -32,6 +32,8 @@ NEAR = 2e-3
 """Singular values below this fraction of the largest: the rows depend on each other, or nearly so; see `crossing`."""
 OWED = 30.0
 """What a pose that is off by 1 may add to the singular values of redundant rows, over the largest, at most."""
+SILENT = 1e-11
+"""Rows whose length, over the longest's, is at most this say nothing: they are rounding."""
 CONTRADICTION = 1e-3
 """A part of J_dot v that no acceleration meets, over its size, above which there is no motion."""
 
@@ -190,7 +192,11 @@ class StageSolver:
         elif len(self._norms):
             self._rank = -1
         most = float(norms.max())
-        self._norms = np.maximum(norms, 1e-6 * most) if most > 0.0 else np.ones(len(norms))
+        if most == 0.0:
+            self._norms = np.ones(len(norms))
+        else:
+            # Rows out of the plane of a planar loop are zero but for rounding: dividing by their length would make them count.
+            self._norms = np.where(norms > SILENT * most, np.maximum(norms, 1e-6 * most), most)
 
     def acceleration(self, held: HeldRows, rhs: Array, t: float, *, directly: bool = False) -> Answer:
         """The acceleration nearest to the free one that the rows allow.
