@@ -98,7 +98,9 @@ class Balance:
             LimitReached: where it is not found within the limits.
         """
         self._left, self._rays = limits.FRICTION_PROGRAMS, self._first_rays()
-        low, high = 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
+        low, high = float(self.mu[self.yields].min()) if self.yields.any() else 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
+        if self._balances(low).met:
+            return low
         while not self._balances(high).met:
             if high >= MOST:
                 return None
@@ -131,9 +133,10 @@ class Balance:
     def _balances(self, mu: float) -> _Miss:
         """How much is missed with this coefficient, under the circular cones."""
         coefficients = np.where(self.yields, np.maximum(mu, self.mu), self.mu)
+        grows = self.yields & (mu >= self.mu)  # those that a larger coefficient than mu would change
         while self._left > 0:
             self._left -= 1
-            found = self._program(coefficients)
+            found = self._program(coefficients, grows)
             if found.met:
                 return found
             better = []
@@ -150,7 +153,7 @@ class Balance:
             self._rays += new
         raise LimitReached
 
-    def _program(self, mu: Array) -> _Miss:
+    def _program(self, mu: Array, grows: Array) -> _Miss:
         """The least miss over the rays."""
         p, e, n = len(self.lower), len(self.b), len(self.t)
         loose = np.ones(p, bool)
@@ -176,5 +179,5 @@ class Balance:
         slope = 0.0
         for (i, d), load in zip(self._rays, loads.tolist(), strict=True):
             at = int(self.cone_at[i])
-            slope += load * float(d @ price[at : at + 2]) * bool(self.yields[i])
+            slope += load * float(d @ price[at : at + 2]) * bool(grows[i])
         return _Miss(answer.value, price, slope)
