@@ -98,7 +98,8 @@ class Balance:
             LimitReached: where it is not found within the limits.
         """
         self._left, self._rays = limits.FRICTION_PROGRAMS, self._first_rays()
-        low, high = float(self.mu[self.yields].min()) if self.yields.any() else 0.0, float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
+        low = float(self.mu[self.yields].min()) if self.yields.any() else 0.0  # below, nothing changes
+        high = float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
         if self._balances(low).met:
             return low
         while not self._balances(high).met:
