@@ -196,7 +196,8 @@ class StageSolver:
             self._norms = np.ones(len(norms))
         else:
             # Rows out of the plane of a planar loop are zero but for rounding: dividing by their length would make them count.
-            self._norms = np.where(norms > SILENT * most, np.maximum(norms, 1e-6 * most), most)
+            # Rows that are zero exactly cannot; at 1e-6 a start at a singular pose is closer, 1e-13 rad in place of 1e-10.
+            self._norms = np.where((norms > SILENT * most) | (norms == 0.0), np.maximum(norms, 1e-6 * most), most)
 
     def acceleration(self, held: HeldRows, rhs: Array, t: float, *, directly: bool = False) -> Answer:
         """The acceleration nearest to the free one that the rows allow.
