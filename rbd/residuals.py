@@ -111,13 +111,21 @@ class Residuals:
     def within(self, tolerance: float) -> bool:
         """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
         known: dict[float, bool] = self.__dict__.setdefault("_verdicts", {})
-        if tolerance not in known:
+        found = known.get(tolerance)
+        if found is None:
+            found = known[tolerance] = self._within(tolerance)
+        return found
+
+    def _within(self, tolerance: float) -> bool:
+        i = -1
+        for x in self.values:
+            i += 1
+            if x is None or x == 0.0:
+                continue
             # What is small beside the least that scales can be passes without them. NaN fails all comparisons.
-            known[tolerance] = all([
-                x is None or x == 0.0 or x <= tolerance * self._least(i) or self._of(i) <= tolerance
-                for i, x in enumerate(self.values)
-            ])  # fmt: skip
-        return known[tolerance]
+            if not (x <= tolerance * self._least(i) or self._of(i) <= tolerance):
+                return False
+        return True
 
     @lazy
     def scales(self) -> Scales:
@@ -203,7 +211,7 @@ def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None, 
         return Residuals((nan, nan, nan, nan, None if P.balance is None else nan), answer)
     stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), None
     if P.balance is not None:
-        centroidal = max([abs(x) for x in _imbalance(P, a, f)])
+        centroidal = max(map(abs, _imbalance(P, a, f)))
     if P.bilateral:
         return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
     terms = _terms(P, a, f, weights, law)

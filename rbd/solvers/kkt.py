@@ -78,7 +78,11 @@ def independent_factor(delassus: Array) -> Array | None:
     R, info = lapack.dpotrf(delassus, lower=0, clean=1)
     if info != 0:
         return None
-    # Sines of the angles between each row and those before it; 1e-5 leaves ten digits to f, else the SVD takes over.
+    # Pivots are bounded below by the least singular value of W; 1e-5 leaves ten digits to f, else the SVD takes over.
+    pivots = R.diagonal().tolist()
+    if min(pivots) > 1e-5 * max(pivots):
+        return R
+    # Of rows of many sizes, light bodies' beside heavy ones': the sine of each one's angle to those before it.
     return R if (R.diagonal() > 1e-5 * np.sqrt(delassus.diagonal())).all() else None
 
 
