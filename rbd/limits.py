@@ -10,7 +10,7 @@ No call into a compiled library lasts much longer than `PROGRAM_SECONDS`, so Ctr
 from __future__ import annotations
 
 PROGRAM_SECONDS = 2.0
-"""Clock limit of one linear program [s]. Robots need milliseconds; HiGHS has been seen to stand still for ever."""
+"""Clock limit of one linear program [s]. Robots need milliseconds; HiGHS has been seen not to end at all."""
 PROGRAM_PIVOTS = 20_000
 """Simplex pivots of one linear program. A hundred contacts need a few hundred."""
 LEAST_SQUARES_PIVOTS = 10
