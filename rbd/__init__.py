@@ -2,15 +2,14 @@
 
 from importlib import import_module as _import_module
 
-from rbd import engine as _engine  # noqa: F401  first: another Pinocchio than ours is named before anything breaks
+from rbd.model import installation as _engine  # noqa: F401  first: another Pinocchio than ours is named before anything breaks
 
 # isort: split
-from rbd import dynamics, errors, mechanism
-from rbd.agreement import Agreement, agree
+from rbd import errors, mechanism
 from rbd.analysis.contradiction import Contradiction, contradiction
+from rbd.analysis.nearest import NearestMotion, nearest_motion
+from rbd.analysis.sensitivity import Derivatives
 from rbd.analysis.uniqueness import Uniqueness
-from rbd.combined import Pair, combine
-from rbd.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.constraints import (
     Baumgarte,
     CollisionContacts,
@@ -33,8 +32,6 @@ from rbd.constraints import (
     joint_limits,
     mimics,
 )
-from rbd.doctor import Finding, Report, doctor
-from rbd.equilibrium import Hold, hold
 from rbd.errors import (
     CannotAssemble,
     CannotHold,
@@ -64,15 +61,18 @@ from rbd.errors import (
     Unsupported,
     WrongPinocchio,
 )
-from rbd.external import ExternalForce
-from rbd.ground import Ground
-from rbd.laws import LawComparison, compare_laws
 from rbd.least_constraint import gauss_problem, solve
-from rbd.nearest import NearestMotion, nearest_motion
-from rbd.problem import GaussProblem
-from rbd.robot import Robot, load_robot
-from rbd.rows import Rows
-from rbd.sensitivity import Derivatives
+from rbd.model import dynamics
+from rbd.model.external_force import ExternalForce
+from rbd.model.state import State
+from rbd.model.xml import FileLimits
+from rbd.problem.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.ground import Ground
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
+from rbd.robots.diagnosis import Finding, Report, doctor
+from rbd.robots.merge import Pair, combine
+from rbd.robots.robot import Robot, load_robot
 from rbd.simulation import (
     Adaptive,
     Event,
@@ -91,8 +91,9 @@ from rbd.solution import Solution, Status
 from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT
 from rbd.solvers.proxqp import ProxQP
-from rbd.state import State
-from rbd.xml_file import FileLimits
+from rbd.statics.equilibrium import Hold, hold
+from rbd.studies.agreement import Agreement, agree
+from rbd.studies.laws import LawComparison, compare_laws
 
 __version__ = "0.1.0"
 

@@ -1,5 +1,5 @@
 """`python -m rbd`."""
 
-from rbd.cli import main
+from rbd.cli.app import main
 
 main()

@@ -43,12 +43,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rbd.analysis.contradiction import Contradiction
+    from rbd.analysis.nearest import NearestMotion
     from rbd.arrays import Array
-    from rbd.nearest import NearestMotion
-    from rbd.problem import GaussProblem
+    from rbd.model.state import State
+    from rbd.problem.problem import GaussProblem
     from rbd.simulation.trajectory import Trajectory
     from rbd.solution import Solution
-    from rbd.state import State
 
 
 class RbdError(Exception):

@@ -9,9 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
+from rbd.analysis.nearest import nearest_motion
+from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, largest
 from rbd.constraints.loop import LoopClosure
-from rbd.dynamics import free_force
 from rbd.errors import (
     ContactMoves,
     DistantContactWarning,
@@ -24,19 +25,18 @@ from rbd.errors import (
     SeveralMotions,
     Unsupported,
 )
-from rbd.external import External
-from rbd.model import CheckedModel
-from rbd.nearest import nearest_motion
-from rbd.openings import opening_words
-from rbd.parts import REST_SPEED
-from rbd.problem import GaussProblem
-from rbd.rays import rays
-from rbd.rows import Rows
-from rbd.sensitivity import StateOrigin
+from rbd.model.checked_model import CheckedModel
+from rbd.model.dynamics import free_force
+from rbd.model.external_force import External
+from rbd.model.state import State
+from rbd.problem.openings import opening_words
+from rbd.problem.parts import REST_SPEED
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rays import rays
+from rbd.problem.rows import Rows
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
 from rbd.solvers.proxqp import ProxQP
-from rbd.state import State
 
 OPEN = 1e-3
 """A loop that is open by more than this [m, rad] at the state that is solved gets a warning."""

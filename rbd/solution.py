@@ -17,17 +17,17 @@ from rbd.analysis.feedback import feedback_acceleration
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.analysis.uniqueness import Uniqueness, uniqueness
 from rbd.arrays import Array, lazy
-from rbd.cones import FrictionCone, LineCone, WrenchCone
-from rbd.contact_force import ContactForce, contact_force, corner_split
 from rbd.errors import NoSolution, Unsupported
-from rbd.openings import opening_words
-from rbd.problem import GaussProblem
-from rbd.rays import rays
-from rbd.residuals import SOLVED, USABLE, Residuals, blame, residuals
-from rbd.rows import Patch, Rows
+from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
+from rbd.problem.contact_force import ContactForce, contact_force, corner_split
+from rbd.problem.openings import opening_words
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rays import rays
+from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals
+from rbd.problem.rows import Patch, Rows
 
 if TYPE_CHECKING:
-    from rbd.sensitivity import Derivatives
+    from rbd.analysis.sensitivity import Derivatives
 
 RANK_TOLERANCE = 1e-9
 """Singular values of J below this, times the largest, count as zero in `Solution.rank`."""
@@ -199,7 +199,7 @@ class Solution:
         Returns:
             A solution whose `force_choice` says so; `multipliers`, `weights`, `forces` and `corner_forces` belong together, and
             its residuals certify them. Where rounding keeps those above 1e-9, or they were not found within
-            `rbd.limits.FORCE_CHOICE_WORK`, the forces stay as they were, and it says that.
+            `rbd.problem.limits.FORCE_CHOICE_WORK`, the forces stay as they were, and it says that.
 
         Raises:
             InputError: on a weight that is not positive or does not fit.

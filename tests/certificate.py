@@ -679,9 +679,7 @@ def _judge_closed(A: _Arrays, x: Loop, R: Array, a: tuple[Array, ...], b: tuple[
     A.held(f"{x.name} turn", keep @ JR, keep @ cR, keep @ bR, max(alone(Ja[3:], ba[3:]), alone(Jb[3:], bb[3:])))
 
 
-def _judge_momentum(
-    A: _Arrays, model: pin.Model, q: Array, v: Array, a: Array, outside: Sequence[tuple[Array, Array]]
-) -> None:
+def _judge_momentum(A: _Arrays, model: pin.Model, q: Array, v: Array, a: Array, outside: Sequence[tuple[Array, Array]]) -> None:
     data = model.createData()
     pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
     rate, com = np.array(data.dhg.vector), np.array(data.com[0])

@@ -86,7 +86,7 @@ def sources() -> dict[str, bytes]:
         parts += [joint(*each, MORE.get(each[0], "")) for each in joints]
         out[name] = f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(parts)}</robot>\n'.encode()
     out |= {p.stem: p.read_bytes() for p in sorted((Path(__file__).parents[1] / "urdf").glob("*.urdf"))}
-    return out | {name: rbd.catalogue.find(name).urdf.read_bytes() for name in REAL}
+    return out | {name: rbd.robots.catalogue.find(name).urdf.read_bytes() for name in REAL}
 
 
 VALUES = (

@@ -48,7 +48,7 @@ def decades(rng: Rng, n: int, spread: float) -> Array:
 # -- arrays ---------------------------------------------------------------------------------------------------------------
 
 
-def _cone(rng: Rng) -> rbd.cones.Cone:
+def _cone(rng: Rng) -> rbd.problem.cones.Cone:
     mu = pick(rng, FRICTIONS)
     facets = pick(rng, (3, 4, 4, 6, 8))
     kind = int(rng.integers(8))
@@ -264,9 +264,7 @@ def point(name: str, robot: rbd.Robot, link: str, offset: Array, n: Array, mu: f
     return Given(contact, thing, mu is None)
 
 
-def patch(
-    name: str, robot: rbd.Robot, link: str, X_FP: pin.SE3, corners: Array, mu: float | None, facets: int = 4
-) -> Given:
+def patch(name: str, robot: rbd.Robot, link: str, X_FP: pin.SE3, corners: Array, mu: float | None, facets: int = 4) -> Given:
     """A sole, or with two corners along x a line, of a link."""
     if len(corners) == 2:
         half = float(corners[0, 0])

@@ -14,8 +14,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import catalogue, dynamics
+from rbd import dynamics
 from rbd.errors import InputError, RbdError
+from rbd.robots import catalogue
 
 NV, NQ, NU = 38, 39, 32  # of Talos
 

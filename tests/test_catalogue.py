@@ -13,8 +13,8 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
-from rbd import catalogue
 from rbd.errors import ModelError, RbdError, UnknownRobot
+from rbd.robots import catalogue
 
 SOLES = ["talos", "talos_full", "talos_box", "talos_full_box", "talos_corrected", "g1", "g1_hands", "romeo", "human"]
 ROUNDED = ["icub", "icub_full"]  # their files round angles to five digits

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli import app
+from rbd.cli.app import app
 
 runner = CliRunner()
 
@@ -96,7 +96,7 @@ def test_a_pose_that_cannot_be_held_ends_with_code_1(monkeypatch):
         robot.effort_limit = 0.1 * robot.effort_limit
         return robot
 
-    monkeypatch.setattr("rbd.cli.load_robot", weak)
+    monkeypatch.setattr("rbd.cli.app.load_robot", weak)
     code, out, complaint = run("stand", "talos")
     assert code == 1
     assert "cannot be held" in complaint and "_joint'" in complaint and "torque limit" in complaint

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from rbd.cli import app
+from rbd.cli.app import app
 
 runner = CliRunner()
 

@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli import app
+from rbd.cli.app import app
+from rbd.cli.simulate_setup import loaded, pushes, setup
 from rbd.errors import SimulationStopped
-from rbd.simulate_setup import loaded, pushes, setup
 
 runner = CliRunner()
 
@@ -122,7 +122,7 @@ def test_a_posture_that_cannot_be_held_ends_with_code_1(monkeypatch):
         robot.effort_limit = 0.1 * robot.effort_limit
         return robot
 
-    monkeypatch.setattr("rbd.simulate_setup.load_robot", weak)
+    monkeypatch.setattr("rbd.cli.simulate_setup.load_robot", weak)
     code, out, complaint = run("talos")
     assert code == 1 and "torque limit is in the way" in complaint and "steps/s" not in out
 
@@ -130,10 +130,10 @@ def test_a_posture_that_cannot_be_held_ends_with_code_1(monkeypatch):
 @pytest.fixture
 def computed(monkeypatch):
     """Lets a test change what `rbd.simulate` does inside the command."""
-    original = rbd.cli.run
+    original = rbd.cli.app.run
 
     def change(make) -> None:
-        monkeypatch.setattr("rbd.cli.run", lambda *a, **k: make(original(*a, **k)))
+        monkeypatch.setattr("rbd.cli.app.run", lambda *a, **k: make(original(*a, **k)))
 
     return change
 
@@ -155,7 +155,7 @@ def test_a_step_without_a_solution_is_told_with_all_that_was_computed(computed, 
 
 def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
     """A controller that presses Ctrl-C at 10 ms: the tables say so, and the exit code is 0."""
-    original = rbd.cli.run
+    original = rbd.cli.app.run
 
     def interrupted(*args, **settings):
         held = settings["controller"]
@@ -167,7 +167,7 @@ def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
 
         return original(*args, **{**settings, "controller": controller})
 
-    monkeypatch.setattr("rbd.cli.run", interrupted)
+    monkeypatch.setattr("rbd.cli.app.run", interrupted)
     code, out, _ = run("solo12", "--duration", "1")
     assert code == 0 and "ended early" in out and "interrupted at t = 0.01" in out
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import box
 from rbd.visual.robot_parts import robot_parts
 

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rbd.contact_force import contact_force
-from rbd.rows import Patch
+from rbd.problem.contact_force import contact_force
+from rbd.problem.rows import Patch
 
 R_WC = pin.exp3(np.array([0.5, -0.8, 0.3]))
 POINT = np.array([0.3, -0.2, 0.7])

@@ -21,8 +21,8 @@ import pytest
 from copied import difference, instances
 
 import rbd
-from rbd.mechanism_report import mechanism_report
-from rbd.sensitivity import StateOrigin
+from rbd.analysis.sensitivity import StateOrigin
+from rbd.cli.mechanism_report import mechanism_report
 
 URDF = Path(__file__).parents[1] / "urdf"
 WAYS: dict[str, Callable[[Any], Any]] = {

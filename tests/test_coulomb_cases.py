@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import box
 
 URDF = Path(__file__).parent.parent / "urdf"
@@ -218,9 +218,7 @@ class TestTable:
 class TestLadder:
     """A ladder leant against a wall. Source: statics of a uniform rod; the project's cases."""
 
-    @pytest.mark.parametrize(
-        ("floor", "wall", "expected_deg"), [(0.4, 0.0, 51.3402), (0.4, 0.3, 47.7263), (0.2, 0.5, 66.0375)]
-    )
+    @pytest.mark.parametrize(("floor", "wall", "expected_deg"), [(0.4, 0.0, 51.3402), (0.4, 0.3, 47.7263), (0.2, 0.5, 66.0375)])
     def test_it_stands_down_to_the_friction_angle(self, floor, wall, expected_deg):
         """Floor mu1, wall mu2: tan(angle) = (1 - mu1 mu2) / (2 mu1), to a millionth of a radian."""
         angle = np.arctan((1 - floor * wall) / (2 * floor))

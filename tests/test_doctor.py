@@ -14,8 +14,8 @@ import pytest
 from test_urdf_file import BODY, GOOD, INERTIA, hinge, more, swapped, written
 
 import rbd
-from rbd import catalogue
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.robots import catalogue
 
 LIGHT = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 
@@ -151,7 +151,9 @@ def test_missing_meshes_are_named_and_none_is_opened(tmp_path: Path) -> None:
     (tmp_path / "pack").mkdir()
     (tmp_path / "pack" / "here.stl").write_text("no mesh at all")
     names = ("package://pack/here.stl", "package:///pack/here.stl", "pack/here.stl", str(tmp_path / "pack" / "here.stl"))
-    shapes = "".join(f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in (*names, "package://pack/gone.dae"))
+    shapes = "".join(
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in (*names, "package://pack/gone.dae")
+    )
     path = written(tmp_path, swapped('<link name="eye"/>', f'<link name="eye">{shapes}</link>'))
     with pytest.warns(ModelWarning, match=r"1 mesh is missing \('package://pack/gone.dae'\)"):
         rbd.load_robot(path)

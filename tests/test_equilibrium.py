@@ -14,9 +14,9 @@ from scipy.optimize import linprog, nnls
 
 import rbd
 from rbd.arrays import Array
-from rbd.cones import pyramid
-from rbd.equilibrium import FORCE_WEIGHT
 from rbd.errors import CannotHold, DuplicateName, InputError, NotAtRest
+from rbd.problem.cones import pyramid
+from rbd.statics.equilibrium import FORCE_WEIGHT
 
 G = 9.81
 HALF = 0.1
@@ -124,7 +124,7 @@ def test_motors_stay_within_their_limits(name: str) -> None:
     robot, rng, held = rbd.load_robot(name), np.random.default_rng(3), 0
     for _ in range(15):
         step = np.concatenate([np.zeros(6), rng.normal(size=robot.nv - 6) * 0.1])
-        q = rbd.posture.stand(robot, pin.integrate(robot.model, robot.standing().q, step), robot.feet())
+        q = rbd.robots.posture.stand(robot, pin.integrate(robot.model, robot.standing().q, step), robot.feet())
         try:
             found = rbd.hold(rbd.State(robot, q), robot.feet(1.0, on=None))
         except CannotHold:
@@ -384,9 +384,11 @@ def test_a_robot_that_leans_is_told_by_how_much(talos: rbd.Robot) -> None:
     q = talos.standing().q.copy()
     for joint in ("leg_left_5_joint", "leg_right_5_joint"):
         q[talos.model.joints[talos.joint_id(joint)].idx_q] -= 0.15
-    state = rbd.State(talos, rbd.posture.stand(talos, q, talos.feet()))
-    corners = rbd.posture.corner_points(state, talos.feet())[:, :2]
-    outside = -rbd.polygon.inside_distance(state.com[:2], rbd.polygon.convex_hull(corners))
+    state = rbd.State(talos, rbd.robots.posture.stand(talos, q, talos.feet()))
+    corners = rbd.robots.posture.corner_points(state, talos.feet())[:, :2]
+    outside = -rbd.constraints.convex.polygon.inside_distance(
+        state.com[:2], rbd.constraints.convex.polygon.convex_hull(corners)
+    )
     with pytest.raises(CannotHold, match="centre of mass at x = ") as caught:
         rbd.hold(state, talos.soles())
     assert f"{1e3 * outside:.1f} mm outside" in str(caught.value)

@@ -11,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import FrameNotFound, InputError
-from rbd.external import External, generalised
+from rbd.model.external_force import External, generalised
 
 OFFSET = (0.11, -0.07, 0.23)  # [m], off every axis
 FORCE, MOMENT = np.array([3.0, -80.0, 20.0]), np.array([1.0, 5.0, -7.0])
@@ -104,8 +104,7 @@ def test_the_base_is_joint_one_whatever_links_are_called(tmp_path: Path) -> None
     arm = f'<body name="floating" pos="0 0 0.7"><joint name="k" type="hinge" axis="1 0 0"/>{body}</body>'
     path = tmp_path / "m.xml"
     path.write_text(
-        '<mujoco model="m"><worldbody><body name="b"><freejoint name="floating"/>'
-        f"{body}{arm}</body></worldbody></mujoco>"
+        f'<mujoco model="m"><worldbody><body name="b"><freejoint name="floating"/>{body}{arm}</body></worldbody></mujoco>'
     )
     robot = rbd.load_robot(path)
     state = rbd.State(robot, pin.integrate(robot.model, robot.neutral(), np.arange(7) * 0.1))

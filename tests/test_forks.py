@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.kept_files import new_folder
+from rbd.model.temporary_folders import new_folder
 from rbd.visual import Scene
 
 SECONDS = 20.0

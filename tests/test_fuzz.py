@@ -63,9 +63,7 @@ def test_every_way_to_break_a_file_comes_up() -> None:
         (lambda model: setattr(model.inertias[2], "inertia", 9.0 * model.inertias[2].inertia), "not that of Pinocchio's own"),
     ],
 )
-def test_a_robot_that_is_not_the_files_is_a_failure(
-    change, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_that_is_not_the_files_is_a_failure(change, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Mass and inertia that differ from what the file says are seen, each by its own name."""
     path = tmp_path / "pendulum.urdf"
     path.write_bytes(fuzz.sources()["pendulum"])

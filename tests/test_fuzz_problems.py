@@ -81,7 +81,7 @@ def test_torques_beyond_their_limits_are_a_failure(monkeypatch: pytest.MonkeyPat
     right = rbd.hold
     for change in ({"tau": 1e5}, {"tau": 1.0 + 1e-6}):
 
-        def wrong(*given, change=change, **more) -> rbd.equilibrium.Hold:
+        def wrong(*given, change=change, **more) -> rbd.statics.equilibrium.Hold:
             held = right(*given, **more)
             return replace(held, tau=held.tau * change["tau"])
 
@@ -135,7 +135,7 @@ def test_time_outs_are_failures(ends, why: str, monkeypatch: pytest.MonkeyPatch)
     """What waits, and what computes without end, is stopped and counted, and its story told."""
     monkeypatch.setattr(fuzz, "judge", ends)
     monkeypatch.setattr(fuzz, "TIME_LIMIT", 0.2)
-    (i, found), = fuzz.run(0, [3])
+    ((i, found),) = fuzz.run(0, [3])
     assert i == 3 and found.outcome == "failure" and why in found.why and found.story == fuzz.told(0, 3)[1]
 
 

@@ -15,10 +15,10 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.constraints.convex.polygon import convex_hull, inside_distance
 from rbd.errors import FrameNotFound, InputError, ModelError, ModelWarning
-from rbd.geometry import flat_underside, load_geometry
-from rbd.geometry.loading import _equivalent_box
-from rbd.polygon import convex_hull, inside_distance
+from rbd.model.meshes import _equivalent_box, load_geometry
+from rbd.robots.underside import flat_underside
 
 MM = 1e-3
 ROUNDING_M = 1e-12  # Pinocchio and coal keep origins and sizes as doubles

@@ -338,16 +338,16 @@ CASES: dict[str, Case] = {
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
     ),
     "mechanism.four_bar": Case(
-        rbd.mechanism.four_bar,
+        rbd.robots.four_bars,
         {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "crank_angle": 1.0, "masses": (1.0, 2.0, 3.0), "mass_per_length": 2.0},
         30,
     ),
     "mechanism.four_bar, no file": Case(
-        rbd.mechanism.four_bar, {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "path": "/nowhere/x.urdf"}, 30
+        rbd.robots.four_bars, {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "path": "/nowhere/x.urdf"}, 30
     ),
     "mechanism.n_four_bar": Case(rbd.mechanism.n_four_bar, {"n": 2, "length": 1.0, "mass": 2.0}, 30),
     "mechanism.slider_crank": Case(
-        rbd.mechanism.slider_crank,
+        rbd.robots.slider_cranks,
         {"crank": 1.0, "rod": 2.0, "offset": 0.1, "crank_angle": 1.0, "masses": (1.0, 2.0, 3.0), "mass_per_length": 2.0},
         30,
     ),
@@ -401,8 +401,8 @@ CASES: dict[str, Case] = {
         rbd.mechanism.classify,
         {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
     ),
-    "catalogue.file_path": Case(lambda path: rbd.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
-    "catalogue.find": Case(rbd.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
+    "catalogue.file_path": Case(lambda path: rbd.robots.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
+    "catalogue.find": Case(rbd.robots.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
     "dynamics.checked": of_state("checked"),
     "dynamics.mass_matrix": of_state("mass_matrix"),
     "dynamics.bias_force": of_state("bias_force"),
@@ -451,9 +451,7 @@ CASES: dict[str, Case] = {
         | {"record_every": 1, "progress": False},
         30,
     ),
-    "TimeStepping": Case(
-        lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20
-    ),
+    "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),
     "Adaptive": Case(lambda **given: use_integrator(rbd.Adaptive(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
     "Projection": Case(
         lambda **given: use_simulate(
@@ -725,7 +723,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
 
 def public() -> Iterator[str]:
     """Names of all public callables that take arguments."""
-    rooms = {"": (rbd, rbd.__all__), "dynamics.": (rbd.dynamics, None), "catalogue.": (rbd.catalogue, None)}
+    rooms = {"": (rbd, rbd.__all__), "dynamics.": (rbd.dynamics, None), "catalogue.": (rbd.robots.catalogue, None)}
     rooms |= {"mechanism.": (rbd.mechanism, rbd.mechanism.__all__)}
     rooms |= {"Robot.": (rbd.Robot, None), "State.": (rbd.State, None), "visual.": (rbd.visual, rbd.visual.__all__)}
     for room, (place, names) in rooms.items():

@@ -13,9 +13,9 @@ import pytest
 
 import rbd
 from rbd.errors import SeveralMotions
-from rbd.least_friction import BRACKET
-from rbd.model import CheckedModel
-from rbd.residuals import residuals
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.residuals import residuals
+from rbd.statics.least_friction import BRACKET
 from rbd.testing import ConstraintWrong, box, check_constraint
 
 G = 9.81

@@ -20,9 +20,7 @@ def _compare(push_N: float) -> rbd.LawComparison:
     floor = rbd.SurfaceContact(
         "floor", "box", half_lengths=(0.2, 0.2), placement=pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1])), friction=0.6
     )
-    return rbd.compare_laws(
-        rbd.State(robot, q), np.zeros(0), [floor], external=rbd.ExternalForce("box", (push_N, 0.0, 0.0))
-    )
+    return rbd.compare_laws(rbd.State(robot, q), np.zeros(0), [floor], external=rbd.ExternalForce("box", (push_N, 0.0, 0.0)))
 
 
 def test_the_slipping_box_to_its_last_digit():

@@ -18,7 +18,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError, JointNotFound, ModelError, ModelWarning
-from rbd.loop_file import LARGEST_FILE, LoopFile, Mark, read_loop_file
+from rbd.robots.loop_file import LARGEST_FILE, LoopFile, Mark, read_loop_file
 
 TOP = Path(__file__).parents[1]
 FOUR_BAR = TOP / "urdf" / "four_bar.urdf"
@@ -563,8 +563,11 @@ def test_joints_that_share_a_body_can_be_coupled(tmp_path: Path) -> None:
     robot = rbd.load_robot(path)
     (gear,) = robot.loops
     assert robot.nv == 4 and isinstance(gear, rbd.JointCoupling) and np.abs(gear.rows(robot.at("qpos0")).error).max() < 1e-14
-    path.write_text(text.replace('<joint name="j1"', '<joint name="extra" type="ball"/><joint name="was_j1"').replace(
-        '<joint name="was_j1" axis="0 -1 0" ref="0.3"/>', "").replace('joint1="j1"', 'joint1="j2"'))
+    path.write_text(
+        text.replace('<joint name="j1"', '<joint name="extra" type="ball"/><joint name="was_j1"')
+        .replace('<joint name="was_j1" axis="0 -1 0" ref="0.3"/>', "")
+        .replace('joint1="j1"', 'joint1="j2"')
+    )
     with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several freedoms.*loops=None"):
         rbd.load_robot(path)
     assert rbd.load_robot(path, loops=None).nv == 5

@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli import app
-from rbd.mechanism_report import mechanism_report
+from rbd.cli.app import app
+from rbd.cli.mechanism_report import mechanism_report
 
 URDF = Path(__file__).parent.parent / "urdf"
 

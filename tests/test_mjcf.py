@@ -184,8 +184,9 @@ def test_mesh_files_weigh_what_their_tetrahedron_does(write, tmp_path: Path, end
     }
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / f"corner.{ending}").write_bytes(data[ending])
-    path = write(body('<geom type="mesh" mesh="corner"/>'),
-        f'<compiler meshdir="meshes"/><asset><mesh file="corner.{ending}"/></asset>')
+    path = write(
+        body('<geom type="mesh" mesh="corner"/>'), f'<compiler meshdir="meshes"/><asset><mesh file="corner.{ending}"/></asset>'
+    )
     robot = check_same(path)
     assert abs(robot.mass - 1000.0) < 1e-9
     assert np.abs(robot.model.inertias[1].lever - [0.25, 0.5, 0.75]).max() < 1e-12

@@ -11,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import FrameNotFound, InputError, JointNotFound
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 
 def test_motors_are_orthonormal_rows(talos: rbd.Robot) -> None:

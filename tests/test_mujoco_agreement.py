@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 pytest.importorskip("mujoco", minversion="4.0", reason="compares with MuJoCo; before 4.0 it rounds inertias, by 1e-8")
 

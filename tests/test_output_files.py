@@ -14,8 +14,8 @@ import pytest
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli import app
-from rbd.output_files import check_place, write_file, write_text
+from rbd.cli.app import app
+from rbd.model.output_files import check_place, write_file, write_text
 from rbd.visual import Scene, export_motion, motion_sheet, screenshot
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -244,7 +244,7 @@ def test_the_command_line_refuses_a_place_before_it_works(command: str, option: 
     def never(*args: object, **kwargs: object) -> None:
         raise AssertionError("a robot was loaded")
 
-    for door in ("rbd.cli.load_robot", "rbd.simulate_setup.load_robot", "rbd.plane_report.plane_task"):
+    for door in ("rbd.cli.app.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
         monkeypatch.setattr(door, never)
     (tmp_path / f"taken.{ending}").mkdir()
     places = {"there is no folder": [tmp_path / "nowhere" / f"x.{ending}"], "it is a folder": [tmp_path / f"taken.{ending}"]}
@@ -277,7 +277,7 @@ def test_numbers_may_go_to_standard_output(tmp_path: Path):
 
 
 def test_no_module_writes_files_on_its_own():
-    """Files for a user are written by `rbd.output_files` alone; the others write into folders that they made themselves."""
+    """Files for a user are written by `rbd.model.output_files` alone; the others write into folders of their own."""
     own = {"output_files.py", "loading.py", "contact_sheet.py", "planar_scene.py"}
     for path in sorted(Path(rbd.__file__).parent.rglob("*.py")):
         text = path.read_text(encoding="utf-8")

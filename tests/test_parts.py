@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.cones import LineCone, WrenchCone
-from rbd.parts import REST_SPEED, bounded_weights, parts_of, project_cones
+from rbd.problem.cones import LineCone, WrenchCone
+from rbd.problem.parts import REST_SPEED, bounded_weights, parts_of, project_cones
 from rbd.testing import box
 
 FAST = 10 * REST_SPEED

@@ -10,7 +10,7 @@ import pytest
 
 import rbd
 from rbd.errors import ModelError
-from rbd.posture import configuration, corner_points, semantic_postures, stand
+from rbd.robots.posture import configuration, corner_points, semantic_postures, stand
 
 
 def tilted(robot: rbd.Robot, q: np.ndarray, rpy: tuple[float, float, float], at: tuple[float, float, float]) -> np.ndarray:

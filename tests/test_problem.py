@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.errors import DuplicateName, SingularInertia
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
 
 
 @pytest.fixture

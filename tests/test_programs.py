@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd import limits
-from rbd.limits import Work
-from rbd.programs import Outcome, between, linear_program, nonnegative
+from rbd.problem import limits
+from rbd.problem.limits import Work
+from rbd.problem.programs import Outcome, between, linear_program, nonnegative
 
 
 def test_a_linear_program_tells_how_it_ended():

@@ -10,12 +10,13 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import engine, equilibrium
-from rbd.cones import Cone
 from rbd.errors import CannotHold, InaccurateWarning, InputError, NoSolution, WrongPinocchio
-from rbd.residuals import blame
-from rbd.rows import Rows
+from rbd.model import installation as engine
+from rbd.problem.cones import Cone
+from rbd.problem.residuals import blame
+from rbd.problem.rows import Rows
 from rbd.solvers import qp
+from rbd.statics import equilibrium
 from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, check_solver, law_residuals, reference_problems
 
 

@@ -134,7 +134,7 @@ def test_the_command_line_knows_the_options():
     """Every option that the README uses is in the command's help."""
     from typer.testing import CliRunner
 
-    from rbd.cli import app
+    from rbd.cli.app import app
 
     lines = [command.split() for command in commands() if command.startswith("rbd ")]
     assert lines

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.residuals import SOLVED, USABLE, residuals
-from rbd.rows import Rows
+from rbd.problem.residuals import SOLVED, USABLE, residuals
+from rbd.problem.rows import Rows
 from rbd.solution import Solution
 from rbd.testing import law_residuals, reference_problems
 

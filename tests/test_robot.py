@@ -11,9 +11,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import catalogue
 from rbd.errors import InputError, JointNotFound, ModelError, ModelWarning, UnknownRobot
-from rbd.posture import corner_points
+from rbd.robots import catalogue
+from rbd.robots.posture import corner_points
 
 ROUNDED = {"icub": 1e-5}  # [m]: its file rounds angles to five digits
 SOLES = ["talos", "talos_full", "talos_box", "talos_full_box", "talos_corrected", "g1", "g1_hands", "romeo", "human"]
@@ -373,7 +373,7 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
-def test_a_file_that_is_no_robot_is_refused(tmp_path: Path, content: bytes, root: rbd.robot.Root) -> None:
+def test_a_file_that_is_no_robot_is_refused(tmp_path: Path, content: bytes, root: rbd.robots.robot.Root) -> None:
     """Empty, binary, cut off, another format: an error of ours with the file's name."""
     path = tmp_path / "r.urdf"
     path.write_bytes(content)
@@ -403,7 +403,7 @@ BASE, ARM, HINGE = link("a"), link("b"), joint("j", "a", "b")
 )
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
 def test_what_pinocchio_would_take_for_another_robot_is_refused(
-    tmp_path: Path, parts: tuple[str, ...], culprit: str, root: rbd.robot.Root
+    tmp_path: Path, parts: tuple[str, ...], culprit: str, root: rbd.robots.robot.Root
 ) -> None:
     """Masses, axes and trees that are none: refused, with the file and the link or joint at fault, on either root."""
     with pytest.raises(ModelError, match=rf"mine\.urdf.*'{culprit}'"):
@@ -422,7 +422,9 @@ def test_what_pinocchio_would_take_for_another_robot_is_refused(
     ],
 )
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
-def test_what_the_parser_refuses_is_an_error_of_ours(tmp_path: Path, parts: tuple[str, ...], root: rbd.robot.Root) -> None:
+def test_what_the_parser_refuses_is_an_error_of_ours(
+    tmp_path: Path, parts: tuple[str, ...], root: rbd.robots.robot.Root
+) -> None:
     """No limit where one must be, an unknown kind of joint, a circle, names given twice, nothing at all."""
     with pytest.raises(ModelError, match=r"mine\.urdf"):
         rbd.load_robot(write(tmp_path, *parts), root=root)

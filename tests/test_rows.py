@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
 
 
 def test_what_is_not_given_is_zero():

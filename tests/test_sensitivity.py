@@ -17,8 +17,8 @@ import pytest
 from scipy.optimize import nnls
 
 import rbd
-from rbd.external import generalised
-from rbd.sensitivity import Derivatives
+from rbd.analysis.sensitivity import Derivatives
+from rbd.model.external_force import generalised
 from rbd.testing import box
 
 G, MASS, MU = 9.81, 10.0, 0.6

@@ -10,7 +10,7 @@ import pytest
 
 import rbd
 from rbd.errors import InaccurateWarning, NoSolution
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
 from rbd.solution import RANK_TOLERANCE, Solution, Status
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
@@ -75,7 +75,7 @@ def test_accelerations_are_those_of_the_contacts(pushed, talos, turning):
     for rows in pushed.problem.rows:
         c = pushed.accelerations[rows.name]
         assert c == pytest.approx(rows.J @ pushed.a + rows.bias, abs=1e-9)
-        assert (rbd.rays.rays(rows.cone).G.T @ c).min() > -1e-9
+        assert (rbd.problem.rays.rays(rows.cone).G.T @ c).min() > -1e-9
     assert max(np.abs(c).max() for c in pushed.accelerations.values()) > 0.1
 
 
@@ -161,7 +161,7 @@ class Given:
     name: str
     J: np.ndarray
     bias: np.ndarray
-    cone: rbd.cones.Cone
+    cone: rbd.problem.cones.Cone
 
     def rows(self, state: rbd.State) -> Rows:
         """As given, wherever the robot is."""

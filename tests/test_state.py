@@ -14,7 +14,7 @@ import pytest
 import rbd
 from rbd.arrays import Array
 from rbd.errors import FrameNotFound, InputError
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 FRAMES = ["left_sole_link", "arm_right_7_link", "torso_2_link", "base_link"]
 OFFSET = (0.11, -0.07, 0.23)  # [m], off every axis

@@ -16,8 +16,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli import _write_json, app
-from rbd.terminal import Table, answering, terminal
+from rbd.cli.app import _write_json, app
+from rbd.cli.terminal import Table, answering, terminal
 
 URDF = Path(__file__).parents[1] / "urdf"
 ODD = ("[/foo]", "[red]", "[bold", "o[x]", ":smiley:", "[link=http://x.example]y[/link]", "a[/]b", "\\[x]")
@@ -99,7 +99,7 @@ def test_files_are_told_under_their_names(name: str, tmp_path: Path, monkeypatch
 
 def test_reports_are_right_on_any_console(odd: Path):
     """Printed by a user's own console too, which reads markup in what is text."""
-    from rbd.listing import robot_info
+    from rbd.cli.listing import robot_info
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

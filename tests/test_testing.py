@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.cones import Free
-from rbd.rows import Rows
+from rbd.problem.cones import Free
+from rbd.problem.rows import Rows
 from rbd.solution import Solution
 from rbd.testing import (
     ConstraintWrong,

@@ -15,11 +15,11 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import catalogue
 from rbd.errors import InputError, ModelError, RbdError
-from rbd.model_file import read
-from rbd.urdf_file import check_urdf
-from rbd.xml_file import FileLimits, read_xml
+from rbd.model.files import read
+from rbd.model.urdf import check_urdf
+from rbd.model.xml import FileLimits, read_xml
+from rbd.robots import catalogue
 
 BODY = (
     '<inertial><origin xyz="0 0 -0.1" rpy="0 0 0.5"/><mass value="1"/>'

@@ -79,7 +79,7 @@ def test_a_mirrored_mesh_stands_on_its_mirrored_underside(tmp_path: Path, scale:
 
 
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
-def test_the_rotor_of_a_urdf_is_in_the_mass_matrix(tmp_path: Path, root: rbd.loop_file.Root) -> None:
+def test_the_rotor_of_a_urdf_is_in_the_mass_matrix(tmp_path: Path, root: rbd.robots.loop_file.Root) -> None:
     """<dynamics armature> adds its value to its own joint's entry of M, and to no other term."""
     bare, robot = (rbd.load_robot(urdf(tmp_path, dynamics=f'<dynamics armature="{a}"/>'), root=root) for a in (0, 0.3))
     difference = robot.at().M - bare.at().M
@@ -132,8 +132,9 @@ def test_a_posture_of_a_robot_that_is_loaded_otherwise_is_taken(tmp_path: Path) 
         rbd.load_robot(path)
 
 
-@pytest.mark.parametrize("text", ["offset: nan", "offset: .nan", "offset: .inf", "ratio: 1_0", "ratio: 0x10", "ratio: '2'",
-    "ratio: 1 2"])
+@pytest.mark.parametrize(
+    "text", ["offset: nan", "offset: .nan", "offset: .inf", "ratio: 1_0", "ratio: 0x10", "ratio: '2'", "ratio: 1 2"]
+)
 def test_a_loop_file_is_made_of_numbers(tmp_path: Path, text: str) -> None:
     """Neither YAML's words for infinity nor Python's underscores."""
     path = urdf(tmp_path)

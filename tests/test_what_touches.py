@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.cli import app
+from rbd.cli.app import app
 from rbd.errors import DistantContactWarning
-from rbd.ground import FLOOR, TOUCHES
+from rbd.problem.ground import FLOOR, TOUCHES
 from rbd.testing import box
 from rbd.visual.forces import ground_under, shown_forces, support_outline, support_polygon
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
 from rbd.mechanism.four_bar import four_bar
 from rbd.mechanism.linkage import COLORS, Link, Linkage, meeting, wrapped
 from rbd.mechanism.slider_crank import slider_crank

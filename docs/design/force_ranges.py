@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 import rbd
 from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
-from rbd.limits import ENDS_WORK, Work
+from rbd.problem.limits import ENDS_WORK, Work
 
 ROUNDS = 120
 

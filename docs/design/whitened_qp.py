@@ -10,7 +10,7 @@ import numpy as np
 import proxsuite
 
 import rbd
-from rbd.residuals import SOLVED, residuals
+from rbd.problem.residuals import SOLVED, residuals
 from rbd.solvers import qp
 
 ROBOTS = ("talos", "talos_full", "g1", "g1_hands")

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import rbd
-from rbd.mechanism_report import mechanism_report
+from rbd.cli.mechanism_report import mechanism_report
 from rbd.visual import Scene, contact_sheet, motion_sheet, screenshot
 
 PICTURES = Path(__file__).resolve().parent

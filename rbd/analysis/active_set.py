@@ -19,11 +19,11 @@ from scipy.linalg import blas, lapack
 
 from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
 from rbd.arrays import Array
-from rbd.cones import block_diagonal
 from rbd.errors import NotDifferentiable
-from rbd.parts import centripetal
-from rbd.programs import linear_program
-from rbd.rows import Rows
+from rbd.problem.cones import block_diagonal
+from rbd.problem.parts import centripetal
+from rbd.problem.programs import linear_program
+from rbd.problem.rows import Rows
 
 if TYPE_CHECKING:
     from rbd.solution import Solution

@@ -14,8 +14,8 @@ import numpy as np
 
 from rbd.analysis.separable import Separable
 from rbd.arrays import Array, lazy
-from rbd.parts import project_cones
-from rbd.problem import GaussProblem
+from rbd.problem.parts import project_cones
+from rbd.problem.problem import GaussProblem
 
 NULL = 1e-9
 """Singular values below this, times the largest, count as zero; as in `Solution.rank`."""

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array
-from rbd.limits import Work
+from rbd.problem.limits import Work
 
 STEP = 30.0
 """t grows by this factor."""

@@ -5,9 +5,9 @@
     slips (y on the boundary of K*)     the edge of the cone that y is perpendicular to
     an interval                         its bound: low where y > 0, high where y < 0
 
-y is the acceleration that a weight answers to: along a ray, or of `rbd.parts`. Up to `STILL`, over the terms of its own row or
-point (`rbd.scales`), it counts as zero; and a weight is at its bound only where its acceleration, so scaled, is larger than its
-distance from the bound, over the scale of that point's forces.
+y is the acceleration that a weight answers to: along a ray, or of `rbd.problem.parts`. Up to `STILL`, over the terms of its
+own row or point (`rbd.problem.scales`), it counts as zero; and a weight is at its bound only where its acceleration, so
+scaled, is larger than its distance from the bound, over the scale of that point's forces.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import numpy as np
 
 from rbd.analysis.admissible import Admissible, null_space
 from rbd.arrays import Array
-from rbd.cones import LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
-from rbd.contact_force import corner_map
-from rbd.parts import bounded_weights, project_cones
-from rbd.problem import GaussProblem
-from rbd.rays import rays
-from rbd.residuals import SOLVED, Scales
-from rbd.rows import Rows
+from rbd.problem.cones import LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
+from rbd.problem.contact_force import corner_map
+from rbd.problem.parts import bounded_weights, project_cones
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rays import rays
+from rbd.problem.residuals import SOLVED, Scales
+from rbd.problem.rows import Rows
 
 STILL = SOLVED
 """Accelerations below this, over the terms of their own row or point, count as zero: it is what `solved` means."""

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.cones import Free, LineCone, NonNegative, Part, SecondOrderCone, WrenchCone, pyramid
-from rbd.parts import project_cones
-from rbd.problem import GaussProblem
-from rbd.rows import Rows
+from rbd.problem.cones import Free, LineCone, NonNegative, Part, SecondOrderCone, WrenchCone, pyramid
+from rbd.problem.parts import project_cones
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from rbd.analysis.admissible import Admissible, null_space
 from rbd.analysis.barrier import ConeSet, interior, least
 from rbd.analysis.separable import Separable, least_squares
 from rbd.arrays import Array, largest, lazy
-from rbd.cones import pyramid
-from rbd.limits import Work
-from rbd.programs import LinearAnswer, Outcome, linear_program
+from rbd.problem.cones import pyramid
+from rbd.problem.limits import Work
+from rbd.problem.programs import LinearAnswer, Outcome, linear_program
 
 EXACT = 1e-10
 """How near an end is come to, over the size of the forces."""

@@ -19,6 +19,7 @@ from rbd.arrays import Array
 if TYPE_CHECKING:
     from rbd.solution import Solution
 
+
 def motion_freedom(solution: Solution) -> int:
     """Dimension of the family of motions with the same contact modes; zero where the motion stands alone among them.
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.arrays import Array
-from rbd.parts import Parts
-from rbd.problem import GaussProblem
+from rbd.problem.parts import Parts
+from rbd.problem.problem import GaussProblem
 
 CARRIES = 1e-9
 """A weight is active above this, times the largest weight (at least 1 N)."""

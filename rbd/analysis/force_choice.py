@@ -22,11 +22,11 @@ from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
 from rbd.analysis.separable import least_squares
 from rbd.arrays import Array, is_finite, numbers
-from rbd.cones import block_diagonal
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
-from rbd.limits import FORCE_CHOICE_WORK, Work
-from rbd.problem import GaussProblem
-from rbd.programs import nonnegative
+from rbd.problem.cones import block_diagonal
+from rbd.problem.limits import FORCE_CHOICE_WORK, Work
+from rbd.problem.problem import GaussProblem
+from rbd.problem.programs import nonnegative
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"
@@ -54,7 +54,7 @@ def minimum_norm(
 
     Raises:
         InputError: on weights that are not positive or do not fit.
-        NoSolution: where they were not found within the limit of `rbd.limits.FORCE_CHOICE_WORK`.
+        NoSolution: where they were not found within the limit of `rbd.problem.limits.FORCE_CHOICE_WORK`.
     """
     found = admissible(problem, a, f, weights, law)
     x = shortest(found, metric(found, weight))
@@ -108,7 +108,7 @@ def _root(name: str, given: object, size: int, each: int) -> Array:
 
 
 def shortest(adm: Admissible, T: Array | None = None) -> Array | None:
-    """Where |T s(x)| is least, shape (n,); None where it was not found within `rbd.limits.FORCE_CHOICE_WORK`."""
+    """Where |T s(x)| is least, shape (n,); None where it was not found within `rbd.problem.limits.FORCE_CHOICE_WORK`."""
     if not adm.null.shape[1]:
         return adm.start.copy()
     E, e = adm.corners, (adm.corners @ adm.start + adm.corners_at) / adm.size

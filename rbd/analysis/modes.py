@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.cones import Interval, SecondOrderCone
+from rbd.problem.cones import Interval, SecondOrderCone
 
 if TYPE_CHECKING:
-    from rbd.problem import GaussProblem
+    from rbd.problem.problem import GaussProblem
     from rbd.solution import Solution
 
 RESOLUTION = 1e-6
@@ -56,7 +56,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Generators:
-    """The law's sets in generator form, as `rbd.parts.Parts`, with the answer's weights and their accelerations y.
+    """The law's sets in generator form, as `rbd.problem.parts.Parts`, with the answer's weights and their accelerations y.
 
     Rays where the law speaks of facets, the rows themselves where all hold.
     """

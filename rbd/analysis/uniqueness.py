@@ -16,10 +16,10 @@ import numpy as np
 from rbd.analysis.admissible import Admissible
 from rbd.analysis.extent import End, Reach
 from rbd.arrays import Array
-from rbd.contact_force import CARRIES_NOTHING_N
-from rbd.limits import ENDS_WORK, Work
-from rbd.residuals import SOLVED, residuals
-from rbd.rows import Patch
+from rbd.problem.contact_force import CARRIES_NOTHING_N
+from rbd.problem.limits import ENDS_WORK, Work
+from rbd.problem.residuals import SOLVED, residuals
+from rbd.problem.rows import Patch
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Range:
 
     @property
     def found(self) -> bool:
-        """Whether both ends were found within `rbd.limits.ENDS_WORK`."""
+        """Whether both ends were found within `rbd.problem.limits.ENDS_WORK`."""
         return not (math.isnan(self.lowest) or math.isnan(self.highest))
 
     def __str__(self) -> str:
@@ -125,7 +125,7 @@ class Uniqueness:
             the other laws, whose motion is unique, and where it stands alone. The ranges are of the motion returned.
         exact: Whether the ends are exact, to 1e-9 of the forces; False where circular cones have no room left inside and were
             widened by 1e-10.
-        found: Whether all ends and freedoms were found within `rbd.limits.ENDS_WORK`. Ends that were not are NaN, and
+        found: Whether all ends and freedoms were found within `rbd.problem.limits.ENDS_WORK`. Ends that were not are NaN, and
             printed as "?"; where even the dimension of the set was not found, the two freedoms are upper bounds.
     """
 

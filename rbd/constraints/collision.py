@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array, a_number, three
-from rbd.cones import Cone, FrictionCone, NonNegative, Product, check_friction, cross_matrix
 from rbd.constraints.collision_shapes import CollisionShapes
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
 from rbd.constraints.touching import Between, Bodies, OnPlane, Touching, joined
 from rbd.errors import InputError
-from rbd.forks import renewed_after_fork
-from rbd.ground import TOUCHES, Ground
-from rbd.model import CheckedModel
-from rbd.rows import Patch, Rows
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.forks import renewed_after_fork
+from rbd.model.state import State
+from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction, cross_matrix
+from rbd.problem.ground import TOUCHES, Ground
+from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4
 """Points with a gap up to this count as touching, by default: what a posture found by iteration leaves open."""

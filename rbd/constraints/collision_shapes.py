@@ -8,9 +8,9 @@ from typing import Any
 
 import pinocchio as pin
 
+from rbd.constraints.convex.solids import ConvexShape, convex_shape
 from rbd.errors import InputError, ModelError, nearest
-from rbd.geometry.convex import ConvexShape, convex_shape
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 
 class CollisionShapes:

@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, three
-from rbd.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
 from rbd.constraints.contact_geometry import (
     check_names,
     check_state,
@@ -25,9 +24,10 @@ from rbd.constraints.contact_geometry import (
     unit_normal,
 )
 from rbd.constraints.counterpart import Counterpart, anchor_placement, anchor_point, changed, counterpart, remember
-from rbd.ground import Ground, On
-from rbd.rows import Patch, Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
+from rbd.problem.ground import Ground, On
+from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER = np.zeros((1, 3))
 _ONE_CORNER.flags.writeable = False

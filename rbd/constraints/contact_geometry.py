@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, is_finite, numbers, three
 from rbd.errors import InputError
-from rbd.ground import Ground, On
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.ground import Ground, On
 
 
 def check_names(name: str, frame: str) -> None:

@@ -25,10 +25,10 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, lazy, numbers, three
-from rbd.cones import cross_matrix
 from rbd.constraints.contact_geometry import rigid_placement
 from rbd.errors import InputError
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import cross_matrix
 
 Contact = TypeVar("Contact")
 _HERE = pin.SE3.Identity()

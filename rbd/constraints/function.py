@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, numbers
-from rbd.cones import Cone, Free, NonNegative
 from rbd.constraints.contact_geometry import check_state
 from rbd.constraints.differences import ROUGH, first_derivative, jacobian, second_derivative
 from rbd.errors import InputError, RbdError
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, NonNegative
+from rbd.problem.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, a_number, check_finite, numbers
-from rbd.cones import Box, Free, NonNegative
-from rbd.constraints.joint_motion import JointPlace, PerRobot, joint_motion, with_one_freedom
 from rbd.errors import InputError
-from rbd.model import CheckedModel
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_motion import JointPlace, PerRobot, joint_motion, with_one_freedom
+from rbd.model.state import State
+from rbd.problem.cones import Box, Free, NonNegative
+from rbd.problem.rows import Rows
 
 _SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", (False, False): ""}
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
-from rbd.constraints.joint_motion import joint_motion
 from rbd.errors import InputError
-from rbd.model import CheckedModel
-from rbd.xml_file import read_xml
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_motion import joint_motion
+from rbd.model.xml import read_xml
 
 
 def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimit]:

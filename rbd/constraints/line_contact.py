@@ -9,13 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number
-from rbd.cones import Cone, Free, LineCone, check_friction
 from rbd.constraints.contact_geometry import check_names, check_state, ground_of, rigid_placement, unit_normal
 from rbd.constraints.counterpart import Counterpart, RelativeMotion, anchor_placement, changed, counterpart, remember
 from rbd.errors import InputError
-from rbd.ground import Ground, On
-from rbd.rows import Patch, Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, LineCone, check_friction
+from rbd.problem.ground import Ground, On
+from rbd.problem.rows import Patch, Rows
 
 _FIVE = np.array([0, 1, 2, 4, 5])
 _ALONG = 0.7

@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, three
-from rbd.cones import Free, cross_matrix
 from rbd.constraints.contact_geometry import check_state, contact_axes
 from rbd.errors import InputError
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Free, cross_matrix
+from rbd.problem.rows import Rows
 
 KINDS = {"point": 3, "revolute": 5, "rigid": 6, "planar": 2}
 """Kinds of closures, and how many rows they have."""

@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, numbers, three
-from rbd.cones import Free, cross_matrix
 from rbd.constraints.contact_geometry import check_state, unit_normal
 from rbd.constraints.function import check_function, matrix_of, rate, vector_of
 from rbd.errors import InputError
-from rbd.rows import Patch, Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Free, cross_matrix
+from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER = np.zeros((1, 3))
 _NO_ERROR = np.zeros(1)

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
-from rbd.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.errors import InputError
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.rows import Rows
 
 
 class Stabilisable(Protocol):

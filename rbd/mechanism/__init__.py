@@ -2,10 +2,8 @@
 
 from rbd.mechanism.assembly import Assembly, assemble
 from rbd.mechanism.branches import Branch, Branches, branches
-from rbd.mechanism.four_bar import four_bar, n_four_bar
 from rbd.mechanism.independent import independent_velocities
 from rbd.mechanism.integrability import Integrability, integrability
-from rbd.mechanism.linkage import link_angles
 from rbd.mechanism.mobility import Mobility, mobility
 from rbd.mechanism.partition import (
     AccelerationPartition,
@@ -14,10 +12,12 @@ from rbd.mechanism.partition import (
     velocity_partition,
 )
 from rbd.mechanism.singularities import Singularities, SingularitiesAlong, singularities, singularities_along
-from rbd.mechanism.slider_crank import slider_crank
 from rbd.mechanism.trace import Trace, trace
 from rbd.mechanism.velocity_projection import project_velocity
 from rbd.mechanism.words import Words, classify
+from rbd.robots.four_bars import four_bar, n_four_bar
+from rbd.robots.linkage import link_angles
+from rbd.robots.slider_cranks import slider_crank
 
 __all__ = [
     "AccelerationPartition",

@@ -14,8 +14,8 @@ from rbd.least_constraint import Constraint
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
 from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import Descent, descend, settle
-from rbd.model import CheckedModel
-from rbd.rows import Rows
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
 STARTS = 24

@@ -17,7 +17,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.mechanism.held import Held, pieces
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 Fields = Callable[[Array], Array]
 """q -> velocities without units, shape (nv, k), one column a field."""
@@ -61,9 +61,7 @@ def brackets(held: Held, X: Fields, Y: Fields, pairs: Sequence[tuple[int, int]])
         x, y = X(q), Y(q)
         rises = {i: derivative(held, Y, q, x[:, i]) for i in {i for i, _ in pairs}}
         falls = {j: derivative(held, X, q, y[:, j]) for j in {j for _, j in pairs}}
-        columns = [
-            rises[i][:, j] - falls[j][:, i] + ad(held.robot, D * x[:, i], D * y[:, j]) / D for i, j in pairs
-        ]
+        columns = [rises[i][:, j] - falls[j][:, i] + ad(held.robot, D * x[:, i], D * y[:, j]) / D for i, j in pairs]
         return np.column_stack(columns) if columns else np.zeros((held.n, 0))
 
     return fields

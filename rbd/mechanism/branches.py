@@ -16,7 +16,7 @@ from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import descend, settle
 from rbd.mechanism.held import check_seed
 from rbd.mechanism.independent import independent_columns
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 SAME = 1e-5
 """Two poses are one if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""

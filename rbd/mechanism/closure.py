@@ -9,15 +9,15 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, largest
-from rbd.cones import Box, Free, NonNegative
 from rbd.constraints.joint_lists import joint_limits
 from rbd.errors import DuplicateName, InputError
 from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.held import of_its_file
-from rbd.model import CheckedModel
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.problem.cones import Box, Free, NonNegative
+from rbd.problem.rows import Rows
 
 SINGULAR = 1e-5
 """A singular value counts as zero at this fraction of the largest: constraints met to 1e-12 leave a pose where they are

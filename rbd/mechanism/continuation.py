@@ -18,10 +18,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from rbd.arrays import Array
-from rbd.cones import NonNegative
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.closure import Closure, Misfit, rank_of
 from rbd.mechanism.descent import descend
+from rbd.problem.cones import NonNegative
 
 _LEAST_STEP = 1e-6
 _MOST_TURN = 0.2

@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, lazy, numbers
-from rbd.constraints.joint_motion import JointPlace, Piece, joint_motion
 from rbd.errors import InputError
 from rbd.mechanism.held import characteristic_length, turning
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_motion import JointPlace, Piece, joint_motion
 
 FIXED = "fixed value of joint"
 

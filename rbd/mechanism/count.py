@@ -10,7 +10,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.loop import LoopClosure
 from rbd.mechanism.held import Held, kernel
-from rbd.state import State
+from rbd.model.state import State
 
 _PARALLEL = 1e-9
 

@@ -14,13 +14,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number, largest
-from rbd.cones import Line
-from rbd.constraints.joint_motion import Piece, joint_motion
 from rbd.errors import DuplicateName, InputError
 from rbd.least_constraint import Constraint, rows_of
-from rbd.model import CheckedModel
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_motion import Piece, joint_motion
+from rbd.model.state import State
+from rbd.problem.cones import Line
+from rbd.problem.rows import Rows
 
 RANK = 1e-8
 """A singular value counts as zero at this fraction of the largest one (or of one, where all are small)."""

@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rbd.arrays import Array, check_finite, largest, numbers
-from rbd.cones import Box, Free, NonNegative
 from rbd.errors import InputError
 from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.closure import SINGULAR, listed, unmet
 from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.held import CLOSED, of_its_file
-from rbd.rows import Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Box, Free, NonNegative
+from rbd.problem.rows import Rows
 
 _OWN = re.compile(r"(.+)\[(\d+)\]")
 

@@ -15,8 +15,8 @@ from rbd.errors import InputError
 from rbd.least_constraint import Constraint
 from rbd.mechanism.brackets import Fields, brackets
 from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel
-from rbd.model import CheckedModel
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 
 _DEEPEST = 5
 """Brackets of brackets of ... this many are taken; each level costs (6 dim D) times the one before."""
@@ -114,10 +114,7 @@ class Integrability:
         elif c == n:
             verdict = f"nonholonomic: {moves}, yet {n} of configuration: all nearby can be reached"
         else:
-            verdict = (
-                f"nonholonomic: {moves}, {c} of configuration; of {n - d} constraints together {n - c} "
-                f"can be integrated"
-            )
+            verdict = f"nonholonomic: {moves}, {c} of configuration; of {n - d} constraints together {n - c} can be integrated"
         lines = [f"{what}: {verdict}", f"growth vector {self.growth} of {n}"]
         low, high = max(r.gap[1] for r in self.reports), [r.gap[0] for r in self.reports if r.gap[0] is not None]
         new = f"new directions are {min(high):.2g} or more, " if high else ""

@@ -13,7 +13,7 @@ from rbd.least_constraint import Constraint
 from rbd.mechanism.count import Count, count
 from rbd.mechanism.finite import FAR, FiniteMotion, finite_motion
 from rbd.mechanism.held import CLOSED, Held, RowName, check_positive, check_seed, kernel
-from rbd.state import State
+from rbd.model.state import State
 
 
 @dataclass(frozen=True)

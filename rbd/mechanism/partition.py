@@ -22,7 +22,7 @@ from rbd.least_constraint import Constraint
 from rbd.mechanism.closure import Closure, rank_of
 from rbd.mechanism.descent import branches_meet
 from rbd.mechanism.independent import HeldVelocities, Rates, independent_columns
-from rbd.state import State
+from rbd.model.state import State
 
 _CONSISTENT = 1e-9
 """How well rows must be met, over the largest sum of terms in a row."""

@@ -22,8 +22,8 @@ from rbd.least_constraint import Constraint
 from rbd.mechanism.coordinates import Coordinates
 from rbd.mechanism.finite import FAR, ROUGH, neighbours
 from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, joint_of_velocity, rank_of
-from rbd.model import CheckedModel
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 
 KINDS = {
     "configuration": "J loses rank: more velocities are allowed here than nearby",

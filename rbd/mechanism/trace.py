@@ -15,9 +15,10 @@ from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
 from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.driving import Crossing, Drive, Limit, Motion
-from rbd.model import FARTHEST, CheckedModel
+from rbd.model.checked_model import FARTHEST, CheckedModel
 
 _SHOWN = 6
+
 
 @dataclass(frozen=True, eq=False)
 class Trace:

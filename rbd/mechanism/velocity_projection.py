@@ -8,11 +8,11 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import largest
-from rbd.cones import Box
 from rbd.errors import InputError, SingularInertia
 from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.held import of_its_file
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Box
 
 ZERO = 1e-9
 """Singular values of J, in the metric of inertia, below this fraction of the largest count as zero."""

@@ -13,8 +13,8 @@ from rbd.errors import InputError
 from rbd.least_constraint import Constraint
 from rbd.mechanism.finite import FAR, ROUGH, neighbours
 from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
-from rbd.model import CheckedModel
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 
 GROUND = "the ground"
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rbd.planar.rates import JointRates
     from rbd.planar.urdf import Plane, RobotCoordinates
     from rbd.planar.words import PlanarWords
-    from rbd.robot import Robot
+    from rbd.robots.robot import Robot
 
 
 @dataclass(frozen=True, init=False)

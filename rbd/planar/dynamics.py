@@ -24,7 +24,7 @@ from rbd.planar.pairs import Pairs
 
 if TYPE_CHECKING:
     from rbd.planar.chain import Chain
-    from rbd.robot import Robot
+    from rbd.robots.robot import Robot
 
 GRAVITY = sp.Symbol("g", positive=True)
 """The symbol of gravity [m/s2]."""

@@ -25,14 +25,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rbd import catalogue
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.kept_files import new_folder
-from rbd.output_files import write_text
+from rbd.model.output_files import write_text
+from rbd.model.temporary_folders import new_folder
 from rbd.planar.angles import JOINT, AngleMap, samples
 from rbd.planar.bodies import Shapes, bodies_of, checked_chain, refuse_symbols
-from rbd.robot import Robot, load_robot
+from rbd.robots import catalogue
+from rbd.robots.robot import Robot, load_robot
 
 if TYPE_CHECKING:
     from rbd.planar.chain import Chain
@@ -251,4 +251,3 @@ def _write(path: Path, text: str) -> None:
     if path.suffix != ".urdf":
         raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf.")
     write_text(path, text, ModelError)
-

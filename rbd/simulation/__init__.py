@@ -1,12 +1,12 @@
 """Motion over time: smooth motion on constraints that hold, and contact with impacts."""
 
+from rbd.control.controllers import HoldPosture
+from rbd.control.pushes import Push, Pushes
+from rbd.control.scripted import Sampled, TorqueScript
+from rbd.mechanism.projection import Projection
 from rbd.simulation.adaptive import Adaptive
-from rbd.simulation.controllers import HoldPosture
-from rbd.simulation.controllers_scripted import Sampled, TorqueScript
 from rbd.simulation.door import simulate
 from rbd.simulation.moment import Event
-from rbd.simulation.projection import Projection
-from rbd.simulation.pushes import Push, Pushes
 from rbd.simulation.runge_kutta import RungeKutta4
 from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory

@@ -10,10 +10,10 @@ from scipy.integrate import DOP853
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError, NoSolution
+from rbd.model.state import State
 from rbd.simulation.moment import Moment
 from rbd.simulation.motion import Motion
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth
-from rbd.state import State
 
 SHORTEST = 1e-9
 """No step is tried below this [s]."""

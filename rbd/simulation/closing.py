@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from rbd.arrays import Array, largest
-from rbd.simulation.held_rows import OWED
+from rbd.mechanism.held_rows import OWED
+from rbd.mechanism.projection import ZERO, Projection, correction, inertia_factor, project_position
+from rbd.model.state import State
 from rbd.simulation.motion import Motion
 from rbd.simulation.nearness import CLOSED, Nearness
-from rbd.simulation.projection import ZERO, Projection, correction, inertia_factor, project_position
 from rbd.simulation.snapshot import Points, Snapshot
-from rbd.state import State
 
 
 class Closing:

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rbd.arrays import a_number, largest
-from rbd.cones import Free
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import (
     DuplicateName,
@@ -22,18 +21,19 @@ from rbd.errors import (
     Unsupported,
     nearest,
 )
-from rbd.external import External
 from rbd.least_constraint import Constraint, listed, rows_of, warn_of_distant
-from rbd.residuals import USABLE
+from rbd.mechanism.projection import Projection
+from rbd.model.external_force import External
+from rbd.model.state import State
+from rbd.problem.cones import Free
+from rbd.problem.residuals import USABLE
 from rbd.simulation.moment import Event, Moment
 from rbd.simulation.motion import Controller, ExternalAt, Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
-from rbd.simulation.projection import Projection
 from rbd.simulation.recording import Recording
 from rbd.simulation.runge_kutta import RungeKutta4
 from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
-from rbd.state import State
 
 MOST_STEPS = 100_000_000
 LAWS = ("coulomb", "convex")

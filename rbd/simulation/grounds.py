@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.cones import Cone, FrictionCone, NonNegative, cross_matrix
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.contact_geometry import contact_axes
 from rbd.constraints.line_contact import LineContact
-from rbd.ground import Ground
+from rbd.model.state import State
+from rbd.problem.cones import Cone, FrictionCone, NonNegative, cross_matrix
+from rbd.problem.ground import Ground
 from rbd.simulation.measured import Measured, Structure
-from rbd.state import State
 
 
 class OnGround:

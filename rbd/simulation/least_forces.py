@@ -14,8 +14,8 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, largest
-from rbd.problem import GaussProblem
-from rbd.rows import Rows
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
 from rbd.simulation.snapshot import Layout, Snapshot
 from rbd.simulation.velocity_problem import VelocityAnswer, chosen_rows
 from rbd.simulation.watch import SLIDES, slide

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.cones import Cone
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.cones import Cone
 
 ALWAYS = -np.inf
 """The gap of what always acts."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rbd.arrays import Array
-from rbd.state import State
+from rbd.model.state import State
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
 """Modes of a constraint: no force; at rest; sliding; held whatever it takes; a stop or a smooth contact that pushes."""

@@ -8,14 +8,14 @@ from typing import Any, Protocol, TypeAlias
 
 from rbd.arrays import Array, zeros
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.dynamics import free_force
 from rbd.errors import InputError
-from rbd.external import External
 from rbd.least_constraint import Constraint
-from rbd.model import CheckedModel
+from rbd.mechanism.projection import Projection
+from rbd.model.checked_model import CheckedModel
+from rbd.model.dynamics import free_force
+from rbd.model.external_force import External
+from rbd.model.state import State
 from rbd.simulation.moment import Moment
-from rbd.simulation.projection import Projection
-from rbd.state import State
 
 Controller: TypeAlias = Callable[[State, float], Array]
 """Torques (nu,) of a state and a time [s]."""

@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, largest
+from rbd.model.state import State
 from rbd.simulation.snapshot import Layout, Snapshot
-from rbd.state import State
 
 LOOSE = 1e-7
 """Over the size: the largest gap of a point that stays closed."""

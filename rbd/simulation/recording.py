@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, is_finite
-from rbd.dynamics import kinetic_energy, momentum, potential_energy
 from rbd.errors import NoSolution
+from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
 from rbd.simulation.moment import OPEN, Moment, Touch
 from rbd.simulation.motion import Motion
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd import catalogue
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning, RbdError
-from rbd.loop_file import beside
-from rbd.model import CheckedModel
-from rbd.robot import Robot, load_robot
-from rbd.xml_file import FileLimits
+from rbd.model.checked_model import CheckedModel
+from rbd.model.xml import FileLimits
+from rbd.robots import catalogue
+from rbd.robots.loop_file import beside
+from rbd.robots.robot import Robot, load_robot
 
 _COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
 """What `robot_numbers` has of each joint and its body."""

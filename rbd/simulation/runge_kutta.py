@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from rbd.model.state import State
 from rbd.simulation.moment import Moment
 from rbd.simulation.motion import Motion
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth
-from rbd.state import State
 
 
 @dataclass(frozen=True)

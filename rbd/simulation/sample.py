@@ -9,8 +9,8 @@ import numpy as np
 
 from rbd.arrays import Array, numbers
 from rbd.errors import InputError
-from rbd.model import CheckedModel
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 
 
 @dataclass(frozen=True, eq=False, repr=False)

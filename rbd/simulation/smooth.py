@@ -14,20 +14,20 @@ import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, largest
 from rbd.constraints.joint import JointLock
-from rbd.constraints.joint_motion import joint_motion
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.contact_force import corner_split
 from rbd.errors import InputError, NoSolution
 from rbd.least_constraint import OPEN, Constraint, rows_of
-from rbd.problem import GaussProblem
-from rbd.rows import Rows
-from rbd.simulation.chart import Charts
-from rbd.simulation.held_rows import NEAR, HeldRows, StageSolver, holds, velocity_of
+from rbd.mechanism.held_rows import NEAR, HeldRows, StageSolver, holds, velocity_of
+from rbd.mechanism.projection import Projection, shortened
+from rbd.model.chart import Charts
+from rbd.model.joint_motion import joint_motion
+from rbd.model.state import State
+from rbd.problem.contact_force import corner_split
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
 from rbd.simulation.moment import HOLDS, Moment, Touch
 from rbd.simulation.motion import Motion
-from rbd.simulation.projection import Projection, shortened
 from rbd.solution import Solution
-from rbd.state import State
 
 CLOSE = 3e-2
 """Where the least singular value, over the largest, is below this, stages are brought back too: a stage is off by h^2, which
@@ -172,9 +172,7 @@ class SmoothMotion:
         """The record of a stage."""
         held = stage.held
         law = self._solver.law(held, stage.a, stage.rhs, stage.f)
-        return Moment(
-            stage.t, stage.state, stage.a, stage.tau, lambda: self._touches(stage), law, held.drift, held.drift_rate
-        )
+        return Moment(stage.t, stage.state, stage.a, stage.tau, lambda: self._touches(stage), law, held.drift, held.drift_rate)
 
     def _touches(self, stage: Stage) -> Mapping[str, Touch]:
         held = stage.held

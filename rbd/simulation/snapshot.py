@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.cones import Cone, Free, FrictionCone
+from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, FrictionCone
 from rbd.simulation.measured import Measured, Source, Structure
 from rbd.simulation.moment import HOLDS, OPEN, PUSHES, SLIPS, STICKS, Touch
-from rbd.state import State
 
 
 @dataclass(frozen=True, eq=False)

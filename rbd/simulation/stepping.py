@@ -7,7 +7,7 @@ A step of length h from (q, v), with the points that touch at q:
     3   M(q_m) v+ = M v + h (S^T tau + tau_ext - h(q_m, v_h)) + J(q_m)^T p      u(v+) obeys the law
     4   q+ = q_m (+) h/2 v+,    put back onto the positions of what holds and of what is closed
 
-(velocities of a floating base in axes frozen at q and at q_m: see `rbd.simulation.bases`)
+(velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.bases`)
 
 u is the velocity of the points at the end of the (half) step, J v + h/2 J_dot v. For a free conservative system 2 to 4 are
 Verlet's scheme. Friction is directed against the velocity in the middle of the step where a point slides throughout. 1 also
@@ -30,7 +30,8 @@ import numpy as np
 from rbd.arrays import Array, a_number, zeros
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
-from rbd.simulation.bases import Bases
+from rbd.model.bases import Bases
+from rbd.model.state import State
 from rbd.simulation.carry import Carry
 from rbd.simulation.closing import Closing, first_crossing
 from rbd.simulation.least_forces import least_forces
@@ -42,7 +43,6 @@ from rbd.simulation.snapshot import Layout, Points, Snapshot, touches_of
 from rbd.simulation.sources import sources_of
 from rbd.simulation.velocity_problem import VelocityAnswer, VelocitySolver
 from rbd.simulation.watch import SLIDES, Watch, slide
-from rbd.state import State
 
 _STILL = 1e-7
 """A point that arrives slower than this [m/s, rad/s] needs no impulse."""

@@ -13,9 +13,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-from rbd.external import External
-from rbd.model import CheckedModel
-from rbd.output_files import check_place
+from rbd.model.checked_model import CheckedModel
+from rbd.model.external_force import External
+from rbd.model.output_files import check_place
+from rbd.model.state import State
 from rbd.simulation.moment import Event, Moment
 from rbd.simulation.motion import ExternalAt, Integrator, Motion
 from rbd.simulation.recording import RESIDUALS, Recording
@@ -30,7 +31,6 @@ from rbd.simulation.trajectory_dataset import (
 )
 from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 from rbd.simulation.trajectory_table import table
-from rbd.state import State
 
 if TYPE_CHECKING:
     import os

@@ -14,8 +14,8 @@ import numpy as np
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-from rbd.model import CheckedModel
-from rbd.simulation.joint_names import FORCE_OF, motors, positions, velocities
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
 from rbd.simulation.moment import Event
 from rbd.simulation.recording import RESIDUALS
 from rbd.simulation.robot_recipe import recipe, robot_numbers, robot_of
@@ -206,7 +206,7 @@ def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict
         if codes.dtype.kind != "i" or codes.ndim != 1 or codes.size and not 0 <= codes.min() <= codes.max() < len(words):
             raise InputError(f"{name!r:.80} holds numbers for which it gives no mode")
         out[name] = np.array([words[code] for code in codes])
-    for name, shape in (empty.items() if isinstance(empty, dict) else ()):
+    for name, shape in empty.items() if isinstance(empty, dict) else ():
         if not isinstance(shape, list) or not all(type(k) is int and 0 <= k < 2**31 for k in shape) or 0 not in shape:
             raise InputError(f"its header gives {name!r:.80} the shape {shape!r:.80}")
         if name in wanted:

@@ -19,7 +19,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.output_files import write_file
+from rbd.model.output_files import write_file
 from rbd.simulation.trajectory_sizes import Member, check_header, check_netcdf, npz_members
 
 if TYPE_CHECKING:
@@ -68,8 +68,19 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
                 raise InputError(_foreign(path, f"it holds {', '.join(sorted(members))[:200] or 'nothing'}"))
             header = _header(path, str(_array(archive, members.pop(HEADER))), len(data))
             arrays = {name: _array(archive, member) for name, member in members.items()}
-    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, OSError, MemoryError, NotImplementedError,
-            RuntimeError, SyntaxError, TypeError) as error:  # what zipfile and NumPy raise on bytes that are not theirs
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        ValueError,
+        KeyError,
+        EOFError,
+        OSError,
+        MemoryError,
+        NotImplementedError,
+        RuntimeError,
+        SyntaxError,
+        TypeError,
+    ) as error:  # what zipfile and NumPy raise on bytes that are not theirs
         if isinstance(error, InputError):
             raise
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error

@@ -21,18 +21,18 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, is_finite, largest
-from rbd.cones import Box, Cone, Product
 from rbd.errors import NoSolution
-from rbd.parts import Parts, parts_of
-from rbd.problem import GaussProblem
-from rbd.residuals import USABLE
-from rbd.rows import Rows
-from rbd.simulation.contact_solve import Stillness
-from rbd.simulation.held_rows import CONTRADICTION, OWED
-from rbd.simulation.projection import inertia_factor
+from rbd.mechanism.held_rows import CONTRADICTION, OWED
+from rbd.mechanism.projection import inertia_factor
+from rbd.problem.cones import Box, Cone, Product
+from rbd.problem.parts import Parts, parts_of
+from rbd.problem.problem import GaussProblem
+from rbd.problem.residuals import USABLE
+from rbd.problem.rows import Rows
 from rbd.simulation.redundant_rows import RedundantRows
 from rbd.simulation.snapshot import Layout, Snapshot
 from rbd.solvers.admm import ADMM, holding
+from rbd.solvers.contact_solve import Stillness
 from rbd.solvers.kkt import independent_factor
 from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from rbd.problem import GaussProblem
+from rbd.problem.problem import GaussProblem
 from rbd.solution import Solution
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, largest, lazy
-from rbd.cones import pyramid
 from rbd.errors import InputError
-from rbd.limits import SEARCH_WORK, Work
-from rbd.parts import Parts
-from rbd.problem import GaussProblem, checked
-from rbd.residuals import SOLVED
+from rbd.problem.cones import pyramid
+from rbd.problem.limits import SEARCH_WORK, Work
+from rbd.problem.parts import Parts
+from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers import qp
 from rbd.solvers.interior_point import interior_point

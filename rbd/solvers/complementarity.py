@@ -23,9 +23,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd import limits
 from rbd.arrays import Array
-from rbd.programs import nonnegative
+from rbd.problem import limits
+from rbd.problem.programs import nonnegative
 from rbd.solvers import qp
 
 FREE, LOW, HIGH, OPEN = 0, 1, 2, -1

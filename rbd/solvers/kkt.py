@@ -9,9 +9,9 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
-from rbd.problem import GaussProblem, checked
-from rbd.rays import rays
-from rbd.residuals import SOLVED
+from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.rays import rays
+from rbd.problem.residuals import SOLVED
 from rbd.solution import RANK_TOLERANCE, Solution
 from rbd.solvers.refinement import refined
 

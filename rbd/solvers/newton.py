@@ -21,7 +21,7 @@ from scipy.linalg import lapack
 from scipy.linalg import lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, largest
-from rbd.parts import Parts
+from rbd.problem.parts import Parts
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""

@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.analysis.contradiction import contradiction
+from rbd.analysis.violation import relaxed, smallest_violation
 from rbd.arrays import Array, identity, largest, zeros
-from rbd.problem import GaussProblem, checked
-from rbd.rays import Rays
-from rbd.residuals import SOLVED, USABLE
+from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.rays import Rays
+from rbd.problem.residuals import SOLVED, USABLE
 from rbd.solution import Solution
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, held_refined, independent_factor
 from rbd.solvers.refinement import rays_refined
-from rbd.solvers.violation import relaxed, smallest_violation
 
 POLISH = 1e-12
 """An answer whose residuals are above this, over the largest numbers of its problem, gets a step on its active rays."""

@@ -17,10 +17,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd import limits
 from rbd.arrays import Array, check_finite, identity, is_finite, zeros
-from rbd.limits import Work
-from rbd.programs import linear_program, nonnegative
+from rbd.problem import limits
+from rbd.problem.limits import Work
+from rbd.problem.programs import linear_program, nonnegative
 
 # ProxSuite's AVX builds answer in one of two ways, last digits apart, by where malloc puts their buffers; the plain one always
 # alike, for 12 us more a program (docs/design/repeatable.md). To its loader, None is a build that is not there.
@@ -78,7 +78,7 @@ def attempts(
     policy: tuple[Setting, ...] = POLICY,
     work: Work | None = None,
 ) -> Iterator[QPResult]:
-    """One result a setting, until the caller stops asking or `rbd.limits.QP_WORK` is spent.
+    """One result a setting, until the caller stops asking or `rbd.problem.limits.QP_WORK` is spent.
 
     Args:
         H: Positive semidefinite, shape (n, n).
@@ -89,7 +89,7 @@ def attempts(
         l: Lower bounds, shape (k,); -inf where there is none, None where there are none.
         u: Upper bounds, likewise.
         policy: Settings to try, in order.
-        work: What is left for several programs together; `rbd.limits.QP_WORK` for this one if not given.
+        work: What is left for several programs together; `rbd.problem.limits.QP_WORK` for this one if not given.
 
     Raises:
         InputError: if an entry is NaN or infinite: ProxSuite would run on and call it solved.

@@ -21,9 +21,9 @@ from typing import TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, is_finite
-from rbd.parts import Parts
-from rbd.rays import Rays
-from rbd.residuals import SOLVED
+from rbd.problem.parts import Parts
+from rbd.problem.rays import Rays
+from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers.newton import Scaled, last_step, scaled, steps_from
 

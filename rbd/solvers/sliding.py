@@ -15,9 +15,9 @@ from itertools import combinations, islice, product
 import numpy as np
 
 from rbd.arrays import Array, largest
-from rbd.parts import Sliding
-from rbd.problem import GaussProblem, checked
-from rbd.residuals import SOLVED
+from rbd.problem.parts import Sliding
+from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
@@ -55,7 +55,7 @@ def sliding_answers(problem: GaussProblem) -> SlidingAnswers:
     `rbd.solvers.complementarity`. Where some do: what Newton's method finds from every combination of pressing and leaving
     of the sliding contacts; then `complete` is False.
 
-    Every answer is within 1e-9, scaled, by `rbd.residuals`.
+    Every answer is within 1e-9, scaled, by `rbd.problem.residuals`.
 
     Raises:
         InputError: if it is no GaussProblem.

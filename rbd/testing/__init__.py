@@ -9,9 +9,9 @@ forms.
       SolverWrong         an answer that misses its law or the closed form
 """
 
-from rbd.reference_problems import ReferenceProblem, box, reference_problems
 from rbd.testing.constraint_check import ConstraintReport, check_constraint
 from rbd.testing.contracts import ConstraintWrong, ContractBroken, SolverWrong
+from rbd.testing.reference_problems import ReferenceProblem, box, reference_problems
 from rbd.testing.solver_check import SolverReport, check_solver, law_residuals
 
 __all__ = [

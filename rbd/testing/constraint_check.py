@@ -10,8 +10,8 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.least_constraint import Constraint
-from rbd.rows import Patch, Rows
-from rbd.state import State
+from rbd.model.state import State
+from rbd.problem.rows import Patch, Rows
 from rbd.testing.contracts import ConstraintWrong
 from rbd.testing.solver_check import corner_rays
 

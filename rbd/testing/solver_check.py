@@ -9,13 +9,13 @@ import numpy as np
 from scipy.optimize import nnls
 
 from rbd.arrays import Array
-from rbd.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.errors import InputError
-from rbd.problem import GaussProblem
-from rbd.reference_problems import ReferenceProblem, reference_problems
+from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.problem import GaussProblem
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
 from rbd.testing.contracts import SolverWrong
+from rbd.testing.reference_problems import ReferenceProblem, reference_problems
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def _against_closed_form(reference: ReferenceProblem, solution: Solution, law: s
 
 
 def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[str, float]:
-    """Scaled residuals of an answer's law, computed without `rbd.residuals` and without the answer's weights.
+    """Scaled residuals of an answer's law, computed without `rbd.problem.residuals` and without the answer's weights.
 
     Args:
         problem: What is answered.
@@ -103,8 +103,8 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
         law: The solver's law.
 
     Returns:
-        stationarity, feasibility, cone and complementarity, each row and each point over its own terms as in `rbd.scales`; NaN
-        becomes inf.
+        stationarity, feasibility, cone and complementarity, each row and each point over its own terms as in
+        `rbd.problem.scales`; NaN becomes inf.
     """
     a, f, M = solution.a, solution.multipliers, problem.M
     worst = {"stationarity": 0.0, "feasibility": 0.0, "cone": 0.0, "complementarity": 0.0}
@@ -172,7 +172,7 @@ def _gaps(
         found = gap / terms, beyond / reach, slack / (reach * terms)
         return float(found[0].max(initial=0.0)), float(found[1].max(initial=0.0)), float(found[2].max(initial=0.0))
     if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
-        raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.cones.")
+        raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.problem.cones.")
     E, mu = _corner_map(cone), cone.mu
     C, own = (E.T @ c).reshape(-1, 3), (np.abs(E).T @ terms).reshape(-1, 3)
     sinks = float((np.maximum(-C[:, 2], 0.0) / own[:, 2]).max())

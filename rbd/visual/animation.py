@@ -15,7 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array, a_number, numbers
 from rbd.errors import InputError, PictureError
-from rbd.state import State
+from rbd.model.state import State
 from rbd.visual.animation_frames import Pushes, PushesAt, checked, frames_of, positive, robot_of
 from rbd.visual.animation_score import Score
 from rbd.visual.arguments import a_count, a_page, a_path, a_picture

@@ -11,9 +11,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-from rbd.model import CheckedModel
-from rbd.robot import Robot
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.robots.robot import Robot
 from rbd.visual.forces import Push, pushes
 
 if TYPE_CHECKING:

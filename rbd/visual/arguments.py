@@ -9,7 +9,7 @@ import numpy as np
 
 from rbd.arrays import a_number
 from rbd.errors import InputError, PictureError
-from rbd.output_files import check_place
+from rbd.model.output_files import check_place
 
 MOST_PIXELS = 30_000
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from string import Template
 
 from rbd.constraints.contact import SurfaceContact
-from rbd.equilibrium import hold
 from rbd.errors import InputError
 from rbd.least_constraint import solve
-from rbd.robot import Robot, load_robot
+from rbd.robots.robot import Robot, load_robot
+from rbd.statics.equilibrium import hold
 from rbd.visual.arguments import a_count, a_picture
 from rbd.visual.scene import Scene
 from rbd.visual.screenshot import screenshot

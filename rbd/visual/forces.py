@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.contact_force import contact_force
+from rbd.constraints.convex.polygon import convex_hull, inside_distance
 from rbd.errors import InputError
-from rbd.polygon import convex_hull, inside_distance
+from rbd.problem.contact_force import contact_force
 
 if TYPE_CHECKING:
-    from rbd.equilibrium import Hold
-    from rbd.ground import Ground
-    from rbd.rows import Patch
+    from rbd.model.state import State
+    from rbd.problem.ground import Ground
+    from rbd.problem.rows import Patch
     from rbd.solution import Solution
-    from rbd.state import State
+    from rbd.statics.equilibrium import Hold
 
 # A contact that presses with less than this share of all contact forces is not drawn as support.
 LOADED_SHARE = 1e-6

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.joint_motion import joint_motion
 from rbd.errors import InputError, nearest
-from rbd.model import CheckedModel
-from rbd.simulation.joint_names import ANGLE, FORCE_OF, PURE, Coordinate, motors, positions, velocities
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_motion import joint_motion
+from rbd.model.joint_names import ANGLE, FORCE_OF, PURE, Coordinate, motors, positions, velocities
 from rbd.simulation.trajectory import Trajectory
 
 WHATS = ("q", "v", "a", "tau")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.polygon import convex_hull
+from rbd.constraints.convex.polygon import convex_hull
 from rbd.visual import shapes
 from rbd.visual.colors import COM_COLOR, PUSH_COLOR, SUPPORT_COLOR
 from rbd.visual.forces import ShownForce, corners_in_world
@@ -132,9 +132,7 @@ def com_marks(com: Array, sizes: Sizes, ground: float = 0.0) -> list[Mark]:
     foot = np.array([com[0], com[1], ground + sizes.lift])
     r = 0.028 * sizes.body
     ring = shapes.ring(foot, np.eye(3), r, thickness=0.8 * sizes.line)
-    cross = [
-        shapes.tube(np.array([foot - 1.5 * r * e, foot + 1.5 * r * e]), radius=0.8 * sizes.line) for e in np.eye(3)[:2]
-    ]
+    cross = [shapes.tube(np.array([foot - 1.5 * r * e, foot + 1.5 * r * e]), radius=0.8 * sizes.line) for e in np.eye(3)[:2]]
     mark = shapes.joined([ring, *cross])
     return [
         Mark("com/ball", shapes.ball(0.02 * sizes.body, centre=com), COM_COLOR, seen_through=True),

@@ -12,7 +12,7 @@ from pathlib import Path
 from string import Template
 
 from rbd.errors import PictureError
-from rbd.output_files import write_text
+from rbd.model.output_files import write_text
 
 # The page forbids the browser every request: what is not inside the file cannot be loaded.
 _POLICY = (

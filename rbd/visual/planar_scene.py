@@ -16,7 +16,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelWarning
-from rbd.robot import Robot, load_robot
+from rbd.robots.robot import Robot, load_robot
 from rbd.visual.animation import export_motion, replay
 from rbd.visual.animation_frames import checked
 from rbd.visual.planar_plots import PATH_COLOR, check_motion

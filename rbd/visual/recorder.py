@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import umsgpack
 
-from rbd.forks import renewed_after_fork
+from rbd.model.forks import renewed_after_fork
 
 
 class Command(Protocol):

@@ -22,7 +22,7 @@ from rbd.visual.colors import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR
 from rbd.visual.shapes import Mesh
 
 if TYPE_CHECKING:
-    from rbd.robot import Robot
+    from rbd.robots.robot import Robot
 
 INERTIA_OPACITY = 0.55
 COLLISION_OPACITY = 0.25
@@ -197,9 +197,7 @@ def skeleton(model: pin.Model) -> list[RobotPart]:
     for joint in range(1, model.njoints):
         pieces = [shapes.ball(1.8 * radius)]
         pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in bones[joint]]
-        parts.append(
-            RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0)
-        )
+        parts.append(RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0))
     return parts
 
 

@@ -17,8 +17,8 @@ from meshcat.geometry import MeshLambertMaterial, MeshPhongMaterial, TriangularM
 
 from rbd.arrays import Array, three
 from rbd.errors import InputError, PictureError
-from rbd.model import CheckedModel
-from rbd.state import State
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 from rbd.visual import marks
 from rbd.visual.arguments import a_length, a_page
 from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, distinct_colors, rgb_number
@@ -30,9 +30,9 @@ from rbd.visual.server import LiveServer
 from rbd.visual.shapes import Mesh, outermost, round_number
 
 if TYPE_CHECKING:
-    from rbd.equilibrium import Hold
-    from rbd.robot import Robot
+    from rbd.robots.robot import Robot
     from rbd.solution import Solution
+    from rbd.statics.equilibrium import Hold
 
 # Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
@@ -275,9 +275,7 @@ class Scene:
     def __enter__(self) -> Scene:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
     def _shown(self) -> marks.Sizes:
@@ -396,4 +394,3 @@ def _share(force_N: float, weight_N: float) -> str:
         return ""
     times = force_N / weight_N
     return ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
-

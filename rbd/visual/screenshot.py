@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rbd.arrays import a_number
 from rbd.errors import InputError, PictureError
-from rbd.output_files import check_place, write_file
+from rbd.model.output_files import check_place, write_file
 from rbd.visual.arguments import a_count, a_path, is_there
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -17,7 +17,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rbd.errors import PictureError
-from rbd.forks import renewed_after_fork
+from rbd.model.forks import renewed_after_fork
 from rbd.visual.page import live_page
 from rbd.visual.recorder import Recorder
 

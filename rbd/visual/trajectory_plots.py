@@ -194,9 +194,7 @@ def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
     return [ax.text(0.995, 0.985, told, transform=ax.transAxes, **style)]
 
 
-def _event_marks(
-    ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None
-) -> list[Artist]:
+def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None) -> list[Artist]:
     """A hairline for each time at which a contact begins or ends, in its colour or grey; fainter where there are many."""
     out: list[Artist] = []
     for name in names:

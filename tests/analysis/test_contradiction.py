@@ -16,15 +16,17 @@ import rbd
 from rbd.analysis.contradiction import Contradiction, contradiction, split
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
-from rbd.reference_problems import box
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
+from rbd.testing.reference_problems import box
 
 MU = 0.5
 RUB = rbd.Box([-1.0], [2.0])  # type: ignore[arg-type]
 TINY = 1e-11
 
 
-def rows(name: str, J: Sequence[Sequence[float]] | Array, offset: Sequence[float] | Array, cone: rbd.cones.Cone) -> Rows:
+def rows(
+    name: str, J: Sequence[Sequence[float]] | Array, offset: Sequence[float] | Array, cone: rbd.problem.cones.Cone
+) -> Rows:
     """Rows from lists; the offset as bias."""
     return Rows(name, np.array(J, float), np.array(offset, float), cone)
 
@@ -40,7 +42,7 @@ def stacked(P: rbd.GaussProblem, parts: dict[str, Array]) -> Array:
     return np.concatenate([parts[r.name] for r in P.rows])
 
 
-def off_cone(cone: rbd.cones.Cone, f: Array, law: str) -> float:
+def off_cone(cone: rbd.problem.cones.Cone, f: Array, law: str) -> float:
     """Distance of row forces to what may push or pull, by closed forms; for Coulomb's law along normals alone."""
     if isinstance(cone, rbd.FrictionCone) and "facets" in law:
         return max(0.0, abs(f[0]) - cone.mu * f[2], abs(f[1]) - cone.mu * f[2])  # four facets
@@ -465,7 +467,7 @@ def test_talos_turning_on_four_held_points_moves_as_on_a_sole(talos: rbd.Robot, 
     # Accelerations of the corners are B times that of the patch, so six rows with B^+ of the corners' offsets say the same.
     r = sole.rows(state)
     world = r.patch.axes if r.patch is not None else np.eye(3)
-    B = np.vstack([np.hstack([world, -world @ rbd.cones.cross_matrix(p)]) for p in sole.corners])
+    B = np.vstack([np.hstack([world, -world @ rbd.problem.cones.cross_matrix(p)]) for p in sole.corners])
     assert np.abs(B @ r.J - P.J).max() < 1e-12
     six = Rows("sole", r.J, np.linalg.lstsq(B, P.offset)[0], rbd.Free(6))
     expected = rbd.KKT().solve(rbd.GaussProblem(P.M, P.rhs, [six]))

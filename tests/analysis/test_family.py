@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 import rbd
 from rbd.analysis.family import motion_freedom
 from rbd.analysis.modes import modes_of
-from rbd.residuals import SOLVED, residuals
+from rbd.problem.residuals import SOLVED, residuals
 from rbd.testing import box
 
 

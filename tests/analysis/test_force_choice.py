@@ -9,10 +9,10 @@ from scipy.optimize import linprog, minimize
 import rbd
 from rbd.analysis.admissible import ray_weights
 from rbd.analysis.force_choice import minimum_norm
-from rbd.cones import pyramid
 from rbd.errors import InputError, NoSolution, UnknownName
-from rbd.parts import project_cones
-from rbd.rows import Patch, Rows
+from rbd.problem.cones import pyramid
+from rbd.problem.parts import project_cones
+from rbd.problem.rows import Patch, Rows
 from rbd.testing import box
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors

@@ -1,7 +1,7 @@
 """At the limit of friction, and at the limits of work: exact forces, or a word that they were not found.
 
-Each limit of `rbd.limits` is reached on purpose; what then comes back is an answer with its certificate, our own error, or NaN
-that is printed as "?" and told by `found`.
+Each limit of `rbd.problem.limits` is reached on purpose; what then comes back is an answer with its certificate, our own
+error, or NaN that is printed as "?" and told by `found`.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import limits
 from rbd.analysis import extent, force_choice
 from rbd.errors import CannotHold, InputError, NoSolution, RbdError
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
+from rbd.problem import limits
 from rbd.testing import box
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -255,7 +255,7 @@ class TestWork:
 
     def test_a_hold_that_does_not_converge_is_refused(self, monkeypatch, talos):
         """The linear program says that it can be held; no setting finds how."""
-        monkeypatch.setattr("rbd.equilibrium.qp.attempts", lambda *_, **__: iter(()))
+        monkeypatch.setattr("rbd.statics.equilibrium.qp.attempts", lambda *_, **__: iter(()))
         with pytest.raises(CannotHold, match="in principle"):
             rbd.hold(talos.standing(), talos.soles(0.5))
 
@@ -271,7 +271,7 @@ class TestWork:
         """Our own error."""
         cone = rbd.WrenchCone(np.array([[x, y, 0.0] for x in (0.1, -0.1) for y in (0.1, -0.1)]), 0.6)
         assert cone.project(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])) == pytest.approx([0, 0, 1, 0, 0, 0])
-        monkeypatch.setattr("rbd.cones.nonnegative", lambda *_: None)
+        monkeypatch.setattr("rbd.problem.cones.nonnegative", lambda *_: None)
         with pytest.raises(NoSolution):
             cone.project(np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
 

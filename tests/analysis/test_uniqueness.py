@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import linprog
 
 import rbd
-from rbd.cones import pyramid
 from rbd.errors import NoSolution
-from rbd.rows import Rows
+from rbd.problem.cones import pyramid
+from rbd.problem.rows import Rows
 from rbd.testing import box
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import ConstraintWrong, box, check_constraint, law_residuals
 
 G = 9.81
@@ -115,9 +115,7 @@ def test_naming_the_other_body_first_changes_the_sign_of_the_force_alone(talos, 
         ):
             X_FP = state.frame(frame).X_WF.actInv(X_WP * pin.SE3(turn, np.zeros(3)))
             half = (0.05, 0.03)
-            sides.append(
-                rbd.SurfaceContact("c", frame, half_lengths=half, placement=X_FP, against=other, friction=friction)
-            )
+            sides.append(rbd.SurfaceContact("c", frame, half_lengths=half, placement=X_FP, against=other, friction=friction))
         tau = 20.0 * rng.normal(size=talos.nu)
         tau = np.clip(tau, -talos.effort_limit, talos.effort_limit)
         one, two = (rbd.solve(state, tau, [c, *talos.soles(None, on=None)], solver=rbd.ADMM()) for c in sides)
@@ -136,9 +134,7 @@ def test_a_held_point_agrees_with_pinocchios_closed_loop(talos, rng, against_joi
     (j1, X1), (j2, X2) = talos.site(hand), talos.site(thigh)
     X2 = X2 * (state.frame(thigh).X_WF.inverse() * state.frame(hand).X_WF)
     ends = ((j2, X2), (j1, X1)) if against_joint_first else ((j1, X1), (j2, X2))
-    model = pin.RigidConstraintModel(
-        pin.ContactType.CONTACT_3D, talos.model, *ends[0], *ends[1], pin.ReferenceFrame.LOCAL
-    )
+    model = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, talos.model, *ends[0], *ends[1], pin.ReferenceFrame.LOCAL)
     models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
     models.append(model)
     datas.append(model.createData())
@@ -219,9 +215,7 @@ def test_two_boxes_tied_in_the_air_move_as_one_body(rng):
     X_12 = pin.SE3(pin.exp3(rng.normal(size=3)), np.array([0.3, 0.1, -0.2]))
     X_W1 = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
     v1 = pin.Motion(rng.normal(size=6))
-    state = pair.at(
-        pair.q(pin.SE3ToXYZQUAT(X_W1), pin.SE3ToXYZQUAT(X_W1 * X_12)), np.r_[v1.vector, X_12.actInv(v1).vector]
-    )
+    state = pair.at(pair.q(pin.SE3ToXYZQUAT(X_W1), pin.SE3ToXYZQUAT(X_W1 * X_12)), np.r_[v1.vector, X_12.actInv(v1).vector])
     push = rbd.ExternalForce("two_box", 20.0 * rng.normal(size=3), rng.normal(size=3))
     tie = rbd.SurfaceContact("tie", "two_box", half_lengths=(0.1, 0.1), against="one_box")
     s = rbd.solve(state, np.zeros(0), [tie], external=push, solver=rbd.KKT())

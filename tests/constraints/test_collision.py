@@ -14,8 +14,8 @@ import pytest
 import rbd
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.collision_shapes import CollisionShapes
-from rbd.geometry.convex import convex_shape
-from rbd.polygon import convex_hull
+from rbd.constraints.convex.polygon import convex_hull
+from rbd.constraints.convex.solids import convex_shape
 from rbd.testing import check_constraint
 
 BOX = Path(__file__).parents[2] / "urdf" / "box.urdf"  # 10 kg, 0.4 x 0.4 x 0.2 m
@@ -238,6 +238,7 @@ def test_talos_stands_on_its_meshes(talos):
 
 def test_many_points_leave_those_that_carry(talos):
     """Of the twenty that are near the eight lowest are kept, and what spans nearly all that the twenty span."""
+
     def area(points: np.ndarray) -> float:
         x, y = convex_hull(points).T
         return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import ConstraintWrong, box, check_constraint
 
 HERE = pin.SE3.Identity()

@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
-from rbd.rows import Rows
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.rows import Rows
 from rbd.testing import check_constraint
 
 G = 9.81
@@ -131,9 +131,7 @@ class TestLimit:
         state = talos.at(q)
         assert all(limit.rows(state).J.shape == (0, talos.nv) and limit.side(state) == "" for limit in limits)
         for solver in (rbd.KKT(), rbd.ProxQP(), rbd.ADMM(law="coulomb")):
-            bare, limited = (
-                rbd.solve(state, tau, [*talos.soles(None), *more], solver=solver) for more in ([], limits)
-            )
+            bare, limited = (rbd.solve(state, tau, [*talos.soles(None), *more], solver=solver) for more in ([], limits))
             assert np.abs(bare.a - limited.a).max() < 1e-9
             assert limited.forces[limits[0].name].shape == (0,) and limits[0].name not in str(limited)
 
@@ -331,6 +329,7 @@ class TestCoupling:
 
     def test_multiplier_and_offset_are_read(self, tmp_path):
         """Also of fixed joints and of joints that mimic such, which give no gear; the defaults are 1 and 0."""
+
         def joint(name, parent, child, more, kind="revolute"):
             limit = "<limit lower='-1' upper='1' effort='9' velocity='9'/>" if kind != "fixed" else ""
             return f"<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>{limit}{more}</joint>"
@@ -338,12 +337,14 @@ class TestCoupling:
         inertial = "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>"
         path = tmp_path / "hand.urdf"
         path.write_text(
-            "<robot name='hand'>" + "".join(f"<link name='{n}'>{inertial}</link>" for n in "abcdef")
+            "<robot name='hand'>"
+            + "".join(f"<link name='{n}'>{inertial}</link>" for n in "abcdef")
             + joint("thumb", "a", "b", "")
             + joint("index", "a", "c", "<mimic joint='thumb' multiplier='-2' offset='0.1'/>")
             + joint("ring", "a", "d", "<mimic joint='thumb'/>")
             + joint("nail", "d", "e", "<mimic joint='thumb'/>", kind="fixed")
-            + joint("little", "a", "f", "<mimic joint='nail'/>") + "</robot>"
+            + joint("little", "a", "f", "<mimic joint='nail'/>")
+            + "</robot>"
         )
         found = {m.name: (m.joint, m.to, m.ratio, m.offset) for m in rbd.mimics(rbd.load_robot(path, root="fixed"))}
         assert found == {"index_mimic": ("index", "thumb", -2.0, 0.1), "ring_mimic": ("ring", "thumb", 1.0, 0.0)}

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import check_constraint
 
 G = 9.81
@@ -334,6 +334,8 @@ def test_a_four_bar_without_motors_holds_still_where_it_hangs():
         q[1:] -= np.linalg.solve(rows.J[:, 1:], rows.error)
     with pytest.raises(rbd.CannotHold):
         rbd.hold(rbd.State(robot(model), q), [loop])
+
+
 @pytest.mark.filterwarnings("ignore::rbd.errors.OpenLoop")  # left open on purpose
 def test_a_loop_has_derivatives_of_the_answer():
     """How a and the pin's force of a swinging four-bar change with q and v, against differences of the answers."""

@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.contact_force import corner_split
 from rbd.errors import InputError
-from rbd.rows import Patch, Rows
+from rbd.problem.contact_force import corner_split
+from rbd.problem.rows import Patch, Rows
 
 BODY = '<inertial pos="0 0 0" mass="2" diaginertia=".02 .03 .04"/>'
 
@@ -163,8 +163,8 @@ def test_a_contact_that_leaves_splits_nothing():
         (lambda: rbd.WrenchCone(np.zeros((2, 2)), 0.5), r"corners of a WrenchCone have shape \(2, 2\)"),
         (lambda: rbd.WrenchCone(np.zeros((0, 3)), 0.5), r"shape \(0, 3\)"),
         (lambda: rbd.WrenchCone([[np.nan, 0.0, 0.0]], 0.5), "finite numbers"),
-        (lambda: rbd.cones.LineCone(0.0, 0.5), "half_length of a LineCone is 0.0"),
-        (lambda: rbd.cones.LineCone(-1.0, 0.5), "half_length of a LineCone is -1.0"),
+        (lambda: rbd.problem.cones.LineCone(0.0, 0.5), "half_length of a LineCone is 0.0"),
+        (lambda: rbd.problem.cones.LineCone(-1.0, 0.5), "half_length of a LineCone is -1.0"),
         (lambda: rbd.Product([rbd.Free]), "is no set of forces"),
         (lambda: rbd.Product([3.0]), "3.0 is no set of forces"),
         (lambda: rbd.Free(-1), "dimension of a set is -1"),

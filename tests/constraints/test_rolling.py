@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import box, check_constraint
 
 G = 9.81

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
-from rbd.rows import Rows
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.rows import Rows
 from rbd.testing import box, check_constraint
 
 G = 9.81
@@ -222,9 +222,7 @@ class TestWhatItDoesToTheMotion:
         """On rubbing soles that stick with and without it, a locked arm pulled back: the difference again."""
         state = talos.standing()
         tau, arm = rbd.hold(state, talos.soles(0.7)).tau, rbd.JointLock("arm", "arm_left_4_joint", position=-1.3)
-        bare, fed = (
-            rbd.solve(state, tau, [*talos.soles(0.7), c], solver=solver) for c in (arm, rbd.Baumgarte(1.0).of(arm))
-        )
+        bare, fed = (rbd.solve(state, tau, [*talos.soles(0.7), c], solver=solver) for c in (arm, rbd.Baumgarte(1.0).of(arm)))
         assert np.abs(fed.feedback_acceleration).max() > 0.1
         assert np.abs(fed.a - fed.feedback_acceleration - bare.a).max() < 1e-8
 

@@ -7,13 +7,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rbd.constraints.convex.closest_points import meeting
+from rbd.constraints.convex.outline import inside, on_edge, outline, overlap
+from rbd.constraints.convex.polygon import convex_hull
+from rbd.constraints.convex.reduced import MOST_POINTS, across, spread
+from rbd.constraints.convex.rounds import Ball, Oval, Rim
+from rbd.constraints.convex.solids import ConvexShape, convex_shape
 from rbd.errors import ModelError
-from rbd.geometry.between import meeting
-from rbd.geometry.convex import ConvexShape, convex_shape
-from rbd.geometry.outline import inside, on_edge, outline, overlap
-from rbd.geometry.rounds import Ball, Oval, Rim
-from rbd.geometry.spread import MOST_POINTS, across, spread
-from rbd.polygon import convex_hull
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 
@@ -33,7 +33,7 @@ def mesh_of(points: np.ndarray) -> coal.BVHModelBase:
 
 
 def test_an_outline_is_the_convex_hull(rng):
-    """The same corners as `rbd.polygon.convex_hull`, and only them; of one place one, of a line two."""
+    """The same corners as `rbd.constraints.convex.polygon.convex_hull`, and only them; of one place one, of a line two."""
     for _ in range(20):
         points = rng.normal(size=(15, 2))
         corners = points[outline([tuple(p) for p in points.tolist()])]

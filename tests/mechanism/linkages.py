@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 UNIT = pin.Inertia(1.0, np.zeros(3), 0.1 * np.eye(3))
 

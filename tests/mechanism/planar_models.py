@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.constraints.loop import LoopClosure
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 IDENTITY = pin.SE3.Identity()
 

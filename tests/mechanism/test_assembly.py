@@ -25,7 +25,7 @@ from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.descent import descend
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"
 CRANK = math.radians(40.0)
@@ -53,8 +53,10 @@ def test_a_four_bar_from_anywhere_ends_on_one_of_its_two_circles_crossings(rng: 
         q = pin.difference(robot.model, pin.neutral(robot.model), found.q) if continuous else found.q
         if continuous:
             q[0] = crank
-        gaps = [np.abs(np.exp(1j * absolute(q)[1:]) - np.exp(1j * np.array(angles))).max() for angles in
-                four_bar_angles(1.0, 3.0, 2.5, 3.0, crank)]
+        gaps = [
+            np.abs(np.exp(1j * absolute(q)[1:]) - np.exp(1j * np.array(angles))).max()
+            for angles in four_bar_angles(1.0, 3.0, 2.5, 3.0, crank)
+        ]
         assert min(gaps) < 1e-11
 
 

@@ -14,7 +14,7 @@ import rbd
 from rbd.errors import SingularPose
 from rbd.mechanism import acceleration_partition, assemble, independent_velocities, velocity_partition
 from rbd.mechanism.independent import independent_columns
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"
 Loops = list[rbd.LoopClosure]

@@ -93,7 +93,6 @@ class TestFourBar:
         assert len(found) == 2
         np.testing.assert_allclose([s.q[0] for s in found], [0.0, np.pi], atol=1e-6)  # rounding: errors grow with squares here
 
-
     def test_a_traced_motion_is_taken_as_it_is(self):
         """The rocker of a crank-rocker turns back where crank and coupler are in line: twice a turn, by the law of cosines."""
         a, b, c, d = 1.0, 3.0, 2.0, 2.5

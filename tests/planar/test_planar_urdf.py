@@ -126,7 +126,7 @@ def test_the_robot_is_sound_and_its_q_are_angles():
     assert (made.name, made.nq, made.nv, made.nu, made.root) == ("arm", 3, 3, 3, "fixed")
     assert list(made.actuated_names) == ["joint_1", "joint_2", "joint_3"]
     assert made.at(np.array([100.0, -50.0, 7.0])).q.tolist() == [100.0, -50.0, 7.0]
-    assert "<robot name=\"arm\">" in made.urdf.read_text(encoding="utf-8")
+    assert '<robot name="arm">' in made.urdf.read_text(encoding="utf-8")
     assert len(made.visual_model.geometryObjects) == 1 + 3 * 3
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 from rbd.simulation.moment import Event, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.testing import box
@@ -34,9 +34,7 @@ def falling(robot: CheckedModel | None = None, n: int = 11, height: float = 1.0)
     motion = Motion(robot, (Force("floor"), Force("stop"), Force(ODD_NAME)))
     t1 = math.sqrt(2.0 * height / GRAVITY)
     impulse = MASS * GRAVITY * t1
-    events = [
-        Event(t1, "floor", "touches", k, speed=GRAVITY * t1, impulse=impulse / 4.0) for k in range(4)
-    ]
+    events = [Event(t1, "floor", "touches", k, speed=GRAVITY * t1, impulse=impulse / 4.0) for k in range(4)]
     return motion, [moment(robot, t, t1, height) for t in np.linspace(0.0, 2.0 * t1, n)], events
 
 

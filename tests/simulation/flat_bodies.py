@@ -13,7 +13,7 @@ import pinocchio as pin
 
 import rbd
 from rbd.arrays import Array
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 HERE = pin.SE3.Identity()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"
 

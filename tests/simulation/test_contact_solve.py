@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.parts import parts_of
-from rbd.rows import Rows
-from rbd.simulation.contact_solve import Stillness
+from rbd.problem.parts import parts_of
+from rbd.problem.rows import Rows
 from rbd.simulation.snapshot import Points
 from rbd.simulation.sources import sources_of
 from rbd.simulation.velocity_problem import VelocitySolver
+from rbd.solvers.contact_solve import Stillness
 
 Array = np.ndarray
 EXACT = 1e-13

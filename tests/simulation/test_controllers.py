@@ -8,9 +8,9 @@ import pytest
 import scipy.linalg
 
 import rbd
-from rbd.model import CheckedModel
-from rbd.simulation.controllers import HoldPosture
-from rbd.simulation.controllers_scripted import Sampled, TorqueScript
+from rbd.control.controllers import HoldPosture
+from rbd.control.scripted import Sampled, TorqueScript
+from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8
 STANDING = ["talos", "g1", "solo12", "anymal_c"]

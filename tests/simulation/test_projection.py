@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from smooth_models import along, swinging
 
 import rbd
-from rbd.simulation.projection import correction, inertia_factor, project_position
+from rbd.mechanism.projection import correction, inertia_factor, project_position
 
 STEP = 1e-3
 

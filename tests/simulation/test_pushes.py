@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.dynamics import free_force
-from rbd.simulation.pushes import Push, Pushes
+from rbd.control.pushes import Push, Pushes
+from rbd.model.dynamics import free_force
 
 
 @pytest.mark.parametrize("step", [1e-3, 2e-3, 1e-4, 0.1 / 3.0])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.simulation.controllers import HoldPosture
-from rbd.simulation.pushes import Push
+from rbd.control.controllers import HoldPosture
+from rbd.control.pushes import Push
 
 FEET_DRIFT = 1e-6
 """Over the last five of ten seconds [m]: the promise."""

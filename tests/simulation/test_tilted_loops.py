@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import CheckedModel
+from rbd.model.checked_model import CheckedModel
 
 CORNERS = np.array([[0.0, 0.0], [0.1, 0.6], [0.9, 0.8], [1.0, 0.1]])  # of a four-bar [m]
 

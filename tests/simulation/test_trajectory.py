@@ -10,7 +10,7 @@ import pytest
 from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 
 import rbd
-from rbd.simulation.joint_names import motors, positions, velocities
+from rbd.model.joint_names import motors, positions, velocities
 from rbd.simulation.moment import Touch
 from rbd.simulation.recording import Recording
 from rbd.simulation.sample import Sample

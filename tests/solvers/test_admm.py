@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
 from rbd.solvers.admm import OPEN, holding
 from rbd.solvers.interior_point import interior_point
 from rbd.solvers.newton import scaled, steps_from

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
 

@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rbd.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
-from rbd.parts import Parts, parts_of
-from rbd.rows import Rows
+from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
+from rbd.problem.parts import Parts, parts_of
+from rbd.problem.rows import Rows
 from rbd.solvers.admm import de_saxce
 from rbd.solvers.interior_point import interior_point
 from rbd.solvers.newton import _gap, _matrix, newton, order_of, scaled, steps_from, yielding_steps

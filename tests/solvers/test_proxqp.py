@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.rows import Rows
+from rbd.problem.rows import Rows
 from rbd.solvers import qp
 from rbd.testing import law_residuals
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import linprog, minimize_scalar
 
 import rbd
-from rbd.model import CheckedModel
-from rbd.residuals import residuals
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.residuals import residuals
 from rbd.solvers.complementarity import Mixed, all_solutions
 from rbd.solvers.sliding import sliding_answers
 from rbd.testing import box

@@ -16,7 +16,7 @@ from PIL import Image
 
 import rbd
 from rbd.errors import InputError, PictureError
-from rbd.external import ExternalForce
+from rbd.model.external_force import ExternalForce
 from rbd.simulation.moment import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.animation import export_motion, motion_sheet, replay
@@ -174,6 +174,7 @@ def test_forces_of_a_frame_are_those_of_its_sample(motion, page):
 
 def test_a_push_is_there_while_it_acts(motion, tmp_path):
     """A force as a function of time has its arrow at its point from its beginning to its end, and none outside."""
+
     def external(state, t):
         return ExternalForce(motion.robot.frames()[-1], [0.0, 3.0, 0.0]) if t < 0.5 else ()
 
@@ -420,6 +421,7 @@ def test_a_replay_keeps_time_and_ends_at_the_end(motion, box):
 
 def test_control_c_ends_a_replay_and_a_new_picture_ends_the_motion(motion, box, monkeypatch):
     """The replay returns at once, without an error; `show` then takes the arrows of the motion away."""
+
     def interrupted(seconds):
         raise KeyboardInterrupt
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rbd.contact_force import contact_force
-from rbd.rows import Patch
+from rbd.problem.contact_force import contact_force
+from rbd.problem.rows import Patch
 from rbd.visual import shapes
 from rbd.visual.forces import acting_point, shown_forces, support_polygon
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import rbd
 import rbd.testing
 from rbd.errors import InputError
-from rbd.rows import Patch, Rows
+from rbd.problem.rows import Patch, Rows
 from rbd.visual import contact_colors, plot_ranges
 
 COLUMNS = {"a": 1.0, "b": 1.0, "c": -1.0}

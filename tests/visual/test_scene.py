@@ -18,11 +18,11 @@ import umsgpack
 from PIL import Image
 
 import rbd
-from rbd.equilibrium import hold
 from rbd.errors import InputError, PictureError
-from rbd.external import ExternalForce
-from rbd.robot import load_robot
-from rbd.rows import Patch
+from rbd.model.external_force import ExternalForce
+from rbd.problem.rows import Patch
+from rbd.robots.robot import load_robot
+from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.recorder import Recorder
 from rbd.visual.robot_parts import robot_parts, skeleton

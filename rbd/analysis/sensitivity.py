@@ -1,0 +1,371 @@
+"""How an answer changes with the configuration, the velocity, the torques and external forces.
+
+The equations that hold at the answer are differentiated with the contact modes held (`rbd.analysis.active_set`). What the
+dynamics contribute, d(M a + h), is Pinocchio's analytical derivative of inverse dynamics; what the constraints contribute,
+d(J^T f) and d(J a + J_dot v), is taken by differences of their rows on the manifold, so that any constraint will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.analysis.active_set import CONSISTENT, RANK_TOLERANCE, ActiveSet
+from rbd.arrays import Array
+from rbd.errors import NotDifferentiable, Unsupported
+from rbd.model.dynamics import HasRows
+from rbd.model.external_force import External, generalised
+from rbd.model.state import State
+from rbd.problem.cones import Cone
+from rbd.problem.rows import Rows
+from rbd.solution import Solution, Status
+
+
+@dataclass(frozen=True, eq=False)
+class ForceDerivatives:
+    """Derivatives of a constraint's force (k = 3) or wrench (k = 6), on the robot, in world axes.
+
+    Of a constraint without a resultant, of its row forces. The axes are the world's: turning the contact is in it.
+
+    Attributes:
+        dq: Per change of configuration on the tangent space, shape (k, nv).
+        dv: Per change of velocity, shape (k, nv).
+        dtau: Per motor torque, shape (k, nu).
+        dexternal: Per generalised external force, shape (k, nv).
+    """
+
+    dq: Array
+    dv: Array
+    dtau: Array
+    dexternal: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Derivatives:
+    """Derivatives of an answer with its contact modes held; what is not unique is None.
+
+    A change dq lives on the tangent space: q goes to pin.integrate(q, dq), dq of a floating base linear then angular in the
+    base's axes, as v. Everything else stays: tau, the numbers of v, and external forces in the axes that they were given in.
+    A contact that sticks goes on sticking whatever dq and dv (its rows know no gap and no speed), so the derivatives are those
+    of its formula J a + J_dot v = 0. That is the robot's own derivative where J v = 0 is kept, as one that starts to slide by
+    itself changes its mode.
+
+    Attributes:
+        da_dq: Shape (nv, nv).
+        da_dv: Shape (nv, nv).
+        da_dtau: Shape (nv, nu).
+        da_dexternal: By generalised external force, shape (nv, nv): of a force f_W at a point P, multiply by J_P^T f_W.
+        df_dq: Of the row forces `Solution.multipliers`, shape (m, nv); None unless all of them are unique.
+        df_dv: Likewise.
+        df_dtau: Shape (m, nu), likewise.
+        df_dexternal: Likewise.
+        forces: {constraint: derivatives of `Solution.forces`}, None of a force that is not unique.
+        active: {constraint: what each part of its set does}: "holds", "sticks", "presses" (without friction), "slips" (begins
+            to), "slides" (already), "opens", or "yields" (a force at its bound).
+        not_unique: Names of the constraints whose forces are not unique.
+    """
+
+    da_dq: Array
+    da_dv: Array
+    da_dtau: Array
+    da_dexternal: Array
+    df_dq: Array | None
+    df_dv: Array | None
+    df_dtau: Array | None
+    df_dexternal: Array | None
+    forces: dict[str, ForceDerivatives | None]
+    active: dict[str, tuple[str, ...]]
+    not_unique: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"Derivatives({self})"
+
+    def __str__(self) -> str:
+        said = [f"{name} {_counted(words)}" for name, words in self.active.items()]
+        lost = f"; not unique: forces of {', '.join(self.not_unique)}" if self.not_unique else ""
+        return f"nv = {self.da_dtau.shape[0]}, nu = {self.da_dtau.shape[1]}, held: {'; '.join(said) or 'nothing'}{lost}"
+
+
+def _counted(words: tuple[str, ...]) -> str:
+    """E.g. "sticks (3), opens (1)"."""
+    return ", ".join(f"{word} ({words.count(word)})" for word in dict.fromkeys(words)) or "is inactive"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StateOrigin:
+    """What a problem was assembled from.
+
+    Attributes:
+        state: The robot at (q, v).
+        constraints: In the order of the problem's rows.
+        external: Forces of the world.
+    """
+
+    state: State
+    constraints: tuple[HasRows, ...]
+    external: External
+
+    def derivatives(self, solution: Solution) -> Derivatives:
+        """Derivatives of an answer to the problem; see `Derivatives`.
+
+        Raises:
+            NotDifferentiable: at a change of contact mode, of something that is no answer, or where the answer jumps.
+        """
+        if solution.status not in (Status.SOLVED, Status.INACCURATE):
+            raise NotDifferentiable(
+                f"this is no answer ({solution.status}: {solution.worst}), so it has no derivatives. Solve it first."
+            )
+        return _Chain(self, solution).derivatives()
+
+    def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
+        return LeftBehind, ()
+
+    def __copy__(self) -> StateOrigin:
+        return self  # nothing in it changes
+
+    def __deepcopy__(self, memo: dict[int, object]) -> StateOrigin:
+        return self
+
+
+@dataclass(frozen=True)
+class LeftBehind:
+    """In place of a `StateOrigin` in another process: with its state an answer would bring the whole robot each time."""
+
+    def derivatives(self, solution: Solution) -> Derivatives:
+        """None to be had.
+
+        Raises:
+            Unsupported: always.
+        """
+        raise Unsupported(
+            "this answer was solved in another process, and its state stayed there. Ask for derivatives() before sending it, "
+            "or solve again here."
+        )
+
+
+class _Chain:
+    """From changes of the state to changes of the answer."""
+
+    def __init__(self, origin: StateOrigin, solution: Solution) -> None:
+        self.origin, self.solution, self.active = origin, solution, ActiveSet(solution)
+        self.robot, self.nv, self.m = origin.state.robot, origin.state.robot.nv, solution.problem.m
+        self.acting = [(c, r) for c, r in zip(origin.constraints, solution.problem.rows, strict=True) if len(r)]
+
+    def derivatives(self) -> Derivatives:
+        """All of them."""
+        nv, state, robot = self.nv, self.origin.state, self.robot
+        model, q, v = robot.model, state.q, state.v
+        inverse = self._inverse_dynamics()
+        by_q = self._differences(lambda i, h: State(robot, pin.integrate(model, q, _along(nv, i, h)), v), _STEP, "q")
+        by_v = self._differences(lambda i, h: State(robot, q, v + _along(nv, i, h)), 10.0 * _STEP, "v")
+        by_q, by_v = replace(by_q, force=by_q.force - inverse[0]), replace(by_v, force=by_v.force - inverse[1])
+        self._check_internal(by_q)
+        torque = np.zeros((nv, robot.nu))
+        torque[robot.actuated, np.arange(robot.nu)] = 1.0
+        changes = [by_q, by_v, self._of_forces(torque), self._of_forces(np.eye(nv))]
+        found = [self.active.derivative(change.force, change.c, change.u) for change in changes]
+        lost = self._not_unique()
+        forces = {}
+        for r in self.solution.problem.rows:
+            span = self.solution.problem.slices[r.name]
+            each = [_world(r, change.resultants[r.name], df[span]) for change, (_, df) in zip(changes, found, strict=True)]
+            forces[r.name] = None if r.name in lost else ForceDerivatives(*each)
+        (a_q, f_q), (a_v, f_v), (a_tau, f_tau), (a_external, f_external) = found
+        motion = Derivatives(a_q, a_v, a_tau, a_external, None, None, None, None, forces, self.active.words, lost)
+        if self.active.internal.size:
+            return motion
+        return replace(motion, df_dq=f_q, df_dv=f_v, df_dtau=f_tau, df_dexternal=f_external)
+
+    def _inverse_dynamics(self) -> tuple[Array, Array]:
+        """d(M a + h)/dq and /dv at fixed a, shapes (nv, nv)."""
+        state, robot = self.origin.state, self.robot
+        with robot.pool.lock:
+            slot, ticket = robot.pool.take(
+                lambda data: pin.computeRNEADerivatives(robot.model, data, state.q, state.v, self.solution.a)
+            )
+            out = slot.data.dtau_dq.copy(), slot.data.dtau_dv.copy()
+            robot.pool.give_back(slot, ticket)
+        return out
+
+    def _of_forces(self, force: Array) -> _Change:
+        """The change that a generalised force makes, shape (nv, n)."""
+        n = force.shape[1]
+        return _Change(force, *self._split(np.zeros((self._sample(self.origin.state)[self.nv :].size, n))))
+
+    def _sample(self, state: State) -> Array:
+        """What constraints and external forces contribute at a state, at the answer's a and f, in one vector.
+
+        tau_ext + J^T f, then J^T of the internal forces; c; velocities; and each constraint's force in world axes. Empty
+        where a constraint has other rows than at the answer: a joint is off its limit.
+
+        Raises:
+            NotDifferentiable: if a constraint has another set of forces there.
+        """
+        P, a, f = self.solution.problem, self.solution.a, self.solution.multipliers
+        force, _ = generalised(state, self.origin.external)
+        internal = np.zeros((self.nv, self.active.internal.shape[1]))
+        c, u, resultants = [], [], []
+        for constraint, known in self.acting:
+            r, part = constraint.rows(state), P.slices[known.name]
+            if len(r) != len(known):
+                return np.zeros(0)
+            if not _same_set(r.cone, known.cone):
+                raise NotDifferentiable(
+                    f"the set of forces of {known.name!r} changes with the state; derivatives are taken with sets that stay."
+                )
+            force = force + r.J.T @ f[part]
+            internal += r.J.T @ self.active.internal[part]
+            c.append(r.J @ a + r.bias + r.feedback)
+            u.append(r.velocity)
+            resultants.append(f[part] if r.resultant is None else r.resultant @ f[part])
+        return np.concatenate([force, internal.ravel(), *c, *u, *resultants])
+
+    def _split(self, tail: Array) -> tuple[Array, Array, Array, dict[str, Array]]:
+        """(internal, c, u, resultants) of what follows the forces in samples, shapes (nv, d, n), (m, n), (m, n), (k, n)."""
+        d, n, m = self.active.internal.shape[1], tail.shape[1], self.m
+        internal, c, u, rest = np.split(tail, np.cumsum([self.nv * d, m, m]))
+        out = {r.name: np.zeros((0, n)) for r in self.solution.problem.rows}
+        for _, r in self.acting:
+            k = len(r) if r.resultant is None else len(r.resultant)
+            out[r.name], rest = rest[:k], rest[k:]
+        return internal.reshape(self.nv, d, n), c, u, out
+
+    def _differences(self, moved: Callable[[int, float], State], step: float, what: str) -> _Change:
+        """The change along each coordinate, by differences of samples.
+
+        Args:
+            moved: The state a distance away along a coordinate.
+            step: First distance tried.
+            what: Name of the coordinates, for messages.
+        """
+        here = self._sample(self.origin.state)
+
+        def along(i: int) -> Array:
+            return _slope(lambda h: self._sample(moved(i, h)), here, step, f"{what}[{i}]")
+
+        slopes = np.column_stack([along(i) for i in range(self.nv)])
+        return _Change(slopes[: self.nv], *self._split(slopes[self.nv :]))
+
+    def _check_internal(self, by_q: _Change) -> None:
+        """Refuse if forces that do nothing here would move the robot next door: rows lose their redundancy there."""
+        scale = float(np.abs(self.solution.multipliers).max(initial=0.0))
+        for force in by_q.internal.transpose(1, 0, 2):
+            if np.abs(self.active.response(force)).max() * scale > CONSISTENT * max(1.0, np.abs(self.solution.a).max()):
+                raise NotDifferentiable(
+                    "rows repeat each other in this configuration and not in those around it (it is singular), so the motion "
+                    "jumps. Move q a little, or leave out the rows that repeat others."
+                )
+
+    def _not_unique(self) -> tuple[str, ...]:
+        """Constraints whose force an internal force can change."""
+        P, internal, lost = self.solution.problem, self.active.internal, []
+        for _, r in self.acting:
+            part = internal[P.slices[r.name]]
+            if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK_TOLERANCE:
+                lost.append(r.name)
+        return tuple(lost)
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """How the terms of the equations change along n directions, at fixed a and f.
+
+    Attributes:
+        force: S^T tau + tau_ext + J^T f - (M a + h), shape (nv, n).
+        internal: J^T of internal forces, shape (nv, d, n).
+        c: Accelerations of the rows, shape (m, n).
+        u: Velocities of the rows, shape (m, n).
+        resultants: {constraint: force in world axes, shape (k, n)}.
+    """
+
+    force: Array
+    internal: Array
+    c: Array
+    u: Array
+    resultants: dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class _Rule:
+    """Differences from seven nodes: a slope, and two combinations of the values that vanish where they are smooth."""
+
+    nodes: Array
+    slope: Array
+    lower_order: Array  # the slope by the rule of the fourth order, less `slope`
+    kink: Array  # half the jump of the slope at zero, of a function that is smooth on both sides
+
+
+def _rules() -> tuple[_Rule, _Rule, _Rule]:
+    both = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0
+    ahead = np.array([-147, 360, -450, 400, -225, 72, -10]) / 60.0
+    fourth, near = np.array([0, 1, -8, 0, 8, -1, 0]) / 12.0, np.array([-25, 48, -36, 16, -3, 0, 0]) / 12.0
+    kink = np.array([1, -6, 15, -20, 15, -6, 1]) / 12.0  # 12 of |x|, 0 of x, x^2, ... x^5
+    here = np.zeros(7)
+    x = np.arange(7.0)
+    return (
+        _Rule(x - 3.0, both, fourth - both, kink),
+        _Rule(x, ahead, near - ahead, here),
+        _Rule(-x, -ahead, ahead - near, here),
+    )
+
+
+_RULES = _rules()
+"""On both sides; ahead and behind, where the other side has other rows."""
+_STEP = 0.005 * 5.0**0.5
+"""First step tried [rad, m]; irrational, lest it be a whole number of waves of what it differentiates."""
+SMOOTH = 1e-7
+"""Largest miss of a difference, over max(1, largest entry); up to 1e3 times as much if no step does better."""
+
+
+def _slope(sample: Callable[[float], Array], here: Array, step: float, what: str) -> Array:
+    """Derivative of a sample at zero, by differences of the sixth order with a step that is made small enough.
+
+    Raises:
+        NotDifferentiable: if it has a kink, or other rows on both sides.
+    """
+    best, miss = here, np.inf
+    for _ in range(6):
+        for rule in _RULES:
+            values = [here if x == 0.0 else sample(step * x) for x in rule.nodes]
+            if any(v.shape != here.shape for v in values):
+                continue
+            F = (np.array(values) - here) / step  # what stays then has a slope of exactly zero
+            slope = rule.slope @ F
+            off = np.maximum(np.abs(rule.lower_order @ F), np.abs(rule.kink @ F))
+            worst = float((off / np.maximum(np.abs(slope).max(initial=1.0), np.abs(here))).max(initial=0.0))
+            if worst < miss:
+                best, miss = slope, worst
+            break
+        if miss <= SMOOTH:
+            return best
+        step /= 8.0
+    if miss <= 1e3 * SMOOTH:
+        return best
+    raise NotDifferentiable(
+        f"the constraints do not change smoothly with {what}: "
+        + ("their rows come and go on both sides." if miss == np.inf else f"its slopes on the two sides differ by {miss:.1e}.")
+        + " Leave out the constraint (or its feedback), or move the state a little."
+    )
+
+
+def _along(n: int, i: int, distance: float) -> Array:
+    """A vector along one coordinate, shape (n,)."""
+    out = np.zeros(n)
+    out[i] = distance
+    return out
+
+
+def _same_set(one: Cone, other: Cone) -> bool:
+    """Whether two sets of forces are the same."""
+    if one is other or one == other:
+        return True
+    (G, parts), (other_G, other_parts) = one.generators(), other.generators()
+    return parts == other_parts and np.array_equal(G, other_G)
+
+
+def _world(r: Rows, turned: Array, df: Array) -> Array:
+    """Change of a force in world axes, where it turns by `turned` and its row forces change by df."""
+    return turned + (df if r.resultant is None else r.resultant @ df)

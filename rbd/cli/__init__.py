@@ -1,0 +1,1 @@
+"""The command line: `rbd stand`, `rbd simulate`, `rbd mechanism`, `rbd plane` and their reports."""

@@ -1,0 +1,370 @@
+"""Robots in contact, from the command line.
+
+Exit codes: 0 done, 1 no solution (the message says which limit is in the way), 2 bad input.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Protocol
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from rbd.arrays import Array, three
+from rbd.cli.stand_report import StandReport
+from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, terminal
+from rbd.errors import InputError, ModelWarning, SimulationStopped
+from rbd.least_constraint import solve
+from rbd.model.external_force import ExternalForce
+from rbd.model.output_files import write_text
+from rbd.problem.cones import check_friction
+from rbd.robots.loop_file import ROOTS, Root
+from rbd.robots.robot import load_robot
+from rbd.simulation.door import simulate as run
+from rbd.statics.equilibrium import hold
+
+MOST_SAMPLES = 10_000
+"""Of a longer motion not every step is recorded."""
+
+
+class Reported(Protocol):
+    """A report that can be written as JSON."""
+
+    def data(self) -> dict[str, object]:
+        """The numbers."""
+
+
+app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.callback()
+def rbd() -> None:
+    """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
+
+
+@app.command()
+def stand(
+    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
+    friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
+    facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
+    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
+    posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")] = False,
+) -> None:
+    """Stand a robot on its feet: holding torques, contact forces, the proof, and a picture.
+
+    Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
+    and prints what each foot carries.
+    """
+    console = terminal()
+    with answering():
+        force = _push(push, at)
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
+        check_friction(friction, facets)
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "load"):
+            loaded = load_robot(robot, package_dirs=package_dir or ())
+        with _timed(seconds, "stand"):
+            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
+        external = [] if force is None or at is None else [ExternalForce(at, force)]
+        for e in external:
+            loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
+        with _timed(seconds, "hold"):
+            held = hold(state, feet)
+        with _timed(seconds, "solve"):
+            solution = solve(state, held.tau, feet, external=external)
+            solution.residuals  # noqa: B018  the certificate is part of the answer
+        report = StandReport(held, solution, force, at, seconds)
+        if html is not None or show:
+            from rbd.visual import Scene
+
+            with Scene(loaded) as scene:
+                with _timed(seconds, "picture"):
+                    scene.show(state, solution, external=external)
+                    written = None if html is None else scene.export(html)
+                _write_json(json_, report)
+                console.print(report)
+                if written is not None:
+                    _told(console, "picture", written)
+                if show:
+                    _serve(console, scene.open())
+        else:
+            _write_json(json_, report)
+            console.print(report)
+
+
+@app.command()
+def robots() -> None:
+    """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands out of the box."""
+    from rbd.cli.listing import robot_lines, robots_table
+    from rbd.robots import catalogue
+
+    console = terminal()
+    with answering():
+        names = catalogue.robots()
+        shown = track(robot_lines(names), "loading", len(names), console=terminal(errors=True), transient=True)
+        console.print(robots_table(list(shown)))
+
+
+@app.command()
+def info(
+    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
+    root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+) -> None:
+    """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
+    from rbd.cli.listing import robot_info
+
+    console = terminal()
+    with answering():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)  # the doctor's findings are printed below in full
+            loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
+        console.print(robot_info(loaded), soft_wrap=False)
+
+
+@app.command()
+def mechanism(
+    file: Annotated[str, typer.Argument(help="Path of a URDF (its loops in FILE.loops.yaml) or MJCF, or name of a robot.")],
+    posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the random starts that look for branches.")] = 0,
+    tries: Annotated[int, typer.Option(help="How many random starts.")] = 200,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the picture with every branch: one page.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")] = False,
+) -> None:
+    """Tell what a mechanism can do: bodies, joints, loops, mobility three ways, branches, singular poses.
+
+    Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
+    """
+    from rbd.cli.mechanism_report import check_tries, mechanism_report
+
+    console = terminal()
+    with answering():
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=file)
+        check_tries(seed, tries)
+        loaded = load_robot(file, package_dirs=package_dir or ())
+        name = posture if posture is not None else next(iter(loaded.postures), None)
+        q = loaded.at().q if name is None else loaded.at(name).q
+        report = mechanism_report(loaded, q, seed=seed, tries=tries)
+        _write_json(json_, report)
+        console.print(str(report), highlight=False, soft_wrap=True)
+        if html is not None or show:
+            from rbd.visual import Scene
+
+            with Scene(loaded) as scene:
+                scene.show(report.state)
+                scene.beside(report.poses(), shown=report.shown)
+                if html is not None:
+                    _told(console, "picture", scene.export(html))
+                if show:
+                    _serve(console, scene.open())
+
+
+@app.command()
+def simulate(
+    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, ur5, ...) or path of a URDF (urdf/four_bar.urdf).")],
+    duration: Annotated[float, typer.Option(help="Seconds to simulate.")] = 2.0,
+    step: Annotated[float, typer.Option(help="Length of a step, in seconds.")] = 1e-3,
+    push: Annotated[list[str] | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
+    at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
+    from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
+    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
+    friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
+    law: Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")] = "coulomb",
+    hold_: Annotated[
+        bool | None, typer.Option("--hold/--free", help="Motors hold the posture, or do nothing; --free of mechanisms.")
+    ] = None,
+    bodies: Annotated[
+        bool | None, typer.Option("--bodies/--feet-only", help="All collision shapes touch the ground, as of a robot on feet.")
+    ] = None,
+    stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
+    posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
+    root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,
+    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Write the trajectory, .npz or .nc.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Replay it in the browser.")] = False,
+) -> None:
+    """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held. Push it, and see it move.
+
+    Contacts stick, slip, lift and strike; loops and wheels hold. Prints how it ended, what happened, and the proof: energy,
+    residuals, and what the model leaves out. Ctrl-C ends it early and keeps what there is. For example:
+
+    rbd simulate talos --push 0,20,0 --at torso_2_link --from 0.2 --for 0.1 --html push.html
+    """
+    from rbd.cli.simulate_report import SimulateReport, draw
+    from rbd.cli.simulate_setup import loaded, pushes, setup
+    from rbd.control.pushes import Pushes
+
+    console = terminal()
+    with answering():
+        pushed = pushes(push or (), at or (), from_ or (), for_ or ())
+        save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
+        files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
+        check_outputs(files, beside=robot)
+        check_friction(friction, 4)
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "load"):
+            found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
+        for p in pushed:
+            found.frame(p.frame)  # an unknown frame is refused before anything is computed
+        with _timed(seconds, "set up"):
+            given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops)
+        external, stopped = Pushes(pushed) if pushed else None, None
+        with _timed(seconds, "simulate"):
+            try:
+                trajectory = run(
+                    given.state, given.constraints, duration=duration, step=step, controller=given.controller,
+                    external=external, law=law, record_every=_every(duration, step),
+                )  # fmt: skip
+            except SimulationStopped as error:
+                if error.trajectory is None:
+                    raise
+                trajectory, stopped = error.trajectory, error
+        report = SimulateReport(trajectory, given, pushed, seconds)
+        _write_json(json_, report)
+        console.print(report)
+        if save is not None:
+            trajectory.save(save)
+            _told(console, "trajectory", save)
+        if plot is not None:
+            _told(console, "plot", draw(trajectory, plot))
+        if html is not None and len(trajectory) > 1:
+            _told(console, "picture", trajectory.export(html, external=external))
+        if show and len(trajectory) > 1:
+            from rbd.visual import Scene, replay
+            from rbd.visual.animation import VIEWER_SECONDS
+
+            with Scene(found, legend=False) as scene, suppress(KeyboardInterrupt):
+                console.print(f"replaying at {scene.open()}", soft_wrap=True, highlight=False)
+                scene.wait_for_viewer(VIEWER_SECONDS)
+                replay(trajectory, scene=scene, external=external)
+        if stopped is not None:
+            raise stopped
+
+
+@app.command()
+def plane(
+    from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Where the end point begins, in metres.")],
+    to: Annotated[str, typer.Option(metavar="X,Y", help="Where it ends, in metres.")],
+    links: Annotated[int | None, typer.Option(help="How many links; as many as lengths, or two.")] = None,
+    lengths: Annotated[str | None, typer.Option(metavar="L1,L2,..", help="Of the links, in metres; together 1 m.")] = None,
+    angles: Annotated[str, typer.Option(help="How angles are measured: joint, segment or vertical.")] = "joint",
+    duration: Annotated[float, typer.Option(help="Seconds from rest to rest.")] = 1.0,
+    branch: Annotated[int, typer.Option(help="Of two links: 0 bends counterclockwise, 1 clockwise.")] = 0,
+    space: Annotated[str | None, typer.Option(help="Where the path is straight: endpoint, or joint (of one link).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the motion, .png, .svg or .pdf.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+) -> None:
+    """Move a planar chain from point to point with the least jerk: reach, branches, singular poses, peaks, a picture.
+
+    The base is at the origin. For example: rbd plane --links 2 --from 1,0 --to 0.5,0.5 --out plane.png
+    """
+    console = terminal()
+    with answering():
+        try:
+            from rbd.cli.plane_report import PlaneReport, check_picture, draw, plane_task
+        except ImportError as error:  # SymPy is an extra
+            raise InputError(str(error)) from None
+        check_outputs({"--out": (out, FIGURES), "--html": (html, PAGES), "--json": (json_, ())})
+        check_picture(out)
+        task = plane_task(
+            from_, to, links=links, lengths=lengths, angles=angles, duration=duration, branch=branch, space=space
+        )  # fmt: skip
+        console.print(task)
+        motion = task.motion()
+        report = PlaneReport(task, motion)
+        console.print(report)
+        _write_json(json_, report)
+        if out is not None:
+            _told(console, "picture", draw(motion, out))
+        if html is not None:
+            from rbd.visual.planar_scene import export_planar
+
+            _told(console, "page", export_planar(motion, html))
+
+
+def _every(duration: float, step: float) -> int:
+    """Every how many steps are recorded; one where there is no such motion, which `simulate` refuses."""
+    if not (0.0 < step < math.inf and 0.0 < duration < math.inf):
+        return 1
+    return max(1, math.ceil(min(duration / step, 1e12) / MOST_SAMPLES))
+
+
+def _root(root: str | None) -> Root | None:
+    for known in ROOTS:
+        if root == known:
+            return known
+    if root is not None:
+        raise InputError(f"--root is {root!r}; expected {', '.join(ROOTS)}.")
+    return None
+
+
+def _push(push: str | None, at: str | None) -> Array | None:
+    if push is None and at is None:
+        return None
+    if push is None or at is None:
+        missing, given = ("--push X,Y,Z", "--at") if push is None else ("--at FRAME", "--push")
+        raise InputError(f"{given} came without {missing}; a push wants both, e.g. --push 0,80,0 --at torso_2_link.")
+    try:
+        numbers = [float(x) for x in push.split(",")]
+    except ValueError:
+        raise InputError(f"--push is {push!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
+    return three("--push", numbers)
+
+
+def _write_json(path: Path | None, report: Reported) -> None:
+    if path is not None:
+        write_text(path, json.dumps(_sayable(report.data()), indent=2, allow_nan=False) + "\n")
+
+
+def _sayable(value: object) -> object:
+    """None in place of NaN and infinity, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: _sayable(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_sayable(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _told(console: Console, what: str, where: Path | str) -> None:
+    console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+
+
+def _serve(console: Console, url: str) -> None:
+    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True, highlight=False)
+    try:
+        while True:
+            time.sleep(3600.0)
+    except KeyboardInterrupt:
+        console.print("ended")
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], what: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[what] = time.perf_counter() - start
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

@@ -1,0 +1,214 @@
+"""What `rbd mechanism` finds out about a file: words, mobility, branches, singular poses, integrability."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import InputError, RbdError
+from rbd.mechanism import (
+    Branches,
+    Integrability,
+    Mobility,
+    Singularities,
+    SingularitiesAlong,
+    Trace,
+    Words,
+    assemble,
+    branches,
+    classify,
+    independent_velocities,
+    integrability,
+    mobility,
+    singularities,
+    singularities_along,
+    trace,
+)
+from rbd.mechanism.branches import MOST_TRIES, SAME
+from rbd.mechanism.held import check_seed, turning
+from rbd.model.state import State
+from rbd.problem.rows import Rows
+from rbd.robots.robot import Robot
+
+Answer = TypeVar("Answer")
+
+MOST_FIXED = 6
+"""Branches are looked for by fixing the independent joints; of more than so many the question means little."""
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismReport:
+    """A mechanism's answers, in the order they are printed; what does not apply is None, and `left_out` says why.
+
+    Attributes:
+        robot: The mechanism.
+        state: The pose that is looked at, assembled.
+        words: Serial, branched, closed, parallel; bodies, joints, loops.
+        mobility: Three ways.
+        fixed: {joint: value} of the independent joints, held while branches are looked for.
+        branches: All that were found.
+        here: The singularities of the pose.
+        motion: One turn of the input, of a mechanism with one freedom.
+        along: The singularities of that motion.
+        integrable: Whether the constraints of velocity are holonomic.
+        left_out: {what: why}.
+    """
+
+    robot: Robot
+    state: State
+    words: Words
+    mobility: Mobility
+    fixed: dict[str, float]
+    branches: Branches | None
+    here: Singularities
+    motion: Trace | None
+    along: SingularitiesAlong | None
+    integrable: Integrability | None
+    left_out: dict[str, str]
+
+    def __str__(self) -> str:
+        robot = self.robot
+        joints = ", ".join(name for name in list(robot.model.names)[1:])
+        loops = ", ".join(f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops, *robot.wheels)) or "none"
+        held = ", ".join(f"{name} = {value:.6g}" for name, value in self.fixed.items())
+        parts = [
+            ("words", str(self.words)),
+            ("parts", f"joints: {joints}\nloops and wheels: {loops}"),
+            ("mobility", str(self.mobility)),
+            ("branches" + (f" with {held}" if held else ""), None if self.branches is None else str(self.branches)),
+            ("singularities of this pose", str(self.here)),
+            ("motion", None if self.motion is None else str(self.motion)),
+            ("singularities along it", None if self.along is None else str(self.along)),
+            ("integrability", None if self.integrable is None else str(self.integrable)),
+        ]
+        lines = [robot.name]
+        for title, text in parts:
+            if text is not None:
+                lines += ["", f"{title}:", *("  " + line for line in text.splitlines())]
+        if self.left_out:
+            lines += ["", "left out:", *(f"  {what}: {why}" for what, why in self.left_out.items())]
+        return "\n".join(lines)
+
+    def data(self) -> dict[str, object]:
+        """The numbers, for JSON."""
+        m = self.mobility
+        return {
+            "robot": self.robot.name,
+            "q": self.state.q.tolist(),
+            "mobility": {"counted": m.count.value, "instantaneous": m.instantaneous, "finite": m.finite, "rank": m.rank},
+            "redundant": [str(row) for row in m.redundant],
+            "fixed": self.fixed,
+            "branches": None if self.branches is None else self.branches.q.tolist(),
+            "limits": None if self.motion is None else [limit.value for limit in self.motion.limits],
+            "singular_at": None if self.along is None else [s.at for s in self.along.found],
+            "growth": None if self.integrable is None else list(self.integrable.growth),
+            "left_out": self.left_out,
+        }
+
+    @property
+    def shown(self) -> str:
+        """Name of the branch that the pose looked at is on; empty where it is none of those found."""
+        found = () if self.branches is None else self.branches.found
+        away = [self._away(b.q) for b in found]
+        here = int(np.argmin(away)) if away else 0
+        return f"branch {here}" if away and away[here] < SAME else ""
+
+    def poses(self) -> dict[str, State]:
+        """{name: every branch but the one shown}, for the picture."""
+        found = () if self.branches is None else self.branches.found
+        every = {f"branch {i}": State(self.robot, b.q) for i, b in enumerate(found)}
+        return {name: state for name, state in every.items() if name != self.shown}
+
+    def _away(self, q: Array) -> float:
+        """Largest difference from the pose looked at, whole turns left out [m, rad]."""
+        change = pin.difference(self.robot.model, self.state.q, q)
+        angles = turning(self.robot)
+        change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
+        return float(np.abs(change).max(initial=0.0))
+
+
+def check_tries(seed: int, tries: int) -> None:
+    """Refuse what `mechanism_report` does not take, before anything is computed.
+
+    Raises:
+        InputError: a seed that is no whole number from 0, tries that are none from 1 to 1,000,000.
+    """
+    check_seed(seed)
+    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
+        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
+
+
+def mechanism_report(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:
+    """All answers about a mechanism near a configuration.
+
+    Args:
+        robot: With its `loops`.
+        q: Where to start, shape (nq,): assembled first.
+        seed: Of random starts.
+        tries: How many.
+
+    Raises:
+        CannotAssemble: the loops do not close; says the distance that is left.
+        InputError: a seed or a number of tries that means nothing.
+    """
+    check_tries(seed, tries)
+    held = (*robot.loops, *robot.wheels)
+    state = State(robot, q)
+    placed = [c for c in held if _has_position(c.rows(state))]
+    if placed:
+        state = State(robot, assemble(robot, placed, q).q)
+    left_out: dict[str, str] = {}
+    words, found = classify(robot, held, at=state), mobility(state, held, seed=seed)
+    free = independent_velocities(state, held, prefer=robot.actuated_names)
+    fixed = _values(robot, state, free, left_out)
+    every = None
+    if fixed is not None and held and not found.velocity_only:
+        every = _unless(left_out, "branches", lambda: branches(robot, held, fixed=fixed, seed=seed, tries=tries))
+    inputs = [] if fixed is None else list(fixed)
+    driven = inputs if len(inputs) < robot.nv else []  # of an open chain nothing is left beside them
+    here = singularities(state, held, inputs=driven)
+    motion = along = None
+    if fixed is not None and len(inputs) == 1 and driven and not found.velocity_only:
+        start = fixed[inputs[0]]
+        turn = (start, start + 2.0 * np.pi)
+        motion = _unless(left_out, "motion", lambda: trace(robot, held, state.q, inputs[0], turn, steps=180))
+        if motion is not None and len(motion) > 2:
+            along = singularities_along(robot, motion.q, held, inputs=inputs)
+    integrable = None
+    if found.velocity_only:
+        integrable = _unless(left_out, "integrability", lambda: integrability(robot, held, seed=seed))
+    return MechanismReport(robot, state, words, found, fixed or {}, every, here, motion, along, integrable, left_out)
+
+
+def _has_position(rows: Rows) -> bool:
+    return rows.error is not None and (rows.holonomic is None or bool(rows.holonomic.any()))
+
+
+def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str, str]) -> dict[str, float] | None:
+    """{joint: its value} of the independent velocities; None, with the reason, where they are not joints with one freedom."""
+    if len(free) > MOST_FIXED:
+        left_out["branches"] = f"{len(free)} freedoms; fix some of them and ask rbd.mechanism.branches"
+        return None
+    out = {}
+    for name in free:
+        if name not in robot.model.names:
+            left_out["branches"] = f"{name} belongs to a joint with several freedoms"
+            return None
+        joint = robot.model.joints[robot.joint_id(name)]
+        q = state.q[joint.idx_q : joint.idx_q + joint.nq]
+        out[name] = float(np.arctan2(q[1], q[0])) if joint.nq == 2 else float(q[0])
+    return out
+
+
+def _unless(left_out: dict[str, str], what: str, ask: Callable[[], Answer]) -> Answer | None:
+    """The answer; where there is none, its words in `left_out`."""
+    try:
+        return ask()
+    except RbdError as why:
+        left_out[what] = str(why)
+        return None

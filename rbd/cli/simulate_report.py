@@ -1,0 +1,312 @@
+"""What a simulated robot has to tell, as tables for a person and as plain data for a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Group
+from rich.text import Text
+
+from rbd.arrays import Array
+from rbd.cli.simulate_setup import Setup
+from rbd.cli.stand_report import rounded
+from rbd.cli.terminal import Table
+from rbd.control.pushes import Push
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.output_files import write_file
+from rbd.model.state import State
+from rbd.simulation.moment import HOLDS, OPEN, SLIPS
+from rbd.simulation.recording import RESIDUALS
+from rbd.simulation.trajectory import Trajectory
+
+EVENTS = 8
+"""So many are printed; all are in the file."""
+MOST_JOINTS = 8
+FALLEN = 0.6
+"""A robot whose centre of mass is below this share of its height over its feet at the start has fallen."""
+STILL = 1e-2
+"""Below this speed of its centre of mass [m/s] a robot stands still."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulateReport:
+    """A motion, what was simulated, and how it ended.
+
+    Attributes:
+        trajectory: The motion, from its first sample to its last.
+        setup: What was simulated.
+        pushes: What pushed it.
+        seconds: {what: time taken [s]}.
+    """
+
+    trajectory: Trajectory
+    setup: Setup
+    pushes: Sequence[Push]
+    seconds: Mapping[str, float]
+
+    @property
+    def steps(self) -> int:
+        """How many steps were taken."""
+        return math.ceil(self.trajectory.duration / self.trajectory.step - 1e-6)
+
+    @property
+    def height(self) -> tuple[float, float]:
+        """Of the centre of mass over the lowest point of the feet at the start: at the start and at the end [m]."""
+        x = self.trajectory
+        ground = min(float(np.nanmin(x.points[name][0, :, 2])) for name in self.setup.feet)
+        return float(x.com[0, 2]) - ground, float(x.com[-1, 2]) - ground
+
+    @property
+    def speed(self) -> float:
+        """Of the centre of mass at the end [m/s]."""
+        return float(np.linalg.norm(self.trajectory.momentum[-1, :3])) / self.trajectory.robot.mass
+
+    @property
+    def verdict(self) -> str:
+        """Whether a robot with feet stands at the end, in words; empty of what has none."""
+        feet = [name for name in self.setup.feet if name in self.trajectory.points]
+        if not feet:
+            return ""
+        modes = {name: str(self.trajectory.modes[name][-1]) for name in feet}
+        closed = [name for name in feet if modes[name] != OPEN]
+        start, end = self.height
+        if end < FALLEN * start:
+            return f"it has fallen: its centre of mass is {end:.3f} m over where it stood, {start:.3f} m at the start"
+        if not closed:
+            return "it is in the air"
+        rest = f", its centre of mass {end:.3f} m high, {start:.3f} m at the start"
+        if len(closed) < len(feet):
+            there = f"it is on {', '.join(closed)} alone{rest}"
+        else:
+            slips = [name for name in feet if modes[name] == SLIPS]
+            there = f"it stands on {', '.join(closed)}{' (' + ', '.join(slips) + ' slipping)' if slips else ''}{rest}"
+        return there + (f", and moves at {self.speed:.3g} m/s" if self.speed > STILL else ", at rest")
+
+    def data(self) -> dict[str, Any]:
+        """Everything as numbers, lists and text: SI units, world axes, forces on the robot."""
+        x = self.trajectory
+        robot = x.robot
+        residuals = {name: {"value": float(x.residuals[name].max()), "at": self._when(x.residuals[name]), "unit": unit}
+                     for name, unit in RESIDUALS.items()}  # fmt: skip
+        return {
+            "robot": robot.name,
+            "mass": robot.mass,
+            "setup": self.setup.words,
+            "limits": list(self.setup.limits),
+            "pushes": [{"force": np.asarray(p.force).tolist(), "frame": p.frame, "from": float(p.start),
+                        "for": float(p.duration)} for p in self.pushes],
+            "duration": x.duration,
+            "step": x.step,
+            "steps": self.steps,
+            "integrator": x.integrator,
+            "law": x.law,
+            "ended": x.interrupted,
+            "verdict": self.verdict,
+            "energy": {"start": float(x.energy[0]), "end": float(x.energy[-1]), "change": float(x.energy[-1] - x.energy[0]),
+                       "largest_kinetic": float(x.kinetic.max())},
+            "residuals": residuals,
+            "constraints": {name: self._constraint(name) for name in x.forces},
+            "events": [{"t": e.t, "name": e.name, "kind": e.kind, "point": e.point, "speed": e.speed, "impulse": e.impulse}
+                       for e in x.events],
+            "centre_of_mass": {"start": x.com[0].tolist(), "end": x.com[-1].tolist()},
+            "base": None if not robot.floating else {"start": x.q[0, :7].tolist(), "end": x.q[-1, :7].tolist()},
+            "q": x.q[-1].tolist(),
+            "v": x.v[-1].tolist(),
+            "seconds": dict(self.seconds),
+            "steps_per_second": self.steps / self.seconds["simulate"],
+        }  # fmt: skip
+
+    def _constraint(self, name: str) -> dict[str, Any]:
+        x = self.trajectory
+        size = self._sizes(name)
+        most = int(np.argmax(size))
+        kinds = [e.kind for e in x.events if e.name == name]
+        return {
+            "mode": str(x.modes[name][-1]),
+            "largest": {"value": float(size[most]), "at": float(x.times[most])},
+            "force": x.forces[name][-1].tolist(),
+            "touches": kinds.count("touches"),
+            "leaves": kinds.count("leaves"),
+        }
+
+    def _sizes(self, name: str) -> Array:
+        """Of a contact's force, else of the largest row force, at each sample."""
+        force = self.trajectory.forces[name]
+        if not force.shape[1]:
+            return np.zeros(len(force))
+        return np.linalg.norm(force[:, :3], axis=1) if name in self.trajectory.points else np.abs(force).max(axis=1)
+
+    def _when(self, values: Array) -> float:
+        return float(self.trajectory.times[int(np.argmax(values))])
+
+    def __rich__(self) -> Group:
+        """The tables of the command line."""
+        parts = [self._motion_table(), self._proof_table()]
+        if self.trajectory.forces:
+            parts.insert(0, self._constraints_table())
+        if self.trajectory.events:
+            parts.insert(1, self._events_table())
+        return Group(Text(self._headline(), style="bold"), *parts)
+
+    def _headline(self) -> str:
+        x = self.trajectory
+        what = f"{x.robot.name}: {x.robot.mass:.3f} kg, {self.setup.words}"
+        return what + "".join(f"\n  pushed with {push}" for push in self.pushes)
+
+    def _constraints_table(self) -> Table:
+        x = self.trajectory
+        table = _table("constraints", "constraint")
+        for heading in ("at the end", "force at the end [N]", "largest force [N]", "at [s]", "touches", "leaves"):
+            table.add_column(heading, justify="right")
+        idle = 0
+        for name in x.forces:
+            known = self._constraint(name)
+            if name not in self.setup.feet and not known["largest"]["value"] and known["mode"] == OPEN:
+                idle += 1
+                continue
+            contact = name in x.points and x.forces[name].shape[1]
+            force = rounded(x.forces[name][-1, :3], 2) if contact else "-"
+            largest = known["largest"]
+            table.add_row(
+                name, known["mode"], force, f"{largest['value']:.2f}", f"{largest['at']:.3f}",
+                str(known["touches"]), str(known["leaves"]),
+            )  # fmt: skip
+        if idle:
+            table.add_row(f"{idle} more that never act", *[""] * 6)
+        return table
+
+    def _events_table(self) -> Table:
+        events = self.trajectory.events
+        more = f"; {len(events) - EVENTS} more" if len(events) > EVENTS else ""
+        table = _table(f"{_count(len(events), 'event')}{more}", "at [s]")
+        table.add_column("what")
+        for event in events[:EVENTS]:
+            told = str(event).split(": ", 1)[1]
+            table.add_row(f"{event.t:.6f}", told)
+        return table
+
+    def _motion_table(self) -> Table:
+        x = self.trajectory
+        table = _table("motion", None)
+        table.add_row("time", f"{x.times[0]:g} to {x.times[-1]:g} s, {_count(self.steps, 'step')} of {1e3 * x.step:g} ms")
+        if x.interrupted:
+            table.add_row("ended early", x.interrupted)
+        if self.verdict:
+            table.add_row("at the end", self.verdict)
+        for what, told in self._places():
+            table.add_row(what, told)
+        motor = _busiest_motor(x)
+        if motor:
+            table.add_row("largest torque", motor)
+        e = x.energy
+        change = f"change {e[-1] - e[0]:.3g} J, kinetic at most {x.kinetic.max():.4g} J"
+        table.add_row("energy", f"{e[0]:.6g} J to {e[-1]:.6g} J: {change}")
+        return table
+
+    def _places(self) -> list[tuple[str, str]]:
+        x = self.trajectory
+        robot = x.robot
+        out = [("centre of mass", f"({rounded(x.com[-1], 4)}) m, moved by ({rounded(x.com[-1] - x.com[0], 4)}) m")]
+        if robot.floating:
+            first, last = x.state(0).base_pose(), x.state(-1).base_pose()
+            turned = np.degrees(np.arccos(np.clip((np.trace(first.rotation.T @ last.rotation) - 1.0) / 2.0, -1.0, 1.0)))
+            moved = rounded(last.translation - first.translation, 4)
+            out.append(("base", f"({rounded(last.translation, 4)}) m, moved by ({moved}) m, turned by {turned:.2f} deg"))
+        else:
+            out += _joints(x.state(0), x.state(-1))
+        return out
+
+    def _proof_table(self) -> Table:
+        x = self.trajectory
+        table = _table("proof", None)
+        table.add_row("method", f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else ""))
+        holds = any((modes == HOLDS).any() for modes in x.modes.values())
+        told_of = {"law": True, "drift": holds, "drift_rate": holds, "penetration": bool(x.points)}
+        for name, unit in RESIDUALS.items():
+            if not told_of.get(name, True):
+                continue
+            worst = float(np.abs(x.residuals[name]).max())
+            told = "(scaled)" if unit == "1" else unit
+            at = f" at {self._when(np.abs(x.residuals[name])):.3f} s" if worst else ""
+            table.add_row(f"worst {name.replace('_', ' ')}", f"{worst:.1e} {told}{at}")
+        for i, limit in enumerate(self.setup.limits):
+            table.add_row("" if i else "left out", limit)
+        pace = self.steps / self.seconds["simulate"]
+        times = ", ".join(f"{what} {t:.2f} s" for what, t in self.seconds.items())
+        table.add_row("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time")
+        return table
+
+
+PLOTS = (".png", ".svg", ".pdf")
+
+
+def draw(trajectory: Trajectory, path: Path) -> Path:
+    """Forces (where there are any) above energies, over time; returns where they are.
+
+    Raises:
+        InputError: Matplotlib is not installed, or the file cannot be written.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("--plot wants Matplotlib. Install the extra: pip install 'rbd[plot]'") from None
+    panels = (trajectory.plot_forces, trajectory.plot_energy) if trajectory.forces else (trajectory.plot_energy,)
+    figure = Figure(figsize=(9.0, 4.0 * len(panels)), layout="constrained")
+    for panel, axes in zip(panels, figure.subplots(len(panels), squeeze=False)[:, 0], strict=True):
+        panel(axes)
+    write_file(path, lambda file: figure.savefig(file, dpi=120, format=path.suffix[1:].lower()))
+    return path
+
+
+def _table(title: str, first: str | None) -> Table:
+    """A table of ours; without a first heading, of two columns without any."""
+    table = Table(title, headings=first is not None)
+    table.add_column("" if first is None else first)
+    if first is None:
+        table.add_column("")
+    return table
+
+
+def _joints(first: State, last: State) -> list[tuple[str, str]]:
+    """Where each joint with one freedom is at the end."""
+    model = first.robot.model
+    single = [i for i in range(1, model.njoints) if model.joints[i].nv == 1]
+    out: list[tuple[str, str]] = []
+    for i in single[:MOST_JOINTS]:
+        joint = model.joints[i]
+        straight = joint.shortname().startswith("JointModelP")
+        per_second, unit = ("m/s", "m") if straight else ("rad/s", "rad")
+        q0, q1 = (_coordinate(s.q[joint.idx_q : joint.idx_q + joint.nq]) for s in (first, last))
+        told = f"{q0 + 0.0:.4f} to {q1 + 0.0:.4f} {unit}, at {last.v[joint.idx_v] + 0.0:.4f} {per_second}"
+        out.append((model.names[i], told))
+    left = len(single) - len(out)
+    return [*out, ("", f"and {_count(left, 'more joint')}")] if left else out
+
+
+def _coordinate(q: Array) -> float:
+    """Of a joint with one freedom; where it is kept as a cosine and a sine, the angle."""
+    return float(q[0] if len(q) == 1 else math.atan2(q[1], q[0]))
+
+
+def _busiest_motor(x: Trajectory) -> str:
+    """The motor that comes nearest to its limit, or has the largest torque where none is stated."""
+    robot: CheckedModel = x.robot
+    if not robot.nu or not np.abs(x.tau).max(initial=0.0):
+        return ""
+    used = np.abs(x.tau) / robot.effort_limit
+    if not used.max() > 0.0:
+        used = np.abs(x.tau)
+    at, i = np.unravel_index(int(np.argmax(used)), used.shape)
+    limit = robot.effort_limit[i]
+    share = f", {100 * used[at, i]:.1f} % of its limit" if np.isfinite(limit) else ""
+    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.times[at]:.3f} s"
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -1,0 +1,1 @@
+"""Convex shapes: their vertices, faces and closest points."""

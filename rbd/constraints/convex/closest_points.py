@@ -1,0 +1,239 @@
+"""Where two convex shapes touch, or would touch first: normal, points and gaps.
+
+Coal gives the nearest points and their direction. Where a flat face of one shape is nearly across that direction, the face's
+own normal is taken if it parts the shapes as far: the signed distance of convex shapes is the largest, over all normals n, of
+
+    (lowest p . n of the first) - (highest p . n of the second)
+
+so a better normal can be told from a worse one. Between faces, ends and edges the points are the corners of what the two have
+in common, seen along the normal, each with the gap between the two surfaces there. Else it is the nearest pair alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.constraints.convex.outline import SAME_M, Point, inside, on_edge, outline, overlap, same
+from rbd.constraints.convex.reduced import across, spread
+from rbd.constraints.convex.solids import ConvexShape
+
+NEARLY_ACROSS = 0.99995
+"""A face's normal is tried where its cosine with the nearest direction is above this: 0.6 degrees."""
+IN_TOUCH_M, RETREAT_M = 1e-7, 1e-5
+"""Of shapes nearer than the first coal's normal leans by up to 1e-5, and edges that cross seem to meet at an end: the second
+shape is drawn back by the other length, and the distance taken from there."""
+LEVEL_M = 1e-4
+"""Points that are less than this behind the nearest one belong to the same face or edge, though they may not touch yet."""
+LEANING = 0.1
+"""A face whose normal has less than this along the contact's normal is a side."""
+
+
+class Crossing(NamedTuple):
+    """A point where two shapes may touch.
+
+    Attributes:
+        name: Of the shapes, with the numbers of the corners or edges that meet.
+        first: Number of the point of the first shape that is there; -1 where an edge or a face of it is.
+        second: Likewise.
+        position: Halfway between the two, in W, shape (3,) [m].
+        gap: From the second to the first along the normal [m]; negative where they overlap.
+    """
+
+    name: str
+    first: int
+    second: int
+    position: Array
+    gap: float
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """How two shapes stand to each other.
+
+    Attributes:
+        normal: From the second to the first, unit vector in W, shape (3,).
+        carrier: 1 or 2: the shape whose face gives the normal, so that it turns with that body; 0: neither.
+        crossings: Where they may touch, those within the margin.
+    """
+
+    normal: Array
+    carrier: int
+    crossings: tuple[Crossing, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A shape in W, seen along a normal that points out of what it touches (`sign` 1) or at it (-1)."""
+
+    shape: ConvexShape
+    X: pin.SE3
+    n: Array
+    sign: float
+
+    @property
+    def up(self) -> Array:
+        return self.sign * (self.X.rotation.T @ self.n)
+
+    def extreme(self) -> float:
+        """Lowest p . n of the first shape, highest of the second."""
+        return self.sign * self.shape.lowest(self.up) + float(self.n @ self.X.translation)
+
+    def near(self, depth: float) -> tuple[list[int], Array]:
+        """Points that are at most `depth` behind the extreme one, in W."""
+        up = self.up
+        numbers, points = self.shape.low(up, self.shape.lowest(up) + depth)
+        return numbers, points @ self.X.rotation.T + self.X.translation
+
+    def surface(self, base: Array) -> Array | None:
+        """Heights q . n of the surface where some points are, shape (k,), of the faces across n; None where there are none."""
+        N = self.shape.faces[:, :3] @ self.X.rotation.T
+        lean = -self.sign * (N @ self.n)
+        facing = lean > LEANING
+        if not facing.any():
+            return None
+        N, d = N[facing], self.shape.faces[facing, 3] + N[facing] @ self.X.translation
+        heights = (d - base @ N.T) / (N @ self.n) + (base @ self.n)[:, None]
+        return np.asarray(heights.max(axis=1) if self.sign > 0.0 else heights.min(axis=1))
+
+
+def meeting(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3, margin: float) -> Meeting | None:
+    """How two shapes stand to each other; None where they are farther apart than `margin`.
+
+    Args:
+        first: A shape.
+        X_1: Where the joint that carries it is in W.
+        second: Another.
+        X_2: Likewise.
+        margin: Largest gap of points that are given [m].
+    """
+    gap, n, p_1, p_2 = _nearest(first, X_1, second, X_2)
+    if gap > margin:
+        return None
+    n, carrier, gap = _squared(first, X_1, second, X_2, n, gap)
+    A, B = _Placed(first, X_1, n, 1.0), _Placed(second, X_2, n, -1.0)
+    crossings = [c for c in _common(A, B, max(margin - gap, 0.0) + LEVEL_M) if c.gap <= margin]
+    if not crossings:
+        crossings = [_nearest_crossing(A, B, p_1, p_2, gap)]
+    return Meeting(n, carrier, tuple(crossings))
+
+
+def _nearest(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
+    """(signed distance, unit vector from the second to the first, nearest points)."""
+    gap, n, p_1, p_2 = _by_coal(first, X_1, second, X_2)
+    if abs(gap) < IN_TOUCH_M:
+        away = RETREAT_M * n
+        gap, n, p_1, p_2 = _by_coal(first, X_1, second, pin.SE3(X_2.rotation, X_2.translation - away))
+        return gap - RETREAT_M, n, p_1, p_2 + away
+    return gap, n, p_1, p_2
+
+
+def _by_coal(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.enable_signed_distance = True
+    # With its own 1e-6 normals of round shapes are wrong by 1e-3; this costs no more.
+    request.gjk_tolerance = request.epa_tolerance = 1e-12
+    poses = [X * s.X_JC for X, s in ((X_1, first), (X_2, second))]
+    placed = [coal.Transform3s(X.rotation, X.translation) for X in poses]
+    gap = coal.distance(first.coal, placed[0], second.coal, placed[1], request, result)
+    n = -np.array(result.normal, float)
+    return float(gap), n / np.linalg.norm(n), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+
+def _squared(
+    first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3, n: Array, gap: float
+) -> tuple[Array, int, float]:
+    """(normal, carrier, gap) with a face's own normal where one parts the shapes as far."""
+
+    def parted(along: Array) -> float:
+        return _Placed(first, X_1, along, 1.0).extreme() - _Placed(second, X_2, along, -1.0).extreme()
+
+    best, carrier, most = n, 0, parted(n)
+    for number, shape, X, sign in ((2, second, X_2, 1.0), (1, first, X_1, -1.0)):
+        if not len(shape.faces):
+            continue
+        N = sign * (shape.faces[:, :3] @ X.rotation.T)
+        along = N[int(np.argmax(N @ n))]
+        if along @ n < NEARLY_ACROSS:
+            continue
+        far = parted(along)
+        if far > (most + SAME_M if carrier else most - SAME_M):
+            best, carrier, most = along, number, far
+    return best, carrier, most if carrier else gap
+
+
+def _common(A: _Placed, B: _Placed, depth: float) -> list[Crossing]:
+    """Corners of what two faces, or a face and an edge, or two parallel edges, have in common; none for other pairs."""
+    plane = across(A.n)
+    sides = [_Side(placed, plane, *placed.near(depth)) for placed in (A, B)]
+    P, Q = (side.corners for side in sides)
+    found = overlap(P, Q)
+    if not found:
+        return []
+    # A corner within the other's outline may be lower than the corners around it.
+    found += [x for x in sides[0].flat if inside(x, Q)] + [x for x in sides[1].flat if inside(x, P)]
+    points = [x for i, x in enumerate(found) if not any(same(x, y) for y in found[:i])]
+    xy = np.array(points)
+    base = xy @ plane
+    high, low = sides[0].heights(xy, base), sides[1].heights(xy, base)
+    gaps = high - low
+    kept = spread(base, gaps, A.n)
+    positions = base + (0.5 * (high + low))[:, None] * A.n
+    out = []
+    for i in kept.tolist():
+        (first, one), (second, other) = (side.place(points[i]) for side in sides)
+        name = f"{A.shape.name}:{one}|{B.shape.name}:{other}"
+        out.append(Crossing(name, first, second, positions[i], float(gaps[i])))
+    return sorted(out, key=lambda c: c.name)  # the same order at the next state
+
+
+class _Side:
+    """Points of one shape that are near the other, as seen along the normal."""
+
+    def __init__(self, placed: _Placed, plane: Array, numbers: list[int], points: Array) -> None:
+        self.placed, self.numbers = placed, numbers
+        self.flat: list[Point] = [(x, y) for x, y in (points @ plane.T).tolist()]
+        self.height = points @ placed.n
+        self.hull = outline(self.flat)
+        self.corners = [self.flat[i] for i in self.hull]
+
+    def place(self, x: Point) -> tuple[int, str]:
+        """(number of the point that stands at x, or -1; in words: that number, those of the edge's ends, or "face")."""
+        for number, p in zip(self.numbers, self.flat, strict=True):
+            if same(x, p):
+                return number, str(number)
+        i = on_edge(x, self.corners)
+        if i < 0:
+            return -1, "face"
+        low, high = sorted(self.numbers[self.hull[j % len(self.hull)]] for j in (i, i + 1))
+        return -1, f"{low}-{high}"
+
+    def heights(self, xy: Array, base: Array) -> Array:
+        """Height q . n of the surface above or below some points: on the shape's faces; of an edge, along it."""
+        if len(self.hull) == 2:
+            sign, h = self.placed.sign, self.height.tolist()
+            a, b = self.corners
+            # Where two points are seen as one it is the nearer that counts.
+            ends = [sign * min(sign * h[i] for i, p in enumerate(self.flat) if same(p, end)) for end in (a, b)]
+            along = np.array([b[0] - a[0], b[1] - a[1]])
+            return ends[0] + ((xy - a) @ along) * (ends[1] - ends[0]) / float(along @ along)
+        found = self.placed.surface(base)
+        if found is None:  # a sheet
+            flat = np.column_stack([self.flat, np.ones(len(self.flat))])
+            found = np.column_stack([xy, np.ones(len(xy))]) @ np.linalg.lstsq(flat, self.height, rcond=None)[0]
+        return found
+
+
+def _nearest_crossing(A: _Placed, B: _Placed, p_1: Array, p_2: Array, gap: float) -> Crossing:
+    """The nearest pair alone: a ball, a corner, or edges that cross."""
+    one, other = A.near(1e-6), B.near(1e-6)
+    i = one[0][0] if len(one[0]) == 1 else -1
+    j = other[0][0] if len(other[0]) == 1 else -1
+    p = one[1][0] - 0.5 * gap * A.n if i >= 0 else other[1][0] + 0.5 * gap * A.n if j >= 0 else 0.5 * (p_1 + p_2)
+    words = [s.shape.name + (f":{number}" if number >= 0 else "") for s, number in ((A, i), (B, j))]
+    return Crossing("|".join(words), i, j, p, gap)

@@ -1,0 +1,211 @@
+"""Convex shapes of a robot's bodies, and the points with which they can touch something below them.
+
+A shape is its corners, its round parts, and its flat faces, all in the axes of the joint that carries it. A mesh counts as its
+convex hull.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.constraints.convex.reduced import DIRECTIONS, MOST_POINTS, across, farthest, spread
+from rbd.constraints.convex.rounds import Ball, Oval, Rim, Round
+from rbd.errors import ModelError
+
+RIM_CORNERS = 8
+"""Corners that stand for a rim that lies flat: a regular polygon in it, its edges up to 8 % of the radius inside."""
+FLAT_M = 1e-5
+"""Corners of a mesh that are this near to a face of it lie on the face; of more than eight, eight stand for all."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexShape:
+    """A convex shape fixed to a body.
+
+    Its points have numbers: first the vertices, then the round parts.
+
+    Attributes:
+        name: Of the shape in Pinocchio's geometry.
+        joint: Index of the joint that carries it; 0 of what stands in the world.
+        vertices: Corners, shape (n, 3) [m].
+        rounds: Round parts.
+        faces: Flat faces (N, d), N x <= d inside, shape (f, 4) [1, m].
+        coal: The same for Coal's distances.
+        X_JC: Where `coal` stands.
+        centre: Of a ball around all of it, shape (3,) [m].
+        reach: Radius of that ball [m].
+    """
+
+    name: str
+    joint: int
+    vertices: Array
+    rounds: tuple[Round, ...]
+    faces: Array
+    coal: coal.CollisionGeometry
+    X_JC: pin.SE3
+    centre: Array = field(init=False)
+    reach: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        directions = np.vstack([np.eye(3), -np.eye(3)])
+        ends = [p for d in directions for r in self.rounds if (p := r.lowest(d)) is not None]
+        points = np.vstack([self.vertices, *(end[None] for end in ends)])
+        centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        balls = [float(np.linalg.norm(r.centre - centre)) + r.radius for r in self.rounds if isinstance(r, Ball | Rim)]
+        ovals = [
+            float(np.linalg.norm(r.centre - centre)) + float(np.sqrt(np.linalg.eigvalsh(r.Q)[-1]))
+            for r in self.rounds
+            if isinstance(r, Oval)
+        ]
+        away = np.linalg.norm(self.vertices - centre, axis=1).max(initial=0.0)
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "reach", max([float(away), *balls, *ovals]))
+
+    def low(self, up: Array, limit: float) -> tuple[list[int], Array]:
+        """(numbers, points (k, 3) [m]) of what lies not above `limit` [m] along `up`: what can touch, see `spread`.
+
+        Args:
+            up: Unit vector in the body's axes, shape (3,).
+            limit: p . up of the highest points that count.
+        """
+        numbers: list[int] = []
+        points = self.vertices
+        if len(points):
+            height = points.dot(up)
+            for r in self.rounds:
+                if isinstance(r, Rim) and r.stands(up):
+                    height[r.corners] = np.inf
+            at = (height <= limit).nonzero()[0]
+            if len(at) > MOST_POINTS:
+                at = at[spread(points[at], height[at], up)]
+            numbers, points = at.tolist(), points[at]
+        lowest = [(len(self.vertices) + i, r.lowest(up)) for i, r in enumerate(self.rounds)]
+        more = [(i, p) for i, p in lowest if p is not None and p.dot(up) <= limit]
+        if not more:
+            return numbers, points
+        return numbers + [i for i, _ in more], np.array([*points, *(p for _, p in more)])
+
+    def lowest(self, up: Array) -> float:
+        """The smallest p . up of its points [m]."""
+        rounds = [float(p @ up) for r in self.rounds if (p := r.lowest(up)) is not None]
+        return min([float((self.vertices @ up).min(initial=np.inf)), *rounds])
+
+    def wander(self, number: int, up: Array, rate: Array) -> Array:
+        """How fast a point moves over the body while `up` changes at `rate` [1/s]: zero for a vertex, shape (3,) [m/s]."""
+        i = number - len(self.vertices)
+        return self.rounds[i].wander(up, rate) if i >= 0 else np.zeros(3)
+
+
+def convex_shape(shape: pin.GeometryObject) -> ConvexShape:
+    """The shape of a geometry object.
+
+    Raises:
+        ModelError: it has no end (a plane, a half-space), or no vertices.
+    """
+    X, geometry = pin.SE3(shape.placement), shape.geometry
+    name, joint = str(shape.name), int(shape.parentJoint)
+
+    def made(vertices: Array, rounds: Sequence[Round] = (), faces: Array | None = None) -> ConvexShape:
+        placed = np.asarray(vertices, float).reshape(-1, 3) @ X.rotation.T + X.translation
+        flat = np.zeros((0, 4)) if faces is None else faces
+        N = flat[:, :3] @ X.rotation.T
+        placed_faces = np.column_stack([N, flat[:, 3] + N @ X.translation])
+        return ConvexShape(name, joint, placed, tuple(rounds), placed_faces, geometry, X)
+
+    match geometry:
+        case coal.BVHModelBase():
+            return _hull(name, joint, np.array(geometry.vertices(), float).reshape(-1, 3) @ X.rotation.T + X.translation)
+        case coal.ConvexBase():
+            points = np.array([geometry.point(i) for i in range(geometry.num_points)], float).reshape(-1, 3)
+            return _hull(name, joint, points @ X.rotation.T + X.translation)
+        case coal.Box():
+            half = np.asarray(geometry.halfSide, float)
+            signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            faces = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(half, 2)])
+            return made(signs * half, (), faces)
+        case coal.Sphere():
+            return made(np.zeros((0, 3)), [Ball(X.translation.copy(), float(geometry.radius))])
+        case coal.Ellipsoid():
+            Q = X.rotation @ np.diag(np.asarray(geometry.radii, float) ** 2) @ X.rotation.T
+            return made(np.zeros((0, 3)), [Oval(X.translation.copy(), Q)])
+        case coal.Capsule():
+            ends = [X.act(np.array([0.0, 0.0, z])) for z in (-geometry.halfLength, geometry.halfLength)]
+            return made(np.zeros((0, 3)), [Ball(end, float(geometry.radius)) for end in ends])
+        case coal.Cylinder():
+            h = float(geometry.halfLength)
+            rims = [_rim(X, float(geometry.radius), z, i) for i, z in enumerate((-h, h))]
+            caps = np.array([[0.0, 0.0, -1.0, h], [0.0, 0.0, 1.0, h]])
+            return made(np.vstack([_polygon(float(geometry.radius), z) for z in (-h, h)]), rims, caps)
+        case coal.Cone():
+            h = float(geometry.halfLength)
+            points = np.vstack([_polygon(float(geometry.radius), -h), [[0.0, 0.0, h]]])
+            return made(points, [_rim(X, float(geometry.radius), -h, 0)], np.array([[0.0, 0.0, -1.0, h]]))
+    raise ModelError(f"is a {type(geometry).__name__}, which has no points that could touch")
+
+
+def _polygon(radius: float, z: float) -> Array:
+    angles = 2.0 * np.pi * np.arange(RIM_CORNERS) / RIM_CORNERS
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(RIM_CORNERS, z)])
+
+
+def _rim(X: pin.SE3, radius: float, z: float, i: int) -> Rim:
+    corners = slice(i * RIM_CORNERS, (i + 1) * RIM_CORNERS)
+    return Rim(X.act(np.array([0.0, 0.0, z])), X.rotation[:, 2].copy(), radius, corners)
+
+
+def _hull(name: str, joint: int, points: Array) -> ConvexShape:
+    """The convex hull of a mesh, in the joint's axes; of a flat one all of its points, without faces."""
+    from scipy.spatial import ConvexHull, QhullError  # a tenth of a second to import
+
+    if len(points) == 0:
+        raise ModelError("is a mesh without vertices")
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        corners = np.unique(points, axis=0)
+        flat = coal.Convex(_vectors(corners), _triangles(np.zeros((0, 3), int)))
+        return ConvexShape(name, joint, corners, (), np.zeros((0, 4)), flat, pin.SE3.Identity())
+    number = np.full(len(points), -1)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    triangles = number[hull.simplices]
+    corners = points[hull.vertices]
+    # Coal wants corners counterclockwise as seen from outside; Qhull leaves them in any order.
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    triangles[inward] = triangles[inward][:, ::-1]
+    faces = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)[1]
+    equations = hull.equations[np.sort(faces)]
+    faces = np.column_stack([equations[:, :3], -equations[:, 3]])
+    solid = coal.Convex(_vectors(corners), _triangles(triangles))
+    return ConvexShape(name, joint, corners[_few(corners, faces)], (), faces, solid, pin.SE3.Identity())
+
+
+def _few(corners: Array, faces: Array) -> Array:
+    """Numbers of the corners without those of large faces for which eight others of the face stand, ascending."""
+    on_face = np.abs(corners @ faces[:, :3].T - faces[:, 3]) < FLAT_M
+    kept, dropped = set(), set()
+    for i in np.flatnonzero(on_face.sum(axis=0) > DIRECTIONS):
+        own = np.flatnonzero(on_face[:, i])
+        flat = corners[own] @ across(faces[i, :3]).T
+        few = own[farthest(flat - flat.mean(axis=0), np.zeros(len(own)))]
+        kept.update(few.tolist())
+        dropped.update(own.tolist())
+    return np.array([i for i in range(len(corners)) if i in kept or i not in dropped], int)
+
+
+def _vectors(points: Array) -> coal.StdVec_Vec3s:
+    out = coal.StdVec_Vec3s()
+    out.extend(list(points))
+    return out
+
+
+def _triangles(triangles: Array) -> coal.StdVec_Triangle:
+    out = coal.StdVec_Triangle()
+    out.extend([coal.Triangle(int(i), int(j), int(k)) for i, j, k in triangles])
+    return out

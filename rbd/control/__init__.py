@@ -1,0 +1,1 @@
+"""What decides the motor torques over time: controllers, schedules and pushes."""

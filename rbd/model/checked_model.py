@@ -1,0 +1,343 @@
+"""The checked `pin.Model`: names, actuation, limits, and a pool of `pin.Data`.
+
+Pinocchio crashes on unknown frame and joint ids, and computes on with NaN or with quaternions off the unit sphere; nothing
+reaches it here unchecked.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, check_finite, largest, numbers
+from rbd.errors import FrameNotFound, InputError, JointNotFound, ModelError, nearest
+from rbd.model.forks import renewed_after_fork
+
+UNIT_TOLERANCE = 1e-6
+"""How far a quaternion's norm may be from one before it is refused."""
+
+FARTHEST = 1e5
+"""Largest entry of q and of v: at 100 km from the origin M is right to 3e-11 of its largest entry, beyond it gets worse."""
+
+_tickets = itertools.count(1)
+
+
+class CheckedModel:
+    """A pin.Model whose names, sizes and numbers are checked before Pinocchio sees them.
+
+    Args:
+        model: The Pinocchio model; it is not to be changed afterwards.
+        passive: Names of joints that carry no motor. A floating base never does.
+        name: Name for messages; the model's own by default.
+
+    Attributes:
+        name: The robot's name.
+        model: The pin.Model.
+        actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
+        actuated: Indices in v of the actuated coordinates, shape (nu,).
+        motors: The same as a slice where they follow each other, which is faster.
+        actuated_names: Their joints' names, in the order of tau.
+        effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
+        bases: Indices of the free-flyers that all bodies hang from, one a robot; empty if anything is fixed to the world.
+        floating: Whether all bodies hang from one free-flyer joint.
+        sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
+        zero_v: A velocity of zero, shape (nv,), read-only.
+    """
+
+    def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
+        self.model = model
+        self.name = name or model.name
+        _check_order(model)
+        self.nq: int = model.nq
+        self.nv: int = model.nv
+        self._joints = {n: i for i, n in enumerate(model.names) if i > 0}
+        self._frames = _frame_ids(model)
+        self._sites: dict[str, tuple[int, pin.SE3]] = {}
+        self.passive = self._check_passive(passive)
+        roots = tuple(i for i in range(1, model.njoints) if model.parents[i] == 0)
+        self.bases = roots if all(model.joints[i].shortname() == "JointModelFreeFlyer" for i in roots) else ()
+        self.floating = self.bases == (1,)
+        motors = [
+            (n, model.joints[i].idx_v + k)
+            for n, i in self._joints.items()
+            if model.joints[i].shortname() != "JointModelFreeFlyer" and n not in self.passive
+            for k in range(model.joints[i].nv)
+        ]
+        self.actuated = np.array([i for _, i in motors], dtype=int)
+        self.actuated_names = tuple(n for n, _ in motors)
+        self.nu = len(motors)
+        self.motors = _as_slice(self.actuated)
+        self.actuation = np.eye(self.nv)[self.actuated]
+        limit = np.array(model.effortLimit, float)[self.actuated]
+        # Zero, missing and +-DBL_MAX all mean that the file states no limit.
+        self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
+        self._unit_blocks = [(b, e) for j in model.joints for b, e in _unit_blocks(j)]
+        self.zero_v = np.zeros(self.nv)
+        self.zero_v.flags.writeable = False
+        self.sound = True
+        self.pool = DataPool(model)
+
+    @property
+    def mass(self) -> float:
+        """Total mass of the moving bodies [kg]."""
+        return float(pin.computeTotalMass(self.model))  # asked anew: the equations of motion, too, read the model as it is now
+
+    @property
+    def gravity(self) -> Array:
+        """In W, shape (3,) [m/s2]."""
+        return np.array(self.model.gravity.linear)
+
+    @property
+    def weight(self) -> Array:
+        """Wrench of gravity about the centre of mass, in W, shape (6,) [N, N m]."""
+        wrench = np.zeros(6)  # on the way of each answer: two microseconds less than joined arrays
+        wrench[:3] = self.mass * self.model.gravity.linear
+        return wrench
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copies are made anew from the Pinocchio model, in another process too."""
+        return _remade, (self.model, sorted(self.passive), self.name), {"sound": self.sound}
+
+    def frames(self) -> list[str]:
+        """Names of all frames: links, joints and fixed marks."""
+        return list(self._frames)
+
+    def joints(self) -> list[str]:
+        """Names of all joints, the floating base included."""
+        return list(self._joints)
+
+    def frame(self, name: str) -> pin.Frame:
+        """The Pinocchio frame of this name; a link goes before a joint of the same name.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        return self.model.frames[self.frame_id(name)]
+
+    def frame_id(self, name: str) -> int:
+        """Index of the frame in the model.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        try:
+            return self._frames[name]
+        except (KeyError, TypeError):
+            raise FrameNotFound(
+                f"no frame {name!r:.80} in {self.name}; {nearest(name, self._frames)}. See robot.frames()."
+            ) from None
+
+    def site(self, frame: str) -> tuple[int, pin.SE3]:
+        """(joint, X_JF): the joint whose body carries the frame, and where on it; looked up once a name.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        found = self._sites.get(frame) if isinstance(frame, str) else None
+        if found is None:
+            f = self.frame(frame)
+            found = self._sites[frame] = (int(f.parentJoint), pin.SE3(f.placement))
+        return found
+
+    def joint_id(self, name: str) -> int:
+        """Index of the joint in the model.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        try:
+            return self._joints[name]
+        except (KeyError, TypeError):
+            raise JointNotFound(
+                f"no joint {name!r:.80} in {self.name}; {nearest(name, self._joints)}. See robot.joints()."
+            ) from None
+
+    def check_q(self, q: Array) -> Array:
+        """A configuration, copied, its unit quaternions (and unit circles) normalised; refused if far from unit.
+
+        Raises:
+            InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
+        """
+        q = self._vector("q", q, self.nq, "nq", FARTHEST)
+        for begin, end in self._unit_blocks:
+            block = q[begin:end]
+            norm = math.sqrt(np.vdot(block, block))
+            if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+                what = "quaternion (x, y, z, w)" if end - begin == 4 else "unit circle (cos, sin)"
+                raise InputError(
+                    f"q[{begin}:{end}] is the {what} {np.round(block, 9).tolist()} of norm {norm:.9g}; expected norm 1 to "
+                    f"{UNIT_TOLERANCE:g}. Divide it by its norm, or build q with robot.model's pinocchio.integrate."
+                )
+            if abs(norm - 1.0) > 4e-16:  # two roundings
+                block /= norm
+        return q
+
+    def check_v(self, v: Array, what: str = "v") -> Array:
+        """A velocity, an acceleration or a generalised force, copied, shape (nv,).
+
+        Raises:
+            InputError: wrong size or not finite.
+        """
+        return self._vector(what, v, self.nv, "nv", FARTHEST if what == "v" else math.inf)
+
+    def check_tau(self, tau: Array) -> Array:
+        """Motor torques, copied, shape (nu,).
+
+        Raises:
+            InputError: wrong size (the floating base and passive joints have no entry) or not finite.
+        """
+        return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
+
+    def _vector(self, what: str, value: Array, size: int, meaning: str, most: float = math.inf) -> Array:
+        out = numbers(f"{what} of {self.name}", value)
+        if out.shape != (size,):
+            hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
+            raise InputError(f"{what} of {self.name} has shape {out.shape}; expected ({size},): {meaning}.{hint}")
+        # One pass for both: NaN fails the comparison, and a norm within `most` has entries within it.
+        if not np.vdot(out, out) < most * most:
+            check_finite(f"{what} of {self.name}", out)
+            if largest(out) > most:
+                raise InputError(
+                    f"{what} of {self.name} reaches {largest(out):.3g}; at most {most:g} is taken [m, rad, and per second]: "
+                    "so far away, rounding eats the millimetres between links."
+                )
+        return out
+
+    def _check_passive(self, passive: Iterable[str]) -> frozenset[str]:
+        if isinstance(passive, str):
+            passive = (passive,)
+        try:
+            names = list(passive)
+        except TypeError:
+            raise InputError(f"passive is {passive!r:.80}; expected a list of joints' names.") from None
+        for n in names:
+            self.joint_id(n)
+        return frozenset(names)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, nq={self.nq}, nv={self.nv}, nu={self.nu}, mass={self.mass:.3f} kg)"
+
+
+class Slot:
+    """One pin.Data and the ticket of the state whose kinematics it holds."""
+
+    __slots__ = ("data", "ticket")
+
+    def __init__(self, data: pin.Data) -> None:
+        self.data = data
+        self.ticket = 0
+
+
+class DataPool:
+    """A few `pin.Data`, lent to states by ticket.
+
+    Making one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
+    else needs it, and runs its kinematics again when it was taken away. All use is under `lock`, but for `give_back`.
+    """
+
+    def __init__(self, model: pin.Model, size: int = 4) -> None:
+        self._model = model
+        self._size = size
+        self._lent: list[Slot] = []
+        self._free: list[Slot] = []
+        self._returned: deque[tuple[Slot, int]] = deque()
+        self.lock = threading.RLock()
+        renewed_after_fork(self)
+
+    def take(self, fill: Callable[[pin.Data], None]) -> tuple[Slot, int]:
+        """A slot filled for a new ticket: a free one, a new one while there are few, else the one lent longest."""
+        self._take_back()
+        if self._free:
+            slot = self._free.pop()
+        elif len(self._lent) < self._size:
+            slot = Slot(self._model.createData())
+        else:
+            slot = self._lent.pop(0)
+        slot.ticket = 0
+        self._lent.append(slot)
+        fill(slot.data)
+        slot.ticket = next(_tickets)
+        return slot, slot.ticket
+
+    def give_back(self, slot: Slot, ticket: int) -> None:
+        """End a loan; nothing happens if the slot has gone to another ticket meanwhile.
+
+        It waits for no lock: the garbage collector calls it at any moment, in a thread that may hold another robot's lock.
+        While the lock is taken the slot is only noted, for the next `take`.
+        """
+        self._returned.append((slot, ticket))
+        lock = self.lock
+        if lock.acquire(blocking=False):
+            try:
+                self._take_back()
+            finally:
+                lock.release()
+
+    def _take_back(self) -> None:
+        """Make free what was given back; under the lock."""
+        while True:
+            try:  # rather than asking first: the garbage collector may come in between and take the last one
+                slot, ticket = self._returned.popleft()
+            except IndexError:
+                return
+            if slot.ticket == ticket and slot in self._lent:
+                slot.ticket = 0
+                self._lent.remove(slot)
+                self._free.append(slot)
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: a new lock; what a thread of the parent was computing is not lent again."""
+        self.lock = threading.RLock()
+        self._lent = [slot for slot in self._lent if slot.ticket]
+        self._returned = deque(self._returned)
+
+
+def _remade(model: pin.Model, passive: list[str], name: str) -> CheckedModel:
+    return CheckedModel(model, passive=passive, name=name)
+
+
+def _as_slice(indices: Array) -> slice | Array:
+    if len(indices) and (np.diff(indices) == 1).all():
+        return slice(int(indices[0]), int(indices[-1]) + 1)
+    return indices
+
+
+def _check_order(model: pin.Model) -> None:
+    """Refuse joints that are not depth-first: Pinocchio's M and Jacobians take subtrees for blocks, and are silently wrong."""
+    for i in range(1, model.njoints):
+        below = sorted(model.subtrees[i])
+        if below != list(range(i, i + len(below))):
+            raise ModelError(
+                f"the joints of {model.name!r} are not numbered depth-first: below {model.names[i]!r} stand the numbers "
+                f"{str(below)[:80]}. Add each branch of the tree in one piece, then the next."
+            )
+
+
+def _frame_ids(model: pin.Model) -> dict[str, int]:
+    ids: dict[str, int] = {}
+    for i, f in enumerate(model.frames):
+        if f.name not in ids or f.type == pin.FrameType.BODY:
+            ids[f.name] = i
+    return ids
+
+
+def _unit_blocks(joint: pin.JointModel) -> list[tuple[int, int]]:
+    """Index ranges in q that must have unit norm."""
+    name, at = joint.shortname(), joint.idx_q
+    if name == "JointModelFreeFlyer":
+        return [(at + 3, at + 7)]
+    if name in ("JointModelSpherical",):
+        return [(at, at + 4)]
+    if name == "JointModelPlanar":
+        return [(at + 2, at + 4)]
+    if name.startswith("JointModelR") and "Unbounded" in name or name.startswith("JointModelRUB"):
+        return [(at, at + 2)]
+    if name == "JointModelComposite":
+        return [block for part in joint.extract().joints for block in _unit_blocks(part)]
+    return []

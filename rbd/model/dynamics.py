@@ -1,0 +1,164 @@
+"""Terms of the equations of motion: M(q) a + v^T C(q) v = S^T tau + tau_g(q) + tau_ext + J^T f.
+
+Source: `docs/theory.md`, which names the equation for each function here.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, zeros
+from rbd.errors import InputError
+from rbd.model.external_force import External, generalised
+from rbd.model.state import State
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
+
+
+class HasRows(Protocol):
+    """Anything that gives rows at a state."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    def rows(self, state: State) -> Rows:
+        """Its rows."""
+
+
+def checked(state: State) -> State:
+    """The state itself.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"expected a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v) or robot.standing().")
+    return state
+
+
+def mass_matrix(state: State) -> Array:
+    """Joint-space inertia M(q), shape (nv, nv) [kg, kg m, kg m2]: symmetric, positive definite, rotor inertia included."""
+    return checked(state).M.copy()
+
+
+def bias_force(state: State) -> Array:
+    """h(q, v) = C(q, v) v - tau_g(q), shape (nv,) [N, N m]; neither damping nor friction of the file is in it."""
+    return checked(state).h.copy()
+
+
+def gravity_torque(state: State) -> Array:
+    """tau_g(q), shape (nv,) [N, N m]: what gravity does, on the right-hand side; a robot at rest has h = -tau_g."""
+    robot = checked(state).robot
+    with robot.pool.lock:
+        slot, ticket = robot.pool.take(lambda data: pin.computeGeneralizedGravity(robot.model, data, state.q))
+        tau_g = -slot.data.g
+        robot.pool.give_back(slot, ticket)
+    return tau_g
+
+
+def coriolis_matrix(state: State) -> Array:
+    """C(q, v) with C(q, v) v = h + tau_g, shape (nv, nv): the one for which Mdot - 2 C is skew (Mdot = C + C^T)."""
+    return _coriolis_matrices(checked(state), state.v[:, None])[0]
+
+
+def coriolis_tensor(state: State) -> Array:
+    """C(q), shape (nv, nv, nv), so that `v @ C @ v` is the Coriolis and centrifugal force of any v [N, N m].
+
+    Force index first, symmetric in the two velocity indices. On a fixed base of single-axis joints these are the
+    Christoffel symbols of the first kind. On a floating base v is not the derivative of coordinates and Pinocchio's C(v) w
+    differs from C(w) v; the symmetric part, C_ijk = 1/2 (C(e_j) e_k + C(e_k) e_j)_i, is the one that `v @ C @ v` defines.
+
+    Source: Wieber's form of the equations of motion, `docs/theory.md`.
+    """
+    by_velocity = _coriolis_matrices(checked(state), np.eye(state.robot.nv))  # [j, i, k]: column k of C(e_j)
+    tensor = by_velocity.transpose(1, 0, 2)
+    return 0.5 * (tensor + tensor.transpose(0, 2, 1))
+
+
+def _coriolis_matrices(state: State, velocities: Array) -> Array:
+    robot, out = state.robot, []
+    with robot.pool.lock:
+        slot, ticket = robot.pool.take(lambda data: None)
+        for v in velocities.T:
+            out.append(pin.computeCoriolisMatrix(robot.model, slot.data, state.q, np.ascontiguousarray(v)).copy())
+        robot.pool.give_back(slot, ticket)
+    return np.array(out)
+
+
+def constraint_hessian(state: State, constraint: HasRows) -> Array:
+    """H(q), shape (m, nv, nv), so that `v @ H @ v` is the constraint's J_dot v [m/s2, rad/s2] of any v.
+
+    Row index first, symmetric in the two velocity indices (the reference text writes n x m x n). By polarising the bias,
+    which is quadratic in v: H_jk = 1/2 (b(e_j + e_k) - b(e_j) - b(e_k)).
+
+    Raises:
+        InputError: of a contact with a ground that moves, whose bias is not quadratic in v.
+    """
+    nv = checked(state).robot.nv
+    if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
+        raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give a contact, e.g. robot.soles()[0].")
+    rest = constraint.rows(state.with_velocity(np.zeros(nv)))
+    if rest.bias.any() or rest.velocity.any():
+        raise InputError(f"what {rest.name!r} touches moves, so its J_dot v is not quadratic in v: it has no Hessian.")
+    unit = np.eye(nv)
+    single = np.array([constraint.rows(state.with_velocity(e)).bias for e in unit])
+    H = np.zeros((single.shape[1], nv, nv))
+    for j in range(nv):
+        H[:, j, j] = single[j]
+        for k in range(j):
+            both = constraint.rows(state.with_velocity(unit[j] + unit[k])).bias
+            H[:, j, k] = H[:, k, j] = 0.5 * (both - single[j] - single[k])
+    return H
+
+
+def free_acceleration(state: State, tau: Array, external: External = None) -> Array:
+    """a_free = M^-1 (S^T tau + tau_ext - h), shape (nv,): the motion without any constraint.
+
+    Args:
+        state: Where the robot is and how it moves.
+        tau: Motor torques, shape (nu,) [N, N m].
+        external: Generalised force (nv,), or `ExternalForce`s.
+    """
+    rhs, _ = free_force(state, tau, external)
+    return GaussProblem(state.M, rhs).a_free
+
+
+def free_force(state: State, tau: Array, external: External = None) -> tuple[Array, Array]:
+    """(S^T tau + tau_ext - h, external wrench about the centre of mass): shapes (nv,) and (6,)."""
+    robot = checked(state).robot
+    if external is None:
+        rhs, wrench = -state.h, zeros(6)
+    else:
+        tau_ext, wrench = generalised(state, external)
+        rhs = tau_ext - state.h
+    rhs[robot.motors] += robot.check_tau(tau)
+    return rhs, wrench
+
+
+def inverse_dynamics(state: State, a: Array) -> Array:
+    """Generalised force M a + h that gives acceleration a, shape (nv,); its base part is what the world must supply."""
+    return checked(state).M @ state.robot.check_v(a, "a") + state.h
+
+
+def kinetic_energy(state: State) -> float:
+    """1/2 v^T M v [J]."""
+    return 0.5 * float(checked(state).v @ state.M @ state.v)
+
+
+def potential_energy(state: State) -> float:
+    """Minus mass times gravity times centre of mass [J]; zero at the world's origin."""
+    return -checked(state).robot.mass * float(state.robot.gravity @ state.com)
+
+
+def momentum(state: State) -> Array:
+    """Linear, then angular momentum about the centre of mass, in world axes, shape (6,) [kg m/s, kg m2/s]."""
+    robot = checked(state).robot
+    with robot.pool.lock:
+        slot, ticket = robot.pool.take(lambda d: pin.computeCentroidalMomentum(robot.model, d, state.q, state.v))
+        hg = slot.data.hg.vector.copy()
+        robot.pool.give_back(slot, ticket)
+    return hg

@@ -1,0 +1,154 @@
+"""A robot's file, read and checked once: what the loader builds from, and what the doctor compares the model with."""
+
+from __future__ import annotations
+
+import os.path
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from rbd.errors import ModelError
+from rbd.model.mjcf import Mjcf, read_mjcf
+from rbd.model.mjcf.equality import Equality, read_equalities
+from rbd.model.urdf import Complaints, UrdfFile, check_urdf
+from rbd.model.urdf_shapes import check_shapes
+from rbd.model.xml import FileLimits, read_xml
+
+MOST_MESHES = 5_000
+"""So many names of meshes are looked up; no robot has more."""
+_ROTORS = ("motorInertia", "rotorInertia", "rotor_inertia")
+"""Elements in which some URDFs state what their motors' rotors weigh, each with its own idea of the gear."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFile:
+    """A URDF or MJCF file whose names and numbers are in order.
+
+    Attributes:
+        path: Where it is.
+        kind: "urdf" or "mjcf".
+        urdf: Its links and joints; None for an MJCF.
+        mjcf: Its bodies, joints and motors; None for a URDF.
+        bodies: Names of its links or bodies.
+        mass: That of the moving links [kg].
+        remarks: (kind, where, text) of what the file says and the model leaves out.
+        meshes: (as named, where it may be relative to a folder) of each mesh, once.
+        equalities: Loops of an MJCF, between its bodies, sites and joints.
+    """
+
+    path: Path
+    kind: Literal["urdf", "mjcf"]
+    urdf: UrdfFile | None
+    mjcf: Mjcf | None
+    bodies: tuple[str, ...]
+    mass: float
+    remarks: tuple[tuple[str, str, str], ...]
+    meshes: tuple[tuple[str, str], ...]
+    equalities: tuple[Equality, ...] = ()
+
+    def missing_meshes(self, package_dirs: Sequence[Path]) -> Iterator[str]:
+        """Names of the meshes that are in none of the folders; none is opened."""
+        folders = [str(folder) for folder in (self.path.parent, *package_dirs)]
+        for name, relative in self.meshes:
+            if not any(os.path.isfile(os.path.join(folder, relative)) for folder in folders):
+                yield name
+
+
+def read(
+    path: Path,
+    limits: FileLimits | None = None,
+    *,
+    base: int = 6,
+    known: bool = False,
+    folders: tuple[Path, ...] = (),
+    leave_out: Collection[str] = (),
+) -> RobotFile:
+    """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
+
+    Args:
+        path: A URDF or MJCF file.
+        limits: How large it may be.
+        base: Freedoms of the joint that a URDF's root link is to get: 6 for a floating base, 3 for one that slides and turns
+            on the ground, 0 where it is welded to the world.
+        known: A file of the robot data: a mimic of nothing is passed over, as the dynamics mimic nothing anyway.
+        folders: Where an MJCF's meshes and included files may lie, beside its own folder.
+        leave_out: Of `rbd.model.mjcf.LEAVABLE`: what of an MJCF the dynamics may pass over.
+
+    Raises:
+        ModelError: naming what is wrong.
+    """
+    limits = FileLimits() if limits is None else limits
+    element = read_xml(path, limits)
+    if element.tag == "mujoco":
+        return _read_mjcf(path, element, limits, folders, leave_out)
+    if element.tag != "robot":
+        raise ModelError(f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>.")
+    urdf = check_urdf(path, element, floating=base > 0, known=known)
+    shapes = Complaints(path.name)
+    check_shapes(shapes, element)
+    shapes.refuse()
+    check_freedoms(path, urdf.freedoms + base, limits)
+    mass = sum(link.mass for link in urdf.links.values() if base or link.name not in urdf.base)
+    return RobotFile(path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf, element)), _urdf_meshes(element))
+
+
+def _read_mjcf(
+    path: Path, element: ElementTree.Element, limits: FileLimits, folders: tuple[Path, ...], leave_out: Collection[str]
+) -> RobotFile:
+    mjcf = read_mjcf(path, element, limits, folders, leave_out)
+    mjcf.meshes.check_folders()
+    off = "equality" in mjcf.settings.off
+    equalities, lost = read_equalities(path.name, mjcf.root, off=off)
+    bodies = tuple(body.name for body in mjcf.bodies[1:])
+    meshes = tuple(mjcf.meshes.files().items())[:MOST_MESHES]
+    return RobotFile(path, "mjcf", None, mjcf, bodies, mjcf.mass, (*mjcf.remarks, *lost), meshes, equalities)
+
+
+def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:
+    """Refuse what would fill the memory.
+
+    Raises:
+        ModelError: more degrees of freedom than the limits allow.
+    """
+    if nv > limits.max_dof:
+        raise ModelError(
+            f"{path.name} has {nv} degrees of freedom; at most {limits.max_dof} are taken: Pinocchio's data would fill "
+            f"{32e-9 * nv**3:.1f} GB. Weld joints that do not move, or load_robot(..., limits=rbd.FileLimits(max_dof={nv}))."
+        )
+
+
+def _remarks(urdf: UrdfFile, robot: ElementTree.Element) -> Iterator[tuple[str, str, str]]:
+    for joint in urdf.joints.values():
+        if joint.kind == "planar" and (joint.axis is None or any(joint.axis[:2])):
+            yield "planar", joint.name, "moves in the x-y plane of its frame, whatever its axis"
+        if joint.mimics is not None and joint.kind != "fixed":
+            yield "mimic", joint.name, f"follows {joint.mimics!r} in the file; here it moves by itself, and has a motor"
+    for part in (*robot.findall("transmission"), *robot.findall("joint")):
+        driven = part.find("joint") if part.tag == "transmission" else part
+        for element in part.iter():
+            if element.tag.rpartition("}")[2].rpartition(":")[2] in _ROTORS and not _is_zero(element):
+                name = (part if driven is None else driven).get("name", "")
+                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not read"
+                yield "armature", name, f"{told}; give it as the joint's <dynamics armature=...>, seen through the gear [kg m2]"
+
+
+def _is_zero(element: ElementTree.Element) -> bool:
+    try:
+        return float(element.get("value") or element.text or "0") == 0.0
+    except ValueError:
+        return False
+
+
+def _urdf_meshes(robot: ElementTree.Element) -> tuple[tuple[str, str], ...]:
+    meshes = (mesh for part in ("visual", "collision") for mesh in robot.iterfind(f"link/{part}/geometry/mesh"))
+    found = list(dict.fromkeys(mesh.get("filename", "") for mesh in meshes))[:MOST_MESHES]
+    return tuple((name, _without_scheme(name)) for name in found)
+
+
+def _without_scheme(name: str) -> str:
+    scheme, separator, rest = name.partition("://")
+    if not separator:
+        return name
+    return rest.lstrip("/") if scheme == "package" else rest

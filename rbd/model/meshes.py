@@ -1,0 +1,223 @@
+"""The shapes of a robot's file as a Pinocchio geometry, with boxes in place of the meshes that cannot be had.
+
+Every mesh is found and looked at here; what Pinocchio is given names only files that passed, by their resolved paths.
+So nothing outside the package folders is opened, whatever `..`, links or the environment say.
+"""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import ModelError
+from rbd.model.mesh_files import LARGEST, MISSING, OUTSIDE, check_mesh, check_scale, find_mesh
+from rbd.model.mjcf import LEAVABLE, carry_out_includes, read_mjcf
+from rbd.model.mjcf_shapes import mjcf_geometry
+from rbd.model.xml import FileLimits
+
+Element = ElementTree.Element
+STAND_IN_M = 0.05
+"""Side of the box that stands in for a mesh where the link's inertia does not say better."""
+MOST_NAMES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Shapes of one kind.
+
+    Attributes:
+        model: Pinocchio's geometry.
+        stand_ins: Names in `model` of the boxes that stand in for meshes.
+        complaint: What could not be had, and what to do; empty when all is well.
+    """
+
+    model: pin.GeometryModel
+    stand_ins: frozenset[str] = frozenset()
+    complaint: str = ""
+
+
+def load_geometry(
+    model: pin.Model,
+    element: Element,
+    path: Path,
+    package_dirs: Iterable[Path],
+    kind: pin.GeometryType,
+    limits: FileLimits = FileLimits(),  # noqa: B008  frozen
+) -> Geometry:
+    """The visual or collision shapes of a robot's file.
+
+    Args:
+        model: Built from the same file.
+        element: The file's first element, <robot> or <mujoco>; it is not changed.
+        path: The file.
+        package_dirs: Where `package://` starts from; meshes are opened only inside these folders, links resolved.
+        kind: pin.GeometryType.VISUAL or COLLISION.
+        limits: For the files that an MJCF includes.
+    """
+    if element.tag == "mujoco":
+        return _mjcf(model, copy.deepcopy(element), path, kind, tuple(package_dirs), limits)
+    meshes = _Meshes(path.parent, tuple(package_dirs))
+    reason = ""
+    for attempt in (meshes.read_each, meshes.read_each, None):
+        # A first pass reads every mesh once. Only if that fails are they read one by one, to find which cannot be.
+        try:
+            found, stand_ins = _built(model, copy.deepcopy(element), kind, meshes)
+        except (ValueError, RuntimeError, IndexError) as error:
+            reason = str(error).strip().split("\n")[0].rstrip(".")
+            if attempt is None or not attempt():
+                break
+            continue
+        if meshes.all_finite(found):
+            return Geometry(found, stand_ins, meshes.complaint())
+    return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {reason}.")
+
+
+def _built(
+    model: pin.Model, element: Element, kind: pin.GeometryType, meshes: _Meshes
+) -> tuple[pin.GeometryModel, frozenset[str]]:
+    stand_ins = frozenset(_replaced(element, "visual" if kind == pin.GeometryType.VISUAL else "collision", meshes))
+    text = ElementTree.tostring(element, encoding="unicode")
+    return pin.buildGeomFromUrdfString(model, text, kind, package_dirs=[], mesh_loader=meshes.loader), stand_ins
+
+
+class _Meshes:
+    """The meshes of one file: each is looked at once, and those that cannot be had are remembered with the reason."""
+
+    def __init__(self, base: Path, folders: tuple[Path, ...]) -> None:
+        self.loader = coal.CachedMeshLoader()  # caches for Pinocchio; called from Python it does not
+        self.refused: dict[str, str] = {}
+        self._base = base
+        self._folders = folders
+        self._known: dict[str, Path] = {}
+
+    def usable(self, name: str, scale: str | None) -> Path | None:
+        """The resolved path of a mesh that may be opened, or None."""
+        if name in self.refused:
+            return None
+        try:
+            check_scale(scale)
+            if name not in self._known:
+                path = find_mesh(name, self._base, self._folders)
+                check_mesh(path, self._folders)
+                self._known[name] = path
+            return self._known[name]
+        except ModelError as error:
+            self.refused[name] = str(error)
+        return None
+
+    def look_at(self, name: str, place: str) -> None:
+        """Refuse an MJCF's mesh file that may not be opened.
+
+        Raises:
+            ModelError: why not.
+        """
+        path = find_mesh(place, self._base, self._folders)
+        if path.suffix.lower() != ".msh":  # whose size says all
+            check_mesh(path, self._folders)
+
+    def read_each(self) -> bool:
+        """Read every usable mesh, and refuse those that cannot be; whether there were any."""
+        before = len(self.refused)
+        for name, path in self._known.items():
+            try:
+                if name not in self.refused:
+                    coal.MeshLoader().load(str(path), np.ones(3))
+            except (ValueError, RuntimeError, MemoryError):
+                self.refused[name] = "cannot be read as a mesh"
+        return len(self.refused) > before
+
+    def all_finite(self, found: pin.GeometryModel) -> bool:
+        """Whether all vertices are numbers of a sensible size; meshes of others are refused."""
+        wrong = set()
+        for obj in found.geometryObjects:
+            if isinstance(obj.geometry, coal.BVHModelBase):
+                if not (np.abs(obj.geometry.vertices()) <= LARGEST).all():
+                    wrong.add(obj.meshPath)
+        for name, path in self._known.items():
+            if str(path) in wrong:
+                self.refused[name] = f"has coordinates that are not finite, or above {LARGEST:g} m"
+        return not wrong
+
+    def complaint(self) -> str:
+        """What is drawn as a box, and what to do about it; empty if nothing is."""
+        if not self.refused:
+            return ""
+        names = [f"{name!r:.200} {reason}" for name, reason in list(self.refused.items())[:MOST_NAMES]]
+        more = len(self.refused) - len(names)
+        listed = "; ".join(names) + (f"; and {more} more" if more > 0 else "")
+        advice = "Give the folder above its packages: load_robot(..., package_dirs=[folder])."
+        if not {MISSING, OUTSIDE} & set(self.refused.values()):
+            advice = "Repair these files, or export them again."
+        count = f"{len(self.refused)} mesh{'es' if len(self.refused) > 1 else ''}"
+        return f"has boxes in place of {count}: {listed}. {advice}"
+
+
+def _replaced(robot: Element, tag: str, meshes: _Meshes) -> Iterator[str]:
+    """Names the links' meshes by their resolved paths, or puts boxes in their places; yields the names of those boxes."""
+    for link in robot.findall("link"):
+        shapes = link.findall(tag)
+        lost = []
+        for i, shape in enumerate(shapes):
+            for mesh in shape.iter("mesh"):
+                path = meshes.usable(mesh.get("filename", ""), mesh.get("scale"))
+                if path is None:
+                    lost.append((shape, mesh))
+                    yield f"{link.get('name', '')}_{i}"  # as Pinocchio calls it
+                else:
+                    mesh.set("filename", str(path))
+        alone = len(lost) == len(shapes)
+        for shape, mesh in lost:
+            _put_box(link, shape, mesh, alone)
+
+
+def _put_box(link: Element, shape: Element, mesh: Element, alone: bool) -> None:
+    """A box with the link's mass and inertia where nothing else is drawn of the link; a small one in place otherwise."""
+    sides = _equivalent_box(link.find("inertial")) if alone else None
+    mesh.tag = "box"
+    mesh.attrib.clear()
+    mesh.set("size", " ".join(f"{side:.6g}" for side in (sides if sides is not None else [STAND_IN_M] * 3)))
+    if sides is None:
+        return
+    for old in shape.findall("origin"):
+        shape.remove(old)
+    if (origin := link.find("inertial/origin")) is not None:
+        shape.insert(0, copy.deepcopy(origin))
+
+
+def _equivalent_box(inertial: Element | None) -> Array | None:
+    """Sides [m] of the box with this mass and these moments about its axes, from 1 cm to 1 m; None if there is none."""
+    mass = None if inertial is None else inertial.find("mass")
+    inertia = None if inertial is None else inertial.find("inertia")
+    if mass is None or inertia is None:
+        return None
+    try:
+        m = float(mass.get("value", "0"))
+        xx, yy, zz = (float(inertia.get(name, "0")) for name in ("ixx", "iyy", "izz"))
+    except ValueError:
+        return None
+    squares = np.array([yy + zz - xx, xx + zz - yy, xx + yy - zz])
+    if not (np.isfinite(squares).all() and 0.0 < m < np.inf and (squares > 0.0).all()):
+        return None
+    return np.clip(np.sqrt(6.0 * squares / m), 0.01, 1.0)
+
+
+def _mjcf(
+    model: pin.Model, element: Element, path: Path, kind: pin.GeometryType, folders: tuple[Path, ...], limits: FileLimits
+) -> Geometry:
+    """As for URDF; what is missing is drawn as small boxes."""
+    meshes = _Meshes(path.parent, folders)
+    try:
+        carry_out_includes(path, element, limits, folders)
+        file = read_mjcf(path, element, limits, folders, LEAVABLE)
+        found, stand_ins, meshes.refused = mjcf_geometry(model, file, kind, meshes.look_at, STAND_IN_M)
+    except ModelError as error:
+        return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {error}")
+    return Geometry(found, stand_ins, meshes.complaint())

@@ -1,0 +1,189 @@
+"""The meshes of an MJCF file: found, read once when they are asked for, moved and scaled as the file says."""
+
+from __future__ import annotations
+
+import os.path
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import nearest
+from rbd.model.mjcf.attributes import check_attributes
+from rbd.model.mjcf.defaults import Defaults
+from rbd.model.mjcf.mesh_data import checked, hull, read_mesh
+from rbd.model.mjcf.poses import rotation
+from rbd.model.mjcf.settings import Settings, keyword, numbers
+from rbd.model.mjcf.solids import Solid, mesh_solid
+from rbd.model.urdf import FARTHEST, Complaints
+
+Element = ElementTree.Element
+SMALLEST_SCALE, LARGEST_SCALE = 1e-9, 1e6
+_ELSEWHERE = "Copy it there, or give the folder above both: load_robot(..., package_dirs=[folder])"
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A mesh: corners (k, 3) [m] and triangles (m, 3), counter-clockwise as seen from outside; none where the file has none."""
+
+    vertices: Array
+    faces: Array
+
+
+class Meshes:
+    """The <mesh> assets of a file.
+
+    Args:
+        wrong: Where complaints go.
+        root: The file's first element, includes carried out.
+        defaults: Its default classes.
+        settings: Its settings.
+        folder: Where it is.
+        folders: Where meshes may lie, beside that folder.
+    """
+
+    def __init__(
+        self, wrong: Complaints, root: Element, defaults: Defaults, settings: Settings, folder: Path, folders: tuple[Path, ...]
+    ) -> None:
+        self._wrong, self._settings = wrong, settings
+        self._folder, self._inside = folder, [each.resolve() for each in (folder, *folders)]
+        self._surfaces: dict[str, Surface] = {}
+        self._solids: dict[str, Solid] = {}
+        self._elements: dict[str, Element] = {}
+        for raw in root.findall("asset/mesh"):
+            element = defaults.resolved(raw)
+            name = element.get("name") or PurePosixPath(element.get("file", "").replace("\\", "/")).stem
+            check_attributes(wrong, f"mesh {name!r:.80}", element)
+            if name in self._elements:
+                wrong.stop(f"two meshes are called {name!r:.80}; expected different names.")
+            self._elements[name] = element
+
+    def element(self, what: str, name: str) -> Element:
+        """A mesh's element.
+
+        Raises:
+            ModelError: no such mesh, with the nearest names.
+        """
+        if name not in self._elements:
+            self._wrong.stop(f"{what} names a mesh {name!r:.80}, which is not in the file; {nearest(name, self._elements)}.")
+        return self._elements[name]
+
+    def surface(self, what: str, name: str) -> Surface:
+        """A mesh, moved by its refpos and refquat, then scaled.
+
+        Raises:
+            ModelError: a mesh that is missing, outside the folders or broken.
+        """
+        self.element(what, name)
+        try:
+            return self.load(name)
+        except ValueError as error:
+            self._wrong.stop(f"mesh {name!r:.80} {error}.")
+
+    def load(self, name: str) -> Surface:
+        """The same of a mesh that is in the file.
+
+        Raises:
+            ValueError: why not, to be put behind its name.
+        """
+        if name not in self._surfaces:
+            element = self._elements[name]
+            self._surfaces[name] = self._moved(name, element, *self._raw(name, element))
+        return self._surfaces[name]
+
+    def files(self) -> dict[str, str]:
+        """{file as it is named: where it is, relative to the folder of the robot's file}."""
+        found = [element.get("file", "") for element in self._elements.values() if element.get("file") is not None]
+        return {file: os.path.join(self._settings.mesh_folder, self._wanted(file)) for file in found}
+
+    def file(self, name: str) -> tuple[str, str] | None:
+        """(its file as it is named, where that is) of a mesh; None where its corners are in the text."""
+        named = self._elements[name].get("file")
+        return None if named is None else (named, os.path.join(self._settings.mesh_folder, self._wanted(named)))
+
+    def check_folders(self) -> None:
+        """Refuse files outside the folders, opened or not.
+
+        Raises:
+            ModelError: naming the file.
+        """
+        for file, place in self.files().items():
+            try:
+                inside = any((self._folder / place).resolve().is_relative_to(folder) for folder in self._inside)
+            except (OSError, ValueError, RuntimeError):
+                inside = False
+            if not inside:
+                told = f"<mesh> names the file {file!r:.200}, outside the folder of {self._wrong.file}"
+                self._wrong.stop(f"{told}. {_ELSEWHERE}.")
+
+    def solid(self, what: str, name: str) -> Solid:
+        """What a mesh weighs at density one.
+
+        Raises:
+            ModelError: one that encloses nothing.
+        """
+        if name not in self._solids:
+            element, surface = self.element(what, name), self.surface(what, name)
+            kinds = ("legacy", "exact", "convex", "shell")
+            kind = keyword(self._wrong, f"mesh {name!r:.80}", element, "inertia", "legacy", kinds)
+            try:
+                convex = kind == "convex" or not len(surface.faces)
+                if convex and element.get("maxhullvert", "-1") != "-1":
+                    raise ValueError("has maxhullvert, with which its convex hull is not known. Take it out")
+                faces = hull(surface.vertices) if convex else surface.faces
+                self._solids[name] = mesh_solid(surface.vertices, faces, kind)
+            except ValueError as error:
+                self._wrong.stop(f"mesh {name!r:.80} {error}. {what} needs it for its mass; or give the body an <inertial>.")
+        return self._solids[name]
+
+    def scale(self, name: str, element: Element) -> Array:
+        """The scale of a mesh, shape (3,).
+
+        Raises:
+            ModelError: a factor that is zero or nearly so, or no number.
+        """
+        what = f"mesh {name!r:.80}"
+        scale = np.array(numbers(self._wrong, what, element, "scale", 3, (1.0, 1.0, 1.0)))
+        if not ((np.abs(scale) >= SMALLEST_SCALE) & (np.abs(scale) <= LARGEST_SCALE)).all():
+            told = f"{what} has the scale {element.get('scale')!r:.60}"
+            self._wrong.stop(f"{told}; expected factors from {SMALLEST_SCALE:g} to {LARGEST_SCALE:g}, or a mirror's of -1.")
+        return scale
+
+    def _raw(self, name: str, element: Element) -> tuple[Array, Array]:
+        what = f"mesh {name!r:.80}"
+        if element.get("file") is not None:
+            return read_mesh(self._found(element.get("file", "")))
+        words = [len(element.get(key, "").split()) for key in ("vertex", "face")]
+        if not words[0] or words[0] % 3 or words[1] % 3:
+            raise ValueError("has neither a file nor corners, or not three numbers for each corner and triangle")
+        vertices = np.array(numbers(self._wrong, what, element, "vertex", words[0], (), most=FARTHEST), np.float32)
+        faces = np.array(numbers(self._wrong, what, element, "face", words[1], ()))
+        if (faces != np.round(faces)).any():
+            raise ValueError("has triangles whose corners are no whole numbers")
+        return checked(vertices.astype(float).reshape(-1, 3), faces.astype(int).reshape(-1, 3))
+
+    def _moved(self, name: str, element: Element, vertices: Array, faces: Array) -> Surface:
+        what = f"mesh {name!r:.80}"
+        p = np.array(numbers(self._wrong, what, element, "refpos", 3, (0.0, 0.0, 0.0), most=FARTHEST))
+        turn = ElementTree.Element("mesh", {} if element.get("refquat") is None else {"quat": element.get("refquat", "")})
+        scale = self.scale(name, element)
+        out = (vertices - p) @ rotation(self._wrong, what, turn, self._settings) * scale
+        return Surface(out, faces if np.prod(scale) > 0.0 else faces[:, ::-1])
+
+    def _found(self, name: str) -> Path:
+        try:
+            place = (self._folder / self._settings.mesh_folder / self._wanted(name)).resolve()
+            if not any(place.is_relative_to(folder) for folder in self._inside):
+                told = f"names the file {name!r:.200}, outside the folder of {self._wrong.file}"
+                raise ValueError(f"{told}. {_ELSEWHERE}")
+            if not place.is_file():
+                raise ValueError(f"names the file {name!r:.200}, which is not there")
+        except (OSError, RuntimeError):
+            raise ValueError(f"names the file {name!r:.200}, which is no path") from None
+        return place
+
+    def _wanted(self, name: str) -> str:
+        wanted = name.replace("\\", "/")
+        return PurePosixPath(wanted).name if self._settings.strip_path else wanted

@@ -1,0 +1,187 @@
+"""State: a robot at (q, v), with its dynamics and kinematics run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, three
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.problem import MomentumBalance
+
+
+@dataclass(frozen=True, eq=False)
+class FrameKinematics:
+    """Where a frame is and how it moves: world axes, linear then angular.
+
+    Attributes:
+        X_WF: Pose in W; its origin is the point asked for.
+        J: Jacobian, shape (6, nv): J v is the velocity of the point and the angular velocity.
+        v: Velocity J v, shape (6,) [m/s, rad/s].
+        bias: J_dot v, shape (6,): the classical acceleration of the point, and the angular one, when v_dot = 0
+            [m/s2, rad/s2].
+    """
+
+    X_WF: pin.SE3
+    J: Array
+    v: Array
+    bias: Array
+
+
+class State:
+    """A robot at configuration q with velocity v; complete when it exists.
+
+    Its terms are computed at once and never change. It makes no pin.Data of its own: it borrows one of the robot's, and any
+    number of states of one robot may live side by side.
+
+    Args:
+        robot: The robot.
+        q: Configuration, shape (nq,); quaternions x, y, z, w. It is copied and normalised.
+        v: Velocity, shape (nv,) [m/s, rad/s]; of a floating base in the base's axes. Zero if not given.
+
+    Attributes:
+        M: Joint-space inertia, shape (nv, nv), rotor inertia included.
+        com: Centre of mass in W, shape (3,) [m].
+        h: C(q, v) v - tau_g, shape (nv,) [N, N m]. File damping and friction are in no term of it.
+
+    Raises:
+        InputError: wrong sizes, NaN or infinity, a quaternion off the unit sphere by more than 1e-6.
+    """
+
+    def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+        self._begin(robot, robot.check_q(q), np.zeros(robot.nv) if v is None else robot.check_v(v))
+
+    def _begin(self, robot: CheckedModel, q: Array, v: Array) -> None:
+        self.robot, self.q, self.v = robot, q, v
+        self._pool = robot.pool
+        with self._pool.lock:
+            self._slot, self._ticket = self._pool.take(self._run)
+            data = self._slot.data
+            self.M: Array = data.M.copy("F")
+            self.h: Array = data.nle.copy()
+            self.com: Array = data.com[0].copy()
+        for array in (self.q, self.v, self.M, self.h, self.com):
+            array.flags.writeable = False
+
+    def __del__(self) -> None:
+        slot = getattr(self, "_slot", None)
+        if slot is not None:
+            self._pool.give_back(slot, self._ticket)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its own terms."""
+        return _again, (self.robot, self.q, self.v)
+
+    def __repr__(self) -> str:
+        return f"State({self.robot.name!r}, |v| = {np.linalg.norm(self.v):.3g})"
+
+    def with_velocity(self, v: Array) -> State:
+        """The same configuration with another velocity."""
+        return State(self.robot, self.q, v)
+
+    def _run(self, data: pin.Data) -> None:
+        model, q, v = self.robot.model, self.q, self.v
+        pin.crba(model, data, q, pin.Convention.WORLD)  # M, the joint Jacobians, A_g and the centre of mass
+        pin.nonLinearEffects(model, data, q, v)  # h
+        pin.forwardKinematics(model, data, q, v, self.robot.zero_v)  # last: leaves accelerations for v_dot = 0
+
+    def _data(self) -> pin.Data:
+        """Data with this state's kinematics; only under the pool's lock."""
+        if self._slot.ticket != self._ticket:
+            self._slot, self._ticket = self._pool.take(self._run)
+        return self._slot.data
+
+    def moving(self, frame: str, X_FP: pin.SE3, axes: pin.ReferenceFrame) -> tuple[pin.SE3, Array, Array, Array]:
+        """(X_WP, J, v, bias) of a pose P fixed to a frame, in world axes or in P's own (frozen) axes.
+
+        For constraints; `frame` is the door for everyone. `axes` is pin.LOCAL_WORLD_ALIGNED or pin.LOCAL. The bias is
+        classical: in P's axes it is R_WP^T times the one in world axes, the turning of the axes left out.
+        """
+        model = self.robot.model
+        joint, X_JF = self.robot.site(frame)
+        X_JP = X_JF * X_FP
+        with self._pool.lock:
+            data = self._data()
+            J = pin.getFrameJacobian(model, data, joint, X_JP, axes)
+            return (
+                data.oMi[joint] * X_JP,
+                J if J.ndim == 2 else J.reshape(6, 1),  # of a robot with one degree of freedom it comes as (6,)
+                pin.getFrameVelocity(model, data, joint, X_JP, axes).vector,
+                pin.getFrameClassicalAcceleration(model, data, joint, X_JP, axes).vector,
+            )
+
+    def frame(self, name: str, offset: Sequence[float] | Array = (0.0, 0.0, 0.0)) -> FrameKinematics:
+        """Pose, Jacobian, velocity and J_dot v of a frame, or of a point fixed to it.
+
+        Args:
+            name: Frame of the robot.
+            offset: The point, in the frame's axes, from its origin [m].
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: if the offset is not three finite numbers.
+        """
+        X_FP = pin.SE3(np.eye(3), three("offset", offset))
+        X_WF, J, v, bias = self.moving(name, X_FP, pin.LOCAL_WORLD_ALIGNED)
+        return FrameKinematics(X_WF, J, v, bias)
+
+    def base_pose(self, joint: int = 1) -> pin.SE3:
+        """X_WB of a joint's body, of `robot.bases`; by default of the first."""
+        with self._pool.lock:
+            return self._data().oMi[joint].copy()
+
+    def joint_places(self, joints: Sequence[int]) -> tuple[Array, Array]:
+        """(R_WJ, p_WJ) of joints by their numbers, shapes (n, 3, 3) and (n, 3) [m]."""
+        with self._pool.lock:
+            oMi = self._data().oMi
+            places = [oMi[joint] for joint in joints]
+            return np.array([X.rotation for X in places]), np.array([X.translation for X in places])
+
+    def joint_motion(self, joints: Sequence[int]) -> tuple[Array, Array, Array]:
+        """`joint_places`, and the joints' Jacobian at W's origin over its time derivative, shape (12, nv).
+
+        Column k is the spatial velocity that a unit of v_k gives all bodies beyond its joint: linear, of the point at W's
+        origin, then angular. For many points at once; `frame` is the door for one.
+        """
+        nv = self.robot.nv
+        with self._pool.lock:
+            data = self._data()
+            # It leaves placements, velocities and J as they are, to the last bit.
+            rate = pin.computeJointJacobiansTimeVariation(self.robot.model, data, self.q, self.v)
+            return *self.joint_places(joints), np.concatenate([data.J.reshape(6, nv), rate.reshape(6, nv)])
+
+    def balance(self, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
+        """What the centroidal residual is computed from; None unless all bodies hang from floating bases.
+
+        Of two robots in one model it is that of both together.
+
+        Args:
+            wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
+            with_base: Give the base's pose too: some rows have no resultant of their own. With two bases there is none then.
+        """
+        robot = self.robot
+        if not robot.bases or (with_base and not robot.floating):
+            return None
+        with self._pool.lock:
+            data = self._data()
+            # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g.
+            rate_bias = pin.computeCentroidalMomentumTimeVariation(robot.model, data).vector
+            A_g = data.Ag.copy()
+        base = None
+        if with_base:
+            X_WB = self.base_pose()
+            base = X_WB.translation, X_WB.rotation
+        return MomentumBalance(A_g, rate_bias, wrench + robot.weight, self.com, base)
+
+
+def _again(robot: CheckedModel, q: Array, v: Array) -> State:
+    """A state from what another one had: q is taken as it is, because normalising it once more may change its last bit."""
+    state = State.__new__(State)
+    state._begin(robot, q.copy(), v.copy())
+    return state

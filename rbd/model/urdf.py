@@ -1,0 +1,344 @@
+"""URDF files: every number and every name checked, and only what was checked is handed to Pinocchio.
+
+urdfdom and Pinocchio take many broken files without a word for another robot, drop what they cannot read, and crash on
+some. Here a file is read once, told by name what is wrong with it, and written anew: the text that Pinocchio then parses
+holds the links' inertias and the joints, each number as it was read, and nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+from xml.sax.saxutils import quoteattr
+
+from rbd.errors import ModelError, nearest
+
+BASE_JOINT = "root_joint"
+"""What the joint of a floating base is called."""
+FARTHEST = 1e4
+"""Lengths [m] above this cost digits of M, which is computed about the world's origin: at 1e7 m nine of sixteen."""
+LIGHTEST = 1e-12
+"""Pinocchio adds inertias wrongly where masses sum to less than 2e-16 kg."""
+LONGEST_CHAIN = 2_000
+"""Links below each other; urdfdom and Pinocchio recurse, and at 4,000 the process ends, whatever the limits."""
+LARGEST = 1e12
+"""Masses, lengths and inertias above this are mistakes; their products would soon not be finite."""
+LONGEST_NAME = 120
+FREEDOMS = {"revolute": 1, "continuous": 1, "prismatic": 1, "fixed": 0, "floating": 6, "planar": 3}
+PAIRS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_SPACE = re.compile(r"[ \t\r\n]+")
+_ORIGIN = ("xyz", "rpy")
+_EFFECTLESS = ("lower", "upper")  # of joints that turn for ever
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link: mass [kg], inertia about its centre of mass (xx, xy, xz, yy, yz, zz) [kg m2]; zero where the file has none."""
+
+    name: str
+    mass: float = 0.0
+    inertia: Sequence[float] = (0.0,) * 6
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint between two links; `axis` and `mimics` are None where the file has none; rotor inertia [kg m2, kg]."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    axis: Sequence[float] | None
+    mimics: str | None
+    text: str
+    armature: float = 0.0
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """A URDF file whose tree, names and numbers are in order.
+
+    Attributes:
+        name: Of the robot.
+        links: {name: link}.
+        joints: {name: joint}.
+        base: Links fixed to the root link, itself included: a welded base takes their mass out of the motion.
+        text: What Pinocchio is to read.
+    """
+
+    name: str
+    links: dict[str, Link]
+    joints: dict[str, Joint]
+    base: frozenset[str]
+    text: str
+
+    @property
+    def freedoms(self) -> int:
+        """Degrees of freedom, without those of a floating base."""
+        return sum(FREEDOMS[joint.kind] for joint in self.joints.values())
+
+
+def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool, known: bool = False) -> UrdfFile:
+    """A URDF's links and joints, in order.
+
+    Args:
+        path: For messages.
+        robot: The first element, <robot>.
+        floating: A floating base will be put under it, whose joint is `root_joint`.
+        known: Pass over a mimic of a joint that is not there.
+
+    Raises:
+        ModelError: naming the first link or joint that is wrong, and how many more are.
+    """
+    wrong = Complaints(path.name)
+    name = robot.get("name", "")
+    if not name.strip():
+        wrong.add("its <robot> has no name.")
+    links = wrong.by_name("link", (_link(wrong, e) for e in robot.findall("link")))
+    joints = wrong.by_name("joint", (_joint(wrong, e) for e in robot.findall("joint")))
+    if floating and BASE_JOINT in joints:
+        wrong.add(f"joint {BASE_JOINT!r} has the name of the floating base's own joint. Rename it, or load with root='fixed'.")
+    if "universe" in joints:
+        wrong.add("joint 'universe' has the name of Pinocchio's world. Rename it.")
+    _check_tree(wrong, links, joints)
+    _check_mimics(wrong, joints, known=known)
+    wrong.refuse()
+    text = "".join([f"<robot name={quoteattr(name)}>", *(x.text for x in (*links.values(), *joints.values())), "</robot>"])
+    return UrdfFile(name, links, joints, _base(links, joints), text)
+
+
+@dataclass(frozen=True)
+class Complaints:
+    """What is wrong with a file, in words, as it is found."""
+
+    file: str
+    found: list[str] = field(default_factory=list)
+
+    def add(self, text: str) -> None:
+        """One more."""
+        self.found.append(text)
+
+    def refuse(self) -> None:
+        """Raise if there are any: the first in words, the others counted."""
+        if self.found:
+            more = f" ({len(self.found) - 1} more of this file.)" if len(self.found) > 1 else ""
+            raise ModelError(f"{self.file}: {self.found[0]}{more}")
+
+    def stop(self, text: str) -> NoReturn:
+        """Raise what makes further reading pointless."""
+        self.found.insert(0, text)
+        self.refuse()
+        raise AssertionError("unreachable")
+
+    def by_name(self, what: str, things: Iterable[Link] | Iterable[Joint]) -> dict:
+        """{name: thing}, a name that is missing or comes twice complained of."""
+        found: dict = {}
+        for thing in things:
+            if not thing.name.strip():
+                self.stop(f"{what} number {len(found) + 1} has no name.")
+            elif thing.name in found:
+                self.stop(f"two {what}s are called {thing.name!r}; expected different names.")
+            elif len(thing.name) > LONGEST_NAME:
+                told = f"has a name of {len(thing.name)} letters; expected {LONGEST_NAME} at most"
+                self.stop(f"{what} {thing.name[:40]!r}... {told}.")
+            found[thing.name] = thing
+        return found
+
+    def numbers(
+        self,
+        what: str,
+        element: ElementTree.Element | None,
+        attribute: str,
+        *,
+        count: int = 1,
+        default: float | None = None,
+        most: float = LARGEST,
+    ) -> list[float]:
+        """The finite numbers of an attribute; the default where it is not given and there is one."""
+        text = None if element is None else element.get(attribute)
+        if text is None and default is not None:
+            return [default] * count
+        # urdfdom drops the whole inertial of a link, without a word, for a blank beside a lone number
+        words = _words(text or "") if count > 1 else [text or ""]
+        values = [float(word) for word in words if _NUMBER.fullmatch(word)]
+        if len(values) == len(words) == count and all(-most <= x <= most for x in values):
+            return values
+        expected = "a finite number" if count == 1 else f"{count} finite numbers"
+        expected += f", at most {most:g}" if all(_NUMBER.fullmatch(word) for word in words) and most < LARGEST else ""
+        came = f"is {text!r:.80}" if text is not None else "is missing"
+        if count == 1 and text is not None and _NUMBER.fullmatch(text.strip()):
+            expected += ", no blanks around it" if text != text.strip() else ""
+        self.add(f"{what}: {attribute} {came}; expected {expected}.")
+        return [0.0] * count
+
+
+def _words(text: str) -> list[str]:
+    """Words between the white space of XML; other readers take no other, and would read another number or none."""
+    return [word for word in _SPACE.split(text) if word]
+
+
+def _link(wrong: Complaints, element: ElementTree.Element) -> Link:
+    name = element.get("name", "")
+    inertial = element.find("inertial")
+    if inertial is None:
+        return Link(name, text=f"<link name={quoteattr(name)}/>")
+    what = f"the inertial of link {name!r}"
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    kg = wrong.numbers(f"the mass of link {name!r}", mass, "value")[0]
+    if kg < 0.0:
+        wrong.add(f"link {name!r} has a mass of {kg:g} kg; no body weighs less than nothing.")
+    elif 0.0 < kg < LIGHTEST:
+        wrong.add(f"link {name!r} has a mass of {kg:g} kg; expected zero, or at least {LIGHTEST:g} kg.")
+    moments = [wrong.numbers(f"the inertia of link {name!r}", inertia, pair)[0] for pair in PAIRS]
+    text = (
+        f"<link name={quoteattr(name)}><inertial>{_origin(wrong, what, inertial)}<mass value='{kg!r}'/><inertia "
+        + " ".join(f"{pair}='{x!r}'" for pair, x in zip(PAIRS, moments, strict=True))
+        + "/></inertial></link>"
+    )
+    return Link(name, kg, moments, text)
+
+
+def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    what = f"joint {name!r}"
+    if kind not in FREEDOMS:
+        wrong.add(f"{what} is of type {kind!r:.80}; expected one of {', '.join(FREEDOMS)}.")
+    parent, child = (e.get("link", "") if (e := element.find(tag)) is not None else "" for tag in ("parent", "child"))
+    axis, limits, dynamics = (element.find(tag) for tag in ("axis", "limit", "dynamics"))
+    mimic = element.find("mimic")
+    parts = [_origin(wrong, what, element)]
+    direction, armature = None, 0.0
+    if axis is not None and kind not in ("fixed", "floating"):
+        direction = wrong.numbers(f"the axis of {what}", axis, "xyz", count=3)
+        length = sum(x * x for x in direction) ** 0.5
+        if not 1e-6 <= length <= 1e6:
+            if length == 0.0:
+                wrong.add(f"{what} is {kind}, and its axis is zero.")
+            else:
+                wrong.add(f"{what} is {kind}, and its axis is {length:g} long; expected a unit vector.")
+        parts.append(f"<axis xyz='{_joined(direction)}'/>")
+    if kind in ("revolute", "prismatic", "continuous", "planar"):
+        parts.append(_limit(wrong, what, kind, limits))
+    if dynamics is not None and kind != "fixed":
+        damping, friction = (_positive(wrong, what, dynamics, key) for key in ("damping", "friction"))
+        armature = _positive(wrong, what, dynamics, "armature")
+        parts.append(f"<dynamics damping='{damping!r}' friction='{friction!r}'/>")
+    if mimic is not None:
+        for key in ("multiplier", "offset"):
+            wrong.numbers(f"the mimic of {what}", mimic, key, default=0.0)
+    text = (
+        f"<joint name={quoteattr(name)} type={quoteattr(kind)}><parent link={quoteattr(parent)}/>"
+        f"<child link={quoteattr(child)}/>{''.join(parts)}</joint>"
+    )
+    return Joint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text, armature)
+
+
+def _limit(wrong: Complaints, what: str, kind: str, limit: ElementTree.Element | None) -> str:
+    if limit is None:
+        if kind in ("revolute", "prismatic"):
+            wrong.add(f"{what} is {kind}, and has no <limit>.")
+        return ""
+    lower, upper = (wrong.numbers(f"the limit of {what}", limit, key, default=0.0, most=1e308)[0] for key in _EFFECTLESS)
+    if lower > upper and kind in ("revolute", "prismatic"):
+        wrong.add(f"{what} has its limits swapped: lower is {lower:g}, upper is {upper:g}.")
+    effort, velocity = (_positive(wrong, what, limit, key) for key in ("effort", "velocity"))
+    return f"<limit lower='{lower!r}' upper='{upper!r}' effort='{effort!r}' velocity='{velocity!r}'/>"
+
+
+def _positive(wrong: Complaints, what: str, element: ElementTree.Element, key: str) -> float:
+    default = None if element.tag == "limit" else 0.0
+    value = wrong.numbers(f"the {element.tag} of {what}", element, key, default=default, most=1e308)[0]
+    if value < 0.0:
+        wrong.add(f"{what} has {key} {value:g}; expected zero or more.")
+    return value
+
+
+def _origin(wrong: Complaints, what: str, element: ElementTree.Element) -> str:
+    origin = element.find("origin")
+    if origin is None:
+        return ""
+    xyz, rpy = (wrong.numbers(f"the origin of {what}", origin, key, count=3, default=0.0, most=FARTHEST) for key in _ORIGIN)
+    return f"<origin xyz='{_joined(xyz)}' rpy='{_joined(rpy)}'/>"
+
+
+def _joined(values: Sequence[float]) -> str:
+    return " ".join(map(repr, values))
+
+
+def _check_tree(wrong: Complaints, links: dict[str, Link], joints: dict[str, Joint]) -> None:
+    """One root, one parent a link, no circle, no link that hangs from nothing."""
+    above: dict[str, str] = {}
+    below: dict[str, list[str]] = {}
+    for joint in joints.values():
+        for end, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links:
+                told = f"names a {end} link {link!r:.120}" if link else f"has no {end} link"
+                wrong.stop(f"joint {joint.name!r} {told}; {nearest(link, links)}.")
+        if joint.child in above:
+            parents = f"{above[joint.child]!r} and {joint.parent!r}"
+            wrong.stop(f"link {joint.child!r} has two parents, {parents} (joint {joint.name!r}); expected a tree.")
+        above[joint.child] = joint.parent
+        below.setdefault(joint.parent, []).append(joint.child)
+    roots = [link for link in links if link not in above]
+    if len(roots) != 1:
+        found = ", ".join(map(repr, roots[:4])) or "none"
+        wrong.stop(f"expected a tree with one root link, found {len(roots)}: {found}.")
+    reached, level, depth = set(roots), roots, 0
+    while level:
+        level = [child for link in level for child in below.get(link, ())]
+        reached.update(level)
+        depth += 1
+    if lost := [link for link in links if link not in reached]:
+        link = _on_circle(lost[0], above)
+        wrong.stop(f"link {link!r} does not hang from the root {roots[0]!r}: its parents make a circle.")
+    if depth > LONGEST_CHAIN:
+        wrong.stop(f"{depth} links hang below each other; at most {LONGEST_CHAIN} are taken: readers crash on long chains.")
+
+
+def _on_circle(link: str, above: dict[str, str]) -> str:
+    seen = set()
+    while link not in seen:
+        seen.add(link)
+        link = above[link]
+    return link
+
+
+def _check_mimics(wrong: Complaints, joints: dict[str, Joint], *, known: bool) -> None:
+    for joint in joints.values():
+        if joint.mimics is None:
+            continue
+        if joint.mimics not in joints:
+            if known:
+                continue
+            told = f"mimics {joint.mimics!r:.120}, which is no joint" if joint.mimics else "mimics nothing"
+            wrong.add(f"joint {joint.name!r} {told}; {nearest(joint.mimics, joints)}.")
+            continue
+        seen, other = {joint.name}, joint
+        while other.mimics in joints:
+            other = joints[other.mimics]
+            if other.name in seen:
+                who = "itself" if other is joint and len(seen) == 1 else f"{joint.mimics!r}, and that in a circle"
+                wrong.add(f"joint {joint.name!r} mimics {who}.")
+                break
+            seen.add(other.name)
+
+
+def _base(links: dict[str, Link], joints: dict[str, Joint]) -> frozenset[str]:
+    moved = {joint.child for joint in joints.values()}
+    welded: dict[str, list[str]] = {}
+    for joint in joints.values():
+        if joint.kind == "fixed":
+            welded.setdefault(joint.parent, []).append(joint.child)
+    level = [link for link in links if link not in moved]
+    reached = set(level)
+    while level:
+        level = [child for link in level for child in welded.get(link, ())]
+        reached.update(level)
+    return frozenset(reached)

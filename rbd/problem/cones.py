@@ -1,0 +1,351 @@
+"""Where a constraint force may live.
+
+A cone K here is any closed convex set of forces in contact axes (tangent, tangent, normal): a whole space, a half-line, a
+friction cone, an interval. Every K is the image K = G P of a product P of simple *parts* (line, half-line, interval,
+second-order cone): `generators` gives (G, parts). From that one form come the rays of the pyramid QP (`rbd.problem.rays`),
+the corner forces of a patch, and the true cones of a conic solver (`rbd.problem.parts`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, a_number, is_finite, lazy, numbers
+from rbd.errors import InputError, NoSolution
+from rbd.problem.programs import nonnegative
+
+
+@dataclass(frozen=True)
+class Line:
+    """The whole real line: a component that pulls and pushes."""
+
+    dim: int = 1
+
+
+@dataclass(frozen=True)
+class HalfLine:
+    """The numbers >= 0: a component that only pushes."""
+
+    dim: int = 1
+
+
+@dataclass(frozen=True)
+class Interval:
+    """The numbers from `lo` to `hi`."""
+
+    lo: float
+    hi: float
+    dim: int = 1
+
+
+@dataclass(frozen=True)
+class SecondOrderCone:
+    """Forces (tangent, tangent, normal) with |f_t| <= mu f_n; `facets` says how a pyramid is to replace it."""
+
+    mu: float
+    facets: int = 4
+    dim: int = 3
+
+
+Part: TypeAlias = Line | HalfLine | Interval | SecondOrderCone
+
+
+class Cone(Protocol):
+    """A closed convex set of forces; hashable, so that its rays are computed once."""
+
+    @property
+    def dim(self) -> int:
+        """Number of force components."""
+
+    def project(self, force: Array) -> Array:
+        """The nearest force in the set, shape (dim,), in the Euclidean norm of the components as given."""
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """(G, parts): the set is G times the product of the parts; G has shape (dim, sum of the parts' dims)."""
+
+    def __hash__(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Free:
+    """All of R^dim: the constraint holds, whatever force that takes."""
+
+    dim: int
+
+    def __post_init__(self) -> None:
+        _check_dim(self.dim)
+
+    def project(self, force: Array) -> Array:
+        """The force itself."""
+        return force
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and lines."""
+        return np.eye(self.dim), (Line(),) * self.dim
+
+
+@dataclass(frozen=True)
+class NonNegative:
+    """Forces that only push: every component >= 0."""
+
+    dim: int = 1
+
+    def __post_init__(self) -> None:
+        _check_dim(self.dim)
+
+    def project(self, force: Array) -> Array:
+        """Negative components become zero."""
+        return np.maximum(force, 0.0)
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and half-lines."""
+        return np.eye(self.dim), (HalfLine(),) * self.dim
+
+
+@dataclass(frozen=True)
+class FrictionCone:
+    """Coulomb's cone |f_t| <= mu f_n on (tangent, tangent, normal).
+
+    Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
+    """
+
+    mu: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        check_friction(self.mu, self.facets)
+
+    @property
+    def dim(self) -> int:
+        """Three."""
+        return 3
+
+    def project(self, force: Array) -> Array:
+        """The nearest force in the true (circular) cone; closed form."""
+        tangential = math.hypot(force[0], force[1])
+        normal = float(force[2])
+        if tangential <= self.mu * normal:
+            return force
+        if self.mu * tangential <= -normal:
+            return np.zeros(3)
+        on_axis = (self.mu * tangential + normal) / (1.0 + self.mu**2)
+        scale = self.mu * on_axis / tangential
+        return np.array([scale * force[0], scale * force[1], on_axis])
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and one second-order cone."""
+        return np.eye(3), (SecondOrderCone(self.mu, self.facets),)
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Forces between two bounds, component by component, e.g. dry friction in a joint."""
+
+    lo: Array
+    hi: Array
+
+    def __post_init__(self) -> None:
+        lo, hi = np.atleast_1d(numbers("lo of a Box", self.lo)), np.atleast_1d(numbers("hi of a Box", self.hi))
+        if lo.shape != hi.shape or lo.ndim != 1 or not ((lo <= hi) & (lo < np.inf) & (hi > -np.inf)).all():
+            raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r:.80}, hi = {self.hi!r:.80}.")
+        lo.flags.writeable = hi.flags.writeable = False  # rays and parts of a set are kept as long as the set is
+        object.__setattr__(self, "lo", lo)
+        object.__setattr__(self, "hi", hi)
+
+    @property
+    def dim(self) -> int:
+        """Number of bounded components."""
+        return len(self.lo)
+
+    def project(self, force: Array) -> Array:
+        """Each component clipped."""
+        return np.clip(force, self.lo, self.hi)
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Identity and intervals."""
+        return np.eye(self.dim), tuple(Interval(float(a), float(b)) for a, b in zip(self.lo, self.hi, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchCone:
+    """Wrenches (force, moment about the patch's centre) that forces in friction cones at the patch's corners can make.
+
+    Corner force p_i at corner c_i gives force p_i and moment c_i x p_i; all in contact axes.
+
+    Args:
+        corners: Corner points from the patch's centre, shape (k, 3) [m].
+        mu: Friction coefficient; 0 leaves the normal components only.
+        facets: Facets of each corner's pyramid in the QP.
+    """
+
+    corners: Array
+    mu: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        check_friction(self.mu, self.facets)
+        corners = numbers("corners of a WrenchCone", self.corners)
+        if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
+            raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
+        corners.flags.writeable = False  # rays and parts of a set are kept as long as the set is
+        object.__setattr__(self, "corners", corners)
+
+    @property
+    def dim(self) -> int:
+        """Six."""
+        return 6
+
+    @lazy
+    def corner_map(self) -> Array:
+        """The wrench of stacked corner forces, shape (6, 3k); its transpose takes a twist rate to corner accelerations."""
+        return np.hstack([np.vstack([np.eye(3), cross_matrix(c)]) for c in self.corners])
+
+    def project(self, force: Array) -> Array:
+        """The nearest wrench of the corner pyramids (not of the true cones), by nonnegative least squares.
+
+        Newtons and newton metres are weighed alike.
+        """
+        return _nearest_of_corners(self, force)
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """The corner map and one second-order cone a corner; without friction, its normal columns and half-lines."""
+        return _of_corners(self)
+
+
+@dataclass(frozen=True)
+class LineCone:
+    """Wrenches that forces in friction cones at the two ends of a line can make: an edge of a foot on the ground.
+
+    The line lies along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
+    nothing on a line resists turns about it.
+
+    Args:
+        half_length: Half of the line's length [m].
+        mu: Friction coefficient; 0 leaves the normal components only.
+        facets: Facets of each end's pyramid in the QP.
+    """
+
+    half_length: float
+    mu: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        check_friction(self.mu, self.facets)
+        if not 0.0 < a_number(self.half_length) < 1e100:
+            raise InputError(f"half_length of a LineCone is {self.half_length!r:.80}; expected a length > 0 [m].")
+
+    @property
+    def dim(self) -> int:
+        """Five."""
+        return 5
+
+    @property
+    def corners(self) -> Array:
+        """The two ends from the middle, in contact axes, shape (2, 3) [m]."""
+        return np.array([[self.half_length, 0.0, 0.0], [-self.half_length, 0.0, 0.0]])
+
+    @property
+    def corner_map(self) -> Array:
+        """The row forces of stacked end forces, shape (5, 6)."""
+        return np.delete(WrenchCone(self.corners, self.mu).corner_map, 3, axis=0)
+
+    def project(self, force: Array) -> Array:
+        """The nearest row forces of the end pyramids (not of the true cones), by nonnegative least squares."""
+        return _nearest_of_corners(self, force)
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """The map of the ends and a second-order cone an end; without friction, its normal columns and half-lines."""
+        return _of_corners(self)
+
+
+def _of_corners(cone: WrenchCone | LineCone) -> tuple[Array, tuple[Part, ...]]:
+    k = len(cone.corners)
+    if cone.mu == 0.0:
+        return cone.corner_map[:, 2::3], (HalfLine(),) * k
+    return cone.corner_map, (SecondOrderCone(cone.mu, cone.facets),) * k
+
+
+def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
+    G = cone.corner_map @ block_diagonal([pyramid(cone.mu, cone.facets)] * len(cone.corners))
+    weights = nonnegative(G, force)
+    if weights is None:
+        raise NoSolution(f"the wrench nearest to {np.array2string(force, precision=4):.200} in the cone was not found.")
+    return G @ weights
+
+
+@dataclass(frozen=True)
+class Product:
+    """Several sets side by side, their components stacked."""
+
+    cones: tuple[Cone, ...]
+
+    def __init__(self, cones: Sequence[Cone]) -> None:
+        try:
+            members = tuple(cones)
+        except TypeError:
+            raise InputError(f"Product wants several sets, got {cones!r:.80}.") from None
+        for cone in members:
+            if isinstance(cone, type) or not (hasattr(cone, "dim") and hasattr(cone, "generators")):
+                raise InputError(f"{cone!r:.80} is no set of forces; expected e.g. rbd.Free(3) or rbd.FrictionCone(0.7).")
+        object.__setattr__(self, "cones", members)
+
+    @property
+    def dim(self) -> int:
+        """Sum of the members' dimensions."""
+        return sum(c.dim for c in self.cones)
+
+    def project(self, force: Array) -> Array:
+        """Each member projects its own components."""
+        ends = np.cumsum([c.dim for c in self.cones])[:-1]
+        return np.concatenate([c.project(f) for c, f in zip(self.cones, np.split(force, ends), strict=True)])
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """Block-diagonal G; the members' parts in order."""
+        blocks = [c.generators() for c in self.cones]
+        return block_diagonal([g for g, _ in blocks]), tuple(part for _, parts in blocks for part in parts)
+
+
+def pyramid(mu: float, facets: int, *, inscribed: bool = False) -> Array:
+    """Rays of the friction pyramid as columns (tangent, tangent, 1), shape (3, facets)."""
+    angle = (2 * np.arange(facets) + 1) * math.pi / facets
+    radius = mu if inscribed else mu / math.cos(math.pi / facets)
+    return np.vstack([radius * np.cos(angle), radius * np.sin(angle), np.ones(facets)])
+
+
+def cross_matrix(p: Array) -> Array:
+    """The matrix of p x, shape (3, 3)."""
+    x, y, z = p
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Matrices along the diagonal; zero elsewhere."""
+    out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    i = j = 0
+    for b in blocks:
+        out[i : i + b.shape[0], j : j + b.shape[1]] = b
+        i += b.shape[0]
+        j += b.shape[1]
+    return out
+
+
+def _check_dim(dim: int) -> None:
+    if isinstance(dim, bool) or not isinstance(dim, int | np.integer) or not 0 <= dim <= 100_000:
+        raise InputError(f"the dimension of a set is {dim!r:.80}; expected a whole number from 0 to 100,000.")
+
+
+def check_friction(mu: float, facets: int) -> None:
+    """Refuse a friction coefficient or a facet count that means nothing.
+
+    Raises:
+        InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.
+    """
+    if not 0.0 <= a_number(mu) < 1e100:
+        raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a contact that holds.")
+    if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or not 3 <= facets <= 1000:
+        raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")

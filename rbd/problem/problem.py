@@ -1,0 +1,326 @@
+"""Gauss's least-constraint problem, in arrays: no robot, no solver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import InitVar, dataclass
+from itertools import accumulate, pairwise
+from math import isfinite
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from rbd.arrays import Array, a_number, check_finite, is_finite, lazy, numbers
+from rbd.errors import DuplicateName, InputError, SingularInertia
+from rbd.problem.cones import Cone, Interval, Line, Product, SecondOrderCone
+from rbd.problem.openings import Opening
+from rbd.problem.parts import REST_SPEED, Parts, parts_of
+from rbd.problem.rays import Rays, rays, stacked_rays
+from rbd.problem.rows import Rows
+
+
+@dataclass(frozen=True, eq=False)
+class MomentumBalance:
+    """What the rate of centroidal momentum must equal, in arrays, without any contact Jacobian.
+
+    The rate is A_g a + rate_bias, linear then angular, about the centre of mass, in world axes.
+
+    Attributes:
+        A_g: Centroidal momentum matrix, shape (6, nv).
+        rate_bias: A_g_dot v, shape (6,) [N, N m].
+        wrench: Weight and external forces about the centre of mass, shape (6,) [N, N m].
+        com: Centre of mass in W, shape (3,) [m].
+        base: (origin in W (3,), R_WB (3, 3)) of the floating base; needed only for rows without a resultant, whose wrench
+            is the base's part of J^T f.
+    """
+
+    A_g: Array
+    rate_bias: Array
+    wrench: Array
+    com: Array
+    base: tuple[Array, Array] | None = None
+
+
+class Origin(Protocol):
+    """What a problem was assembled from: it can tell how the answer changes with the state."""
+
+    def derivatives(self, solution: Any) -> Any:
+        """Derivatives of the answer with respect to state, torques and external forces."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GaussProblem:
+    """Find a = argmin 1/2 |a - a_free|_M^2 subject to c = J a + offset in K* (convex law), with forces f in K.
+
+    M a = rhs + J^T f are the equations of motion; rhs = S^T tau + tau_ext - h. It can be built by hand, without a robot.
+
+    Attributes:
+        M: Joint-space inertia, shape (nv, nv), symmetric positive definite.
+        rhs: Generalised force of free motion, shape (nv,).
+        rows: The constraints.
+        balance: What the centroidal residual is computed from, or None.
+        origin: What it was assembled from, or None of a problem built by hand; `Solution.derivatives` asks it.
+        rest_speed: A contact that can break or slip, and a joint with dry friction, is at rest up to this speed
+            [m/s, rad/s]: faster along its normal it opens and carries nothing, or strikes; faster along the ground it slides.
+
+    Args:
+        M: See above.
+        rhs: See above.
+        rows: See above.
+        balance: See above.
+        origin: See above.
+        rest_speed: See above.
+        from_state: M and rhs come from a `State`, which has checked them.
+
+    Raises:
+        InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
+        DuplicateName: if two rows share a name.
+        SingularInertia: if M is not positive definite; of an M from a `State`, when it is first factorised.
+    """
+
+    M: Array
+    rhs: Array
+    rows: Sequence[Rows] = ()
+    balance: MomentumBalance | None = None
+    origin: Origin | None = None
+    rest_speed: float = REST_SPEED
+    from_state: InitVar[bool] = False
+
+    def __post_init__(self, from_state: bool) -> None:
+        if not from_state:
+            self._check_inertia()
+        if self.rest_speed is not REST_SPEED:
+            if not 0.0 <= a_number(self.rest_speed) < 1e100:
+                raise InputError(f"rest_speed is {self.rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
+            object.__setattr__(self, "rest_speed", float(self.rest_speed))
+        rows = _rows(self.rows)
+        object.__setattr__(self, "rows", rows)
+        names = [r.name for r in rows]
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
+        for r in rows:
+            if r.J.shape[1] != self.nv:
+                raise InputError(f"rows {r.name!r}: J has {r.J.shape[1]} columns; expected nv = {self.nv}.")
+        if not (is_finite(self.J) and is_finite(self.offset)):
+            for r in rows:
+                check_finite(f"J of rows {r.name!r}", r.J)
+                check_finite(f"bias of rows {r.name!r}", r.bias)
+                check_finite(f"feedback of rows {r.name!r}", r.feedback)
+
+    def _check_inertia(self) -> None:
+        M, rhs = numbers("M", self.M), numbers("rhs", self.rhs)
+        object.__setattr__(self, "M", M)
+        object.__setattr__(self, "rhs", rhs)
+        if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape[0] == 0:
+            raise InputError(f"M has shape {M.shape}; expected a square (nv, nv).")
+        n = M.shape[0]
+        if rhs.shape != (n,):
+            raise InputError(f"rhs has shape {rhs.shape}; expected ({n},), as M is {M.shape}.")
+        check_finite("M", M)
+        check_finite("rhs", rhs)
+        if np.abs(M - M.T).max() > 1e-9 * np.abs(M).max():
+            raise InputError(f"M is not symmetric: |M - M^T| reaches {np.abs(M - M.T).max():.2g}.")
+        # Rounding can leave a singular M with tiny positive pivots, and answers of 1e10 m/s2; robots' are above 1e-8.
+        if (np.abs(np.diag(self.factor)) ** 2 < 1e-12 * np.diag(M)).any():
+            i = int(np.argmin(np.diag(self.factor) ** 2 / np.diag(M)))
+            raise SingularInertia(f"M is singular to rounding at coordinate {i}: what moves there carries no inertia.")
+
+    def __repr__(self) -> str:
+        return f"GaussProblem(nv={self.nv}, m={self.m}, rows={[r.name for r in self.rows]})"
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom."""
+        return len(self.rhs)
+
+    @property
+    def m(self) -> int:
+        """Number of scalar rows."""
+        return self.J.shape[0]
+
+    @lazy
+    def slices(self) -> dict[str, slice]:
+        """Where each constraint's rows stand in the stack."""
+        out, at = {}, 0
+        for r in self.rows:
+            out[r.name] = slice(at, at + len(r))
+            at += len(r)
+        return out
+
+    @lazy
+    def ray_slices(self) -> list[slice]:
+        """Where each constraint's rays stand among the columns of `rays`, in the order of `rows`."""
+        ends = list(accumulate((rays(r.cone).G.shape[1] for r in self.rows), initial=0))
+        return [slice(i, j) for i, j in pairwise(ends)]
+
+    @lazy
+    def J(self) -> Array:
+        """Stacked Jacobian, shape (m, nv)."""
+        return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.nv))
+
+    @lazy
+    def bias(self) -> Array:
+        """Stacked J_dot v, shape (m,)."""
+        return np.concatenate([r.bias for r in self.rows]) if self.rows else np.zeros(0)
+
+    @lazy
+    def offset(self) -> Array:
+        """Stacked bias + feedback, shape (m,)."""
+        if not any(r.stabilised for r in self.rows):
+            return self.bias
+        return self.bias + np.concatenate([r.feedback for r in self.rows])
+
+    @lazy
+    def offset_size(self) -> Array:
+        """|bias| + |feedback|, shape (m,): what the offset is made of."""
+        if not any(r.stabilised for r in self.rows):
+            return np.abs(self.bias)
+        return np.abs(self.bias) + np.abs(np.concatenate([r.feedback for r in self.rows]))
+
+    @lazy
+    def cone(self) -> Cone:
+        """The product of the rows' sets."""
+        return Product([r.cone for r in self.rows])
+
+    @lazy
+    def bilateral(self) -> bool:
+        """Whether every row holds, whatever force that takes."""
+        return self.rays.all_lines
+
+    @lazy
+    def rays(self) -> Rays:
+        """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r).
+
+        A weight that its rows' velocity has decided has equal bounds: an interval's that moves stands at the bound against
+        the motion, and what opens carries nothing. (That friction follows the motion of what slides, rays cannot say.)
+        """
+        return _decided(self.rows, self._rays_at_rest, self.rest_speed) if self.moving else self._rays_at_rest
+
+    @lazy
+    def _rays_at_rest(self) -> Rays:
+        return stacked_rays(tuple([r.cone for r in self.rows]))
+
+    @lazy
+    def moving(self) -> tuple[Rows, ...]:
+        """The rows with bounded forces that have a velocity: their friction has no choice left (see `rbd.problem.parts`)."""
+        if self._rays_at_rest.all_lines:
+            return ()
+        rest = self.rest_speed
+        faster = [r for r in self.rows if not np.vdot(r.velocity, r.velocity) <= rest**2]  # a norm: a tenth of `speed`
+        return tuple([r for r in faster if not r.speed <= rest and not rays(r.cone).all_lines])
+
+    @lazy
+    def slipping(self) -> tuple[Rows, ...]:
+        """Those of `moving` of which rays cannot tell: points that slide, corners of a patch that turns."""
+        if not self.moving:
+            return ()
+        T = self.parts
+        told = {s.rows for s in T.sliding}
+        turns = (np.abs(T.offset) > 1e-11) & (T.lower < T.upper)  # rounding, and what carries nothing, turn nothing
+        told |= {r.name for r, at in zip(self.rows, T.slices, strict=True) if turns[at].any()}
+        return tuple([r for r in self.moving if r.name in told])
+
+    @property
+    def openings(self) -> tuple[Opening, ...]:
+        """Points that move away from what they touch, faster than `rest_speed`: they carry nothing."""
+        return self.parts.openings if self.moving else ()
+
+    @lazy
+    def parts(self) -> Parts:
+        """The stacked sets in generator form, circular cones as they are, and what the rows' velocities decide."""
+        return parts_of(self.rows, self.rest_speed)
+
+    @lazy
+    def factor(self) -> Array:
+        """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv)."""
+        L, info = lapack.dpotrf(self.M, lower=1, clean=0)
+        if info != 0:
+            raise SingularInertia(
+                f"M({self.nv} x {self.nv}) is not positive definite (leading minor {abs(info)}); "
+                "a joint carries no inertia, or an inertia in the file is not physical."
+            )
+        return L
+
+    def solve_M(self, b: Array) -> Array:
+        """M^-1 b."""
+        return lapack.dpotrs(self.factor, b, lower=1)[0]
+
+    @lazy
+    def least_inertia(self) -> float:
+        """Smallest diagonal entry of M, 1 at most: a lower bound of the scales of the equations of motion."""
+        return min(1.0, *self.M.diagonal().tolist())
+
+    @lazy
+    def least_momentum(self) -> float:
+        """Momentum rate that some coordinate's unit acceleration makes in every component, 1 at most; of a balance.
+
+        A lower bound: of positive entries alone.
+        """
+        assert self.balance is not None
+        return max(0.0, min(1.0, *map(max, self.balance.A_g[:, :6].tolist())))
+
+    @lazy
+    def a_free(self) -> Array:
+        """Acceleration without constraints, M^-1 rhs, shape (nv,)."""
+        return self.solve_M(self.rhs)
+
+    @lazy
+    def whitened(self) -> Array:
+        """W = L^-1 J^T, shape (nv, m): J in coordinates where the inertia metric is the Euclidean one."""
+        # dtrsm, as dtrtrs starts threads even at this size: 8 ms in place of 5 us on a busy machine of two cores.
+        return blas.dtrsm(1.0, self.factor, self.J.T, lower=1) if self.m else np.zeros((self.nv, 0))
+
+    @lazy
+    def delassus(self) -> Array:
+        """J M^-1 J^T = W^T W, shape (m, m)."""
+        return self.whitened.T @ self.whitened
+
+    @lazy
+    def free_row_acceleration(self) -> Array:
+        """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
+        return self.J @ self.a_free + self.offset
+
+
+def _decided(rows: Sequence[Rows], at_rest: Rays, rest_speed: float) -> Rays:
+    """The rays, with equal bounds where a velocity leaves a weight no choice."""
+    lower, upper, at = at_rest.lower.copy(), at_rest.upper.copy(), 0
+    for r in rows:
+        G, parts = r.cone.generators()
+        ends = list(accumulate(part.dim for part in parts))
+        velocity = r.velocity if r.speed > rest_speed else np.zeros(len(r))
+        for part, u in zip(parts, (G.T @ velocity)[[end - 1 for end in ends]].tolist(), strict=True):  # of the normals
+            columns = slice(at, at + (part.facets if isinstance(part, SecondOrderCone) else 1))
+            at = columns.stop
+            if isinstance(part, Interval):
+                against = part.lo if u > 0.0 else part.hi
+                if abs(u) > rest_speed and isfinite(against):
+                    lower[columns] = upper[columns] = against
+            elif not isinstance(part, Line) and u > rest_speed:
+                upper[columns] = 0.0
+    return Rays(at_rest.G, lower, upper, at_rest.starts, at_rest.facets)
+
+
+def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:
+    if isinstance(rows, Rows):
+        raise InputError(f"rows are a single Rows, {rows.name!r}; give a list, [rows].")
+    try:
+        out = tuple(rows)
+    except TypeError:
+        raise InputError(f"rows are {rows!r:.80}; expected a list of rbd.Rows.") from None
+    for r in out:
+        if not isinstance(r, Rows):
+            raise InputError(f"rows hold a {type(r).__name__}; expected rbd.Rows.")
+    return out
+
+
+def checked(problem: GaussProblem) -> GaussProblem:
+    """The problem, if it is one.
+
+    Raises:
+        InputError: if it is something else.
+    """
+    if not isinstance(problem, GaussProblem):
+        raise InputError(f"a solver wants a GaussProblem, got {problem!r:.80}. For a robot, use rbd.solve(state, tau, ...).")
+    return problem

@@ -1,0 +1,361 @@
+"""The certificate of an answer: every equation of the law, recomputed in physical units and scaled.
+
+Scaled row by row and point by point: each miss is divided by the terms of its own row (`rbd.problem.scales`), and the
+largest quotient counts. A light body that sinks is not excused by a heavy one that does not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, add_wrench, largest, lazy
+from rbd.problem.parts import bounded_weights
+from rbd.problem.problem import GaussProblem
+from rbd.problem.scales import Scales
+
+SOLVED = 1e-9
+"""Scaled residuals up to this are `solved`."""
+USABLE = 1e-7
+"""Scaled residuals up to this are `inaccurate`; above, there is no answer."""
+
+_UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
+
+
+class Residual(float):
+    """A residual in physical units, the largest entry, that also tells `scaled`.
+
+    `scaled` is the largest quotient of an entry and the terms of its own row or point. It may belong to another entry: 1e-8 N
+    may be the most that is missed, and nothing beside the 800 N on a pelvis, while 1e-10 N are a tenth of what moves a finger.
+    """
+
+    scaled: float
+
+    def __new__(cls, value: float, scaled: float) -> Residual:
+        """The largest entry, and the largest of them over their own terms."""
+        self = super().__new__(cls, value)
+        self.scaled = scaled
+        return self
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Residual, (float(self), self.scaled)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals:
+    """How far an answer is from the equations of its law; largest entries, zero for an exact answer.
+
+    Each is a float in physical units with an attribute `scaled`, the largest entry over its own scale; see
+    `rbd.problem.scales`.
+
+    Attributes:
+        values: The five below in order, in physical units; the last is None where it does not apply.
+        answer: What was judged: (problem, a, f, weights, law).
+    """
+
+    values: tuple[float, float, float, float, float | None]
+    answer: tuple[GaussProblem, Array, Array, Array | None, str]
+
+    @property
+    def stationarity(self) -> Residual:
+        """|M a - rhs - J^T f| [N, N m]; row by row over max(|M||a|, |rhs|, |J|^T|f|), at least min(1, M_ii)."""
+        return self._residual(0)
+
+    @property
+    def feasibility(self) -> Residual:
+        """Distance of c = J a + offset to where the law lets it be [m/s2, rad/s2].
+
+        Convex law: to K*. Of pyramids, along their rays as given; of true cones, point by point. Coulomb's law: how fast
+        points sink. Scaled by |J||a| + |bias| + |feedback|, at least 1: how fast a point sinks by the terms of its normal
+        row alone.
+        """
+        return self._residual(1)
+
+    @property
+    def cone(self) -> Residual:
+        """Distance of f to K [N, N m]; row by row over |f_i|, at least the force that moves the row at 1 m/s2, or 1 N."""
+        return self._residual(2)
+
+    @property
+    def complementarity(self) -> Residual:
+        """|weight x acceleration|, the worst of the rays or points [N m/s2]; over the product of that point's scales.
+
+        Under Coulomb's law: normal force x normal acceleration, and f_t . c_t + mu f_n |c_t|, which vanishes where friction
+        opposes the slip.
+        """
+        return self._residual(3)
+
+    @property
+    def centroidal(self) -> Residual | None:
+        """Contact wrenches plus weight plus external forces, less the rate of centroidal momentum [N, N m].
+
+        About the centre of mass; each of the six components over its largest term, at least what a unit acceleration of one
+        coordinate makes, or 1. It uses no contact Jacobian where the constraints have resultants, so it catches a wrong J.
+        None where there is no floating base: the base's reaction is unknown.
+        """
+        return None if self.values[4] is None else self._residual(4)
+
+    @property
+    def scaled(self) -> dict[str, float]:
+        """{equation: scaled residual}, centroidal left out where there is none."""
+        return {name: r.scaled for name, r in self._given()}
+
+    @property
+    def worst(self) -> float:
+        """The largest scaled residual; NaN if any is."""
+        found = list(self.scaled.values())
+        return math.nan if any(x != x for x in found) else max(found)
+
+    def within(self, tolerance: float) -> bool:
+        """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
+        known: dict[float, bool] = self.__dict__.setdefault("_verdicts", {})
+        found = known.get(tolerance)
+        if found is None:
+            found = known[tolerance] = self._within(tolerance)
+        return found
+
+    def _within(self, tolerance: float) -> bool:
+        i = -1
+        for x in self.values:
+            i += 1
+            if x is None or x == 0.0:
+                continue
+            # What is small beside the least that scales can be passes without them. NaN fails all comparisons.
+            if not (x <= tolerance * self._least(i) or self._of(i) <= tolerance):
+                return False
+        return True
+
+    @lazy
+    def scales(self) -> Scales:
+        """What the rows are measured against."""
+        P, a, f, _, _ = self.answer
+        return Scales(P, a, f)
+
+    def _least(self, i: int) -> float:
+        """A lower bound of the scales of equation i, cheap."""
+        P = self.answer[0]
+        if i in (0, 4):
+            return P.least_inertia if i == 0 else P.least_momentum
+        if P.bilateral:
+            return 1.0
+        acceleration, normal = (P.rays if "facets" in self.answer[4] else P.parts).reach
+        if i == 1:
+            return acceleration
+        if i == 2:
+            return 1.0 / max(1.0, normal**2 * largest(P.delassus.diagonal()))
+        slack, own = self._terms.slack, self._terms.own_push
+        # Of a point that pushes, its weight is less than the scale of its weights: what is left is its acceleration.
+        return acceleration * largest(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
+
+    def _of(self, i: int) -> float:
+        """The scaled residual of equation i."""
+        known: dict[int, float] = self.__dict__.setdefault("_known", {})
+        if i not in known:
+            value = self.values[i]
+            assert value is not None
+            known[i] = value if not 0.0 < value < math.inf else self._quotient(i)
+        return known[i]
+
+    def _quotient(self, i: int) -> float:
+        P, a, f, _, _ = self.answer
+        if i == 0:
+            return _over(P.M @ a - P.rhs - P.J.T @ f, self.scales.equations)
+        if i == 4:
+            return _over(np.array(_imbalance(P, a, f)), self.scales.momentum)
+        if i == 2:
+            return _over(self._terms.off_cone, self.scales.row_forces)
+        return float(self._quotients[i == 3].max(initial=0.0))
+
+    @lazy
+    def _terms(self) -> _Terms:
+        return _terms(*self.answer)
+
+    @lazy
+    def _quotients(self) -> tuple[Array, Array]:
+        return self._terms.over(self.scales)
+
+    def _residual(self, i: int) -> Residual:
+        value = self.values[i]
+        return Residual(math.nan, math.nan) if value is None else Residual(value, self._of(i))
+
+    def _given(self) -> list[tuple[str, Residual]]:
+        every = ((name, getattr(self, name)) for name in _UNITS)
+        return [(name, r) for name, r in every if r is not None]
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"values": self.values, "answer": self.answer}  # what else is kept can be computed again
+
+    def __repr__(self) -> str:
+        return f"Residuals({self})"
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
+
+
+def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> Residuals:
+    """The certificate of acceleration a and row forces f under a law.
+
+    Args:
+        problem: What is answered.
+        a: Acceleration, shape (nv,).
+        f: Row forces, shape (m,).
+        weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; where None and rows can
+            break, the best that can be found.
+        law: "bilateral", "convex", "convex, 4 facets" or "coulomb".
+    """
+    P, answer = problem, (problem, a, f, weights, law)
+    if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
+        nan = math.nan
+        return Residuals((nan, nan, nan, nan, None if P.balance is None else nan), answer)
+    stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), None
+    if P.balance is not None:
+        centroidal = max(map(abs, _imbalance(P, a, f)))
+    if P.bilateral:
+        return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
+    terms = _terms(P, a, f, weights, law)
+    gap, off_cone, slack = largest(terms.gap), largest(terms.off_cone), largest(terms.slack)
+    found = Residuals((stationarity, gap, off_cone, slack, centroidal), answer)
+    found.__dict__["_terms"] = terms
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """Row accelerations against row forces: `gap` and `slack` by column of the sets, `off_cone` by row.
+
+    Attributes:
+        gap: How far accelerations are from where they may be [m/s2].
+        slack: Weight x acceleration where one of them must be zero [N m/s2].
+        off_cone: Force less what the weights make [N].
+        slices: The columns of each constraint.
+        own_push: Part of the scale of each column's weights, at most all of it [N].
+        over: (gap, slack) by column, each over the scales of its own point.
+    """
+
+    gap: Array
+    slack: Array
+    off_cone: Array
+    slices: Sequence[slice]
+    own_push: Array
+    over: Callable[[Scales], tuple[Array, Array]]
+
+
+def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str) -> _Terms:
+    c = P.J @ a + P.offset
+    if P.bilateral:
+        none = np.zeros(len(c))
+        return _Terms(np.abs(c), none, none, list(P.slices.values()), none, lambda scales: (np.abs(c) / scales.rows, none))
+    return _of_rays(P, c, f, weights) if "facets" in law else _of_parts(P, c, f, weights, coulomb=law == "coulomb")
+
+
+def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Terms:
+    R = P.rays
+    if weights is None:  # any weights within the bounds that make the force as nearly as can be
+        weights = bounded_weights(R.G, f, R.lower, R.upper)
+    w = np.minimum(np.maximum(weights, R.lower), R.upper)
+    along = R.G.T @ c
+    opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
+    # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
+    gap = np.where(R.below, 0.0, opens) + np.where(R.above, 0.0, closes)
+    slack = (w - R.finite_lower) * R.below * opens + (R.finite_upper - w) * R.above * closes
+
+    def over(scales: Scales) -> tuple[Array, Array]:
+        of_along, of_normal, push, point = scales.of_rays(R, w)
+        normal = R.mean(along)
+        sinks = (np.maximum(-normal, 0.0) / of_normal)[point]
+        across = np.maximum(normal[point] - along - np.maximum(normal, 0.0)[point], 0.0)
+        of_point = (R.widths[point] > 1) & ~R.above
+        gaps = np.where(of_point, np.maximum(sinks, across / of_along), gap / of_along)
+        return gaps, slack / (push[point] * of_along)
+
+    own = np.abs(w) if not R.has_intervals else np.abs(w) + R.bound_size
+    return _Terms(gap, slack, f - R.G @ w, P.ray_slices, own, over)
+
+
+def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
+    T = P.parts
+    w = T.project(T.weights_of(f) if weights is None else weights)
+    y = T.accelerations(c, coulomb=False)
+    if not len(T.mu):
+        gap, slack = T.gap(y), T.slack(w, y)
+
+        def plain(scales: Scales) -> tuple[Array, Array]:
+            return _over_columns(gap, slack, *scales.of_parts(T, w))
+
+        return _Terms(gap, slack, f - T.G @ w, T.slices, np.abs(w) + T.bound_size, plain)
+    n = T.cone_at + 2
+    (y_1, y_2, y_n), (w_1, w_2, w_n) = y[T.cone_columns.T], w[T.cone_columns.T]
+    slip, sinks = np.hypot(y_1, y_2), np.maximum(-y_n, 0.0)
+    if coulomb:
+        presses, rubs = np.abs(w_n * y_n), np.abs(w_1 * y_1 + w_2 * y_2 + T.mu * w_n * slip)
+        gap, slack = (np.zeros(len(y)), np.zeros(len(y))) if T.only_cones else (T.gap(y), T.slack(w, y))
+        gap[n], slack[n] = sinks, np.maximum(presses, rubs)
+    else:
+        gap, slack = T.gap(y), T.slack(w, y)
+
+    def over(scales: Scales) -> tuple[Array, Array]:
+        along, push = scales.of_parts(T, w)
+        gaps, slacks = _over_columns(gap, slack, along, push)
+        of_normal, of_slip, of_push = along[n], np.maximum(T.mu, 1.0) * along[T.cone_at], push[n]
+        gaps[n] = sinks / of_normal
+        if coulomb:
+            slacks[n] = np.maximum(presses / of_normal, rubs / of_slip) / of_push
+        else:
+            across = np.maximum(T.mu * slip - np.maximum(y_n, 0.0), 0.0)
+            gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
+            slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
+        return gaps, slacks
+
+    own = np.abs(w) if T.only_cones else np.abs(w) + T.bound_size
+    return _Terms(gap, slack, f - T.G @ w, T.slices, own, over)
+
+
+def _over_columns(gap: Array, slack: Array, along: Array, push: Array) -> tuple[Array, Array]:
+    return gap / along, slack / (along * push)
+
+
+def _over(miss: Array, scales: Array) -> float:
+    return float((np.abs(miss) / scales).max(initial=0.0))
+
+
+def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> str:
+    """The constraint that misses its equations most, over their own terms, and by how much, in words."""
+    if not problem.m:
+        return "no constraint"
+    terms, scales = _terms(problem, a, f, weights, law), Scales(problem, a, f)
+    gaps, slacks = terms.over(scales)
+    off = np.abs(terms.off_cone) / scales.row_forces
+    found = [(-1.0, "")]
+    for rows, columns in zip(problem.rows, terms.slices, strict=True):
+        own = problem.slices[rows.name]
+        for quotient, value, words in (
+            (gaps[columns], terms.gap[columns], "cannot hold: residual {:.2g} m/s2"),
+            (off[own], terms.off_cone[own], "leaves its cone: by {:.2g} N"),
+            (slacks[columns], terms.slack[columns], "pushes while it opens: by {:.2g} N m/s2"),
+        ):
+            found.append((float(quotient.max(initial=-1.0)), f"{rows.name} {words.format(largest(value))}"))
+    return max(found)[1]
+
+
+def _imbalance(P: GaussProblem, a: Array, f: Array) -> list[float]:
+    """Rate of centroidal momentum less what makes it, six numbers; of a problem with a balance."""
+    b = P.balance
+    assert b is not None
+    rate = (b.A_g @ a + b.rate_bias).tolist()
+    total, com = b.wrench.tolist(), b.com.tolist()
+    at = 0
+    for rows in P.rows:
+        part = f[at : at + len(rows)]
+        at += len(rows)
+        if rows.patch is not None and rows.patch.against is not None:
+            continue  # between two bodies: nothing from outside, by action and reaction
+        if rows.resultant is not None and rows.patch is not None:
+            add_wrench(total, (rows.resultant @ part).tolist(), rows.patch.point.tolist(), com)
+        elif b.base is not None:
+            point, axes = b.base
+            force = rows.J[:, :6].T @ part
+            add_wrench(total, [*(axes @ force[:3]).tolist(), *(axes @ force[3:]).tolist()], point.tolist(), com)
+    return [x - y for x, y in zip(rate, total, strict=True)]

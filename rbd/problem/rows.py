@@ -1,0 +1,190 @@
+"""Rows: what a constraint says at one state, in arrays, before any solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import hypot, inf
+
+import numpy as np
+
+from rbd.arrays import Array, is_finite, numbers, zeros
+from rbd.errors import InputError
+from rbd.problem.cones import Cone
+from rbd.problem.ground import TOUCHES, Ground
+
+_NOT_GIVEN = np.empty(0)
+
+
+def _not_given() -> Array:
+    return _NOT_GIVEN
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Patch:
+    """Where a contact acts, for resultants, tables and pictures.
+
+    Attributes:
+        point: Contact point or patch centre, in W, shape (3,) [m].
+        axes: R_WP, columns tangent, tangent, normal in W, shape (3, 3).
+        corners: Corner points from `point`, in contact axes, shape (k, 3) [m]; one zero row for a point contact.
+        friction: Coefficient, or None for a contact that holds.
+        against: Frame of the robot that it touches, of a contact between two bodies; None for the ground. Its force is the
+            one on the first body, and the second feels the opposite.
+        on: The plane that it stands on, or None where that is not known.
+        reach: No corner is farther than this from `point` [m]; it makes `touches` cheap.
+        within: A corner that is no farther than this from the plane touches it [m].
+    """
+
+    point: Array
+    axes: Array
+    corners: Array
+    friction: float | None
+    against: str | None = None
+    on: Ground | None = None
+    reach: float = inf
+    within: float = TOUCHES
+
+    @property
+    def corners_W(self) -> Array:
+        """The corner points in W, shape (k, 3) [m]."""
+        return self.point + self.corners @ self.axes.T
+
+    @property
+    def gaps(self) -> Array | None:
+        """How far each corner is above its plane, negative below, shape (k,) [m]; None where no plane is known."""
+        return None if self.on is None else self.on.distances(self.corners_W)
+
+    @property
+    def touches(self) -> bool:
+        """Whether all corners are as near to the plane as `within` says; True where no plane is known."""
+        on = self.on
+        if on is None or not len(self.corners):
+            return True
+        if on.level:  # a bound first, in plain floats: a tenth of the cost of the gaps
+            p, R = self.point, self.axes
+            if abs(p.item(2) - on.height) + hypot(R.item(2, 0), R.item(2, 1)) * self.reach <= self.within:
+                return True
+        return bool(np.abs(on.distances(self.corners_W)).max() <= self.within)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rows:
+    """m scalar constraint rows under one name: c = J a + bias + feedback, with forces in a cone.
+
+    Attributes:
+        name: The constraint's name.
+        J: Jacobian, shape (m, nv).
+        bias: J_dot v (classical acceleration), shape (m,) [m/s2, rad/s2].
+        cone: Set K of the row forces, of dimension m.
+        velocity: J v less the surface's velocity, shape (m,) [m/s, rad/s]; zero if not given.
+        error: Position residual, shape (m,), or None where position is not constrained.
+        feedback: Stabilisation, shape (m,), kept apart from the physics; zero if not given.
+        resultant: Takes row forces to the force (k = 3) or wrench (k = 6) on the robot in world axes, shape (k, m), or
+            None where the rows have none.
+        patch: Where the contact acts, or None.
+        holonomic: Which rows are the second derivative of their `error`, shape (m,), of truth values; None: all of them, where
+            there is an error. A ball that rolls has a height, and no position along the plane: its error is zero there.
+        period: The error is known up to whole multiples of this, shape (m,); zero where it is known. None: known everywhere. Of
+            a screw on a continuous joint it is the pitch: turns are not counted.
+
+    Raises:
+        InputError: on sizes that do not fit.
+    """
+
+    name: str
+    J: Array
+    bias: Array
+    cone: Cone
+    velocity: Array = field(default_factory=_not_given)
+    error: Array | None = None
+    feedback: Array = field(default_factory=_not_given)
+    resultant: Array | None = None
+    patch: Patch | None = None
+    holonomic: Array | None = None
+    period: Array | None = None
+
+    @classmethod
+    def unchecked(
+        cls, name: str, J: Array, bias: Array, cone: Cone, velocity: Array, error: Array | None, resultant: Array, patch: Patch
+    ) -> Rows:
+        """The same without the checks, a third of what two contacts cost: for float arrays that fit by construction."""
+        self = object.__new__(cls)
+        self.__dict__.update(
+            name=name, J=J, bias=bias, cone=cone, velocity=velocity, error=error, feedback=zeros(len(bias)),
+            resultant=resultant, patch=patch, holonomic=None, period=None,
+        )  # fmt: skip
+        return self
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InputError(f"the name of rows is {self.name!r:.80}; expected a word, e.g. 'left_sole'.")
+        if type(self.J) is not np.ndarray or self.J.dtype != float:
+            object.__setattr__(self, "J", numbers(f"J of rows {self.name!r}", self.J))
+        if self.J.ndim != 2:
+            raise InputError(f"rows {self.name!r}: J has shape {self.J.shape}; expected (m, nv).")
+        m = self.J.shape[0]
+        shape = (m,)
+        given = (("bias", self.bias), ("velocity", self.velocity), ("feedback", self.feedback), ("error", self.error))
+        for what, value in given:
+            if value is _NOT_GIVEN:
+                object.__setattr__(self, what, zeros(m))
+            elif value is None and what == "error":
+                continue
+            elif not (type(value) is np.ndarray and value.shape == shape and value.dtype == float):
+                object.__setattr__(self, what, _vector(self.name, what, value, m))
+        # J, bias and feedback are checked where they are stacked, in GaussProblem; a patch's velocity is its state's.
+        if self.patch is None and not (is_finite(self.velocity) and (self.error is None or is_finite(self.error))):
+            raise InputError(f"rows {self.name!r}: velocity or error is not finite.")
+        if not hasattr(self.cone, "generators"):
+            raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.Free({m}).")
+        if self.cone.dim != m:
+            raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
+        if self.resultant is not None:
+            self._check_resultant(m)
+        if self.holonomic is not None:
+            self._check_holonomic(m)
+        if self.period is not None:
+            object.__setattr__(self, "period", _vector(self.name, "period", self.period, m))
+            if self.error is None or not (is_finite(self.period) and (self.period >= 0.0).all()):
+                raise InputError(
+                    f"rows {self.name!r}: period is {self.period!r:.80}; expected {m} numbers >= 0, and an error with them."
+                )
+
+    def _check_resultant(self, m: int) -> None:
+        resultant = self.resultant
+        if type(resultant) is not np.ndarray or resultant.dtype != float:
+            resultant = numbers(f"resultant of rows {self.name!r}", resultant)
+            object.__setattr__(self, "resultant", resultant)
+        if resultant.ndim != 2 or resultant.shape[1] != m or not is_finite(resultant):
+            raise InputError(f"rows {self.name!r}: resultant has shape {resultant.shape}; expected (k, {m}) finite numbers.")
+
+    def _check_holonomic(self, m: int) -> None:
+        given = np.asarray(self.holonomic)
+        if given.dtype != bool or given.shape != (m,) or self.error is None:
+            raise InputError(
+                f"rows {self.name!r}: holonomic is {self.holonomic!r:.80}; expected {m} truth values, and an error with them."
+            )
+        object.__setattr__(self, "holonomic", given)
+
+    def __repr__(self) -> str:
+        return f"Rows({self.name!r}, m={len(self)}, nv={self.J.shape[1]}, cone={type(self.cone).__name__})"
+
+    def __len__(self) -> int:
+        return self.J.shape[0]
+
+    @property
+    def stabilised(self) -> bool:
+        """Whether a feedback was given."""
+        return self.feedback is not zeros(len(self))
+
+    @property
+    def speed(self) -> float:
+        """Largest entry of |velocity|."""
+        return float(np.abs(self.velocity).max(initial=0.0))
+
+
+def _vector(name: str, what: str, value: object, m: int) -> Array:
+    out = numbers(f"{what} of rows {name!r}", value)
+    if out.shape != (m,):
+        raise InputError(f"rows {name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
+    return out

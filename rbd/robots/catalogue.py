@@ -1,0 +1,292 @@
+"""Where a robot's files are, where its feet are, and how it stands: by short name, by file name or by path.
+
+The robots come from the package `example-robot-data`, found through the installed packages' records and never through
+its loaders. What those files leave out (soles, contact points, a posture that balances) is in `data/robots.toml`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rbd.errors import InputError, ModelError, UnknownRobot, nearest
+
+DATA = "example-robot-data"
+ROBOTS = f"cmeel.prefix/share/{DATA}/robots"  # inside site-packages; its meshes are named from share/
+MODEL_FILES = (".urdf", ".xml")
+
+BROKEN = {
+    "romeo_description/urdf/romeo_laas_small.urdf": "its meshes are on the author's disk; 'romeo' is romeo_small.urdf",
+    "ur_description/urdf/ur3.urdf": "its robot has no name, as URDF demands; 'ur3' is ur3_robot.urdf",
+}
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Foot:
+    """Where a robot touches the ground, on one of its frames F.
+
+    The patch frame P has its x towards the toes and its z out of the ground, into the robot, when the robot stands in
+    its posture. For a point, P sits at the lowest point of the foot's sphere in that posture; the rolling of a round
+    foot is neglected.
+
+    Attributes:
+        name: Its role: `left_sole`, `front_left`.
+        frame: The robot's frame that carries it.
+        kind: A `sole` has corners, a `point` has none.
+        translation: p_FP [m], the middle of the patch or the point of contact.
+        rpy: Roll, pitch, yaw of P in F [rad].
+        corners: (x, y) in P [m], in order around the sole.
+    """
+
+    name: str
+    frame: str
+    kind: Literal["sole", "point"]
+    translation: Triple
+    rpy: Triple = (0.0, 0.0, 0.0)
+    corners: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """R_FP, shape (3, 3): the columns are the axes of the patch in the foot's frame."""
+        return _rotation(self.rpy)
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """All that is known about a robot before its model is built.
+
+    Attributes:
+        name: The short name, or the file's stem.
+        urdf: The model file, URDF or MJCF.
+        srdf: The semantic file that goes with it, if there is one.
+        package_dirs: Where `package://` starts from, the user's own first.
+        feet: Where it touches the ground; empty if the catalogue does not know.
+        postures: Ours, beside those of the SRDF: joint name -> angle [rad]; joints not named are at zero.
+        posture: The name of the one in which it stands, in `postures` or in the SRDF.
+        known: Whether the file is one of the robot data's, whose faults are known: it is loaded with a warning where a
+            user's file would be refused.
+    """
+
+    name: str
+    urdf: Path
+    srdf: Path | None
+    package_dirs: tuple[Path, ...]
+    feet: tuple[Foot, ...]
+    postures: Mapping[str, Mapping[str, float]]
+    posture: str | None
+    known: bool = False
+
+
+def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
+    """The files, feet and postures of a robot.
+
+    A bare word is a short name, then the name of a file of the robot data, then a file here; anything with a folder
+    or an ending in it is a path first, then a file of the robot data.
+
+    Args:
+        name_or_path: `"talos"`, `"tiago_dual"`, `"ur_description/urdf/ur5_robot.urdf"` or the path of any model file.
+        package_dirs: More folders for `package://` to start from; they are searched first.
+
+    Raises:
+        UnknownRobot: if nothing goes by this name; the nearest names are in the message.
+        ModelError: if the file is missing or known to be broken, or the robot data are not installed.
+
+    >>> find("talos").urdf.name, [foot.name for foot in find("talos").feet]
+    ('talos_reduced.urdf', ['left_sole', 'right_sole'])
+    """
+    name = _text(name_or_path, "the robot")
+    path = _expanded(name)
+    extra = tuple(_expanded(_text(folder, "a package folder")) for folder in _folders(package_dirs))
+    looks_like_path = not isinstance(name_or_path, str) or path.suffix in MODEL_FILES or path.name != name
+    if looks_like_path and _is_file(path):
+        return _source(path, extra)
+    if isinstance(name_or_path, str) and (known := _by_name(name)):
+        return _source(known, extra)
+    if _is_file(path):
+        return _source(path, extra)
+    close = nearest(path.stem if looks_like_path else name, names())
+    if looks_like_path:
+        raise ModelError(f"no file {name!r:.200}, neither from {str(Path.cwd())!r} nor in {DATA}; {close}.")
+    robots_folder()  # if the data are absent, that is the reason
+    raise UnknownRobot(f"no robot {name!r:.80}; {close}. rbd.robots.catalogue.names() has them all.")
+
+
+def file_path(path: str | os.PathLike[str], what: str) -> Path:
+    """A path as given, `~` understood.
+
+    Raises:
+        InputError: if it is no path.
+    """
+    return _expanded(_text(path, what))
+
+
+def _text(value: object, what: str) -> str:
+    """A name or path as text.
+
+    Raises:
+        InputError: if it is neither.
+    """
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str):
+        raise InputError(f"{what} is {value!r:.80}; expected a name or a path.")
+    if "\0" in text:
+        raise UnknownRobot(f"{what} is {value!r:.80}; no name or path has a null character in it.")
+    return text
+
+
+def _folders(package_dirs: object) -> list[object]:
+    if isinstance(package_dirs, str | os.PathLike):
+        return [package_dirs]  # one folder, not its letters
+    try:
+        return list(package_dirs)  # type: ignore[call-overload]
+    except TypeError:
+        raise InputError(f"package_dirs is {package_dirs!r:.80}; expected a list of folders.") from None
+
+
+def _expanded(text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # "~nobody"
+        return Path(text)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name too long, a folder one may not enter
+        return False
+
+
+def names() -> list[str]:
+    """All names that `find` takes: the short ones, and the stems of the data's files.
+
+    Left out are the broken files and stems that two files share. Without the robot data, only the short names.
+    """
+    files = _files()
+    stems = [Path(file).stem for file in files if file not in BROKEN]
+    return sorted(set(_entries()) | {stem for stem in stems if stems.count(stem) == 1})
+
+
+def robots() -> list[str]:
+    """One name for each robot file that loads: its short name, else the file's stem. Those with short names come first."""
+    short = {entry["file"]: key for key, entry in _entries().items()}
+    known = set(names())
+    others = (Path(file).stem for file in _files() if file not in short and file not in BROKEN)
+    return [*short.values(), *(stem for stem in others if stem in known)]
+
+
+def robots_folder() -> Path:
+    """The `robots/` folder of the installed robot data.
+
+    Raises:
+        ModelError: if the package is not installed, or installed in a way that `rbd` does not know.
+    """
+    remedy = f"try: pip install {DATA}"
+    try:
+        folder = Path(str(distribution(DATA).locate_file(ROBOTS)))
+    except PackageNotFoundError:
+        raise ModelError(f"the robots come with the package {DATA!r}, which is not installed here; {remedy}") from None
+    if not folder.is_dir():
+        raise ModelError(f"{DATA} is installed, but without the folder {ROBOTS!r} of its pip package; {remedy}")
+    return folder
+
+
+def _by_name(name: str) -> Path | None:
+    """The data's file that goes by this short name, file name or path inside the data; None if there is none."""
+    if name in _entries():
+        return robots_folder() / _entries()[name]["file"]
+    wanted = Path(name).as_posix()
+    if Path(wanted).suffix != ".urdf":
+        wanted += ".urdf"
+    matches = [file for file in _files() if file == wanted or file.endswith("/" + wanted)]
+    if len(matches) > 1:
+        short = {entry["file"]: f"{key!r} is " for key, entry in _entries().items()}
+        choices = ", ".join(f"{short.get(file, '')}{file!r}" for file in matches)
+        raise UnknownRobot(f"{len(matches)} files go by the name {name!r}: {choices}. Name one of them.")
+    return robots_folder() / matches[0] if matches else None
+
+
+def _source(urdf: Path, extra: tuple[Path, ...]) -> Source:
+    """What is known about a model file: what the catalogue says if it is one of the data's, else only its folder."""
+    try:
+        folder = robots_folder()
+        shares: tuple[Path, ...] = (folder.parents[1], folder)
+        inside = urdf.resolve().relative_to(folder.resolve()).as_posix()
+    except ModelError:
+        shares, inside = (), ""
+    except ValueError:
+        inside = ""
+    if inside in BROKEN:
+        raise ModelError(f"{inside!r} of {DATA} is broken: {BROKEN[inside]}.")
+    key, entry = next(((k, e) for k, e in _entries().items() if inside and e["file"] == inside), (urdf.stem, {}))
+    srdf = folder / entry["srdf"] if "srdf" in entry else _srdf_beside(urdf)
+    postures = {name: dict(angles) for name, angles in entry.get("postures", {}).items()}
+    for name, angles in entry.get("postures_deg", {}).items():
+        postures[name] = {joint: math.radians(angle) for joint, angle in angles.items()}
+    soles = tuple(_sole(name, data) for name, data in entry.get("soles", {}).items())
+    points = tuple(_point(name, data, entry["sphere"]) for name, data in entry.get("points", {}).items())
+    package_dirs = tuple(dict.fromkeys((*extra, urdf.parent, *shares)))
+    return Source(key, urdf, srdf, package_dirs, soles + points, postures, entry.get("posture"), known=bool(inside))
+
+
+def _srdf_beside(urdf: Path) -> Path | None:
+    """The SRDF of the same stem, in the same folder or in the `srdf` folder next to it, if it is there."""
+    places = (urdf.with_suffix(".srdf"), urdf.parent.parent / "srdf" / f"{urdf.stem}.srdf")
+    return next((place for place in places if place.is_file()), None)
+
+
+@cache
+def _entries() -> dict[str, dict[str, Any]]:
+    """The tables of `data/robots.toml`, with `like` carried out."""
+    tables = tomllib.loads((Path(__file__).parent / "data" / "robots.toml").read_text(encoding="utf-8"))
+    for key, table in tables.items():  # in the order of the file: what a robot is like stands above it
+        if "like" in table:
+            tables[key] = {**tables[table["like"]], **table}
+    return tables
+
+
+def _files() -> list[str]:
+    """Every URDF of the robot data, relative to its `robots/` folder; none if the data are not installed."""
+    try:
+        folder = robots_folder()
+    except ModelError:
+        return []
+    return sorted(path.relative_to(folder).as_posix() for path in folder.glob("**/*.urdf"))
+
+
+def _sole(name: str, data: Mapping[str, Any]) -> Foot:
+    if "half_lengths" in data:
+        x, y = data["half_lengths"]
+        corners: tuple[tuple[float, float], ...] = ((x, y), (-x, y), (-x, -y), (x, -y))
+    else:
+        corners = tuple((x, y) for x, y in data["corners"])
+    return Foot(name, data["frame"], "sole", tuple(data["centre"]), tuple(data.get("rpy", (0.0, 0.0, 0.0))), corners)
+
+
+def _point(name: str, data: Mapping[str, Any], sphere: Mapping[str, Any]) -> Foot:
+    rpy: Triple = tuple(data["rpy"])
+    x, y, z = np.array(sphere["centre"]) - sphere["radius"] * _rotation(rpy)[:, 2]  # lowest point when P's z is up
+    return Foot(name, data["frame"], "point", (float(x), float(y), float(z)), rpy)
+
+
+def _rotation(rpy: Triple) -> np.ndarray:
+    """Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

@@ -1,0 +1,369 @@
+"""The doctor: what is wrong with a robot, and what of its file the dynamics leave out, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import InputError, ModelError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.files import RobotFile, read
+from rbd.model.state import State
+from rbd.robots.loop_file import ROOTS
+
+if TYPE_CHECKING:
+    from rbd.robots.robot import Robot
+
+SINGULAR = 1e-9
+"""A joint's articulated inertia over its composite one (see `_weightless`); the real robots' are above 3e-4."""
+NOTHING = 1e-14
+"""The same over the largest entry of M's diagonal: what is below it is lost in rounding. The real robots': above 1e-8."""
+TRIES, TRIES_STRANGE = 3, 50
+"""Random configurations at which M is tried, where bodies are as bodies can be and where some are not."""
+SHOWN = 3  # names in a line
+CLOSED = 1e-6
+"""A loop that is open by less is closed [m, rad]."""
+ROUNDED = 1e-3
+"""So is one that joints close which move by less [rad, m]: files round the angles of their postures."""
+
+_ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, yy, yz, zz)
+
+REMEDY = "rbd.doctor(robot) tells all."
+SUMMARY = {
+    "inertia": ("link has an inertia that no body has", "links have inertias that no body has"),
+    "posture": ("posture is outside the joint limits", "postures are outside the joint limits"),
+    "mesh": ("mesh is missing", "meshes are missing"),
+    "effort": ("motor has no effort limit", "motors have no effort limit"),
+    "friction": (
+        "joint has damping or friction that the dynamics leave out",
+        "joints have damping or friction that the dynamics leave out",
+    ),
+    "spring": ("joint has a spring that is left out", "joints have springs that are left out"),
+    "gravcomp": ("body has its weight, which the file takes off it", "bodies have their weight, which the file takes off them"),
+    "tendon": ("tendon is left out", "tendons are left out"),
+    "servo": ("actuator is taken as a plain motor", "actuators are taken as plain motors"),
+    "one-sided": ("actuator has limits that differ by direction", "actuators have limits that differ by direction"),
+    "limit": ("joint has a limit that is left out", "joints have limits that are left out"),
+    "fluid": ("fluid is left out", "fluids are left out"),
+    "armature": ("joint has a rotor inertia that is not read", "joints have rotor inertias that are not read"),
+    "mimic": ("joint mimics another in the file, and is free here", "joints mimic others in the file, and are free here"),
+    "planar": ("planar joint has an axis that is not its z", "planar joints have axes that are not their z"),
+    "equality": ("equality constraint is left out", "equality constraints are left out"),
+    "loop": ("loop is open in every posture", "loops are open in every posture"),
+}
+"""How many of a kind, in a sentence."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the doctor found.
+
+    Attributes:
+        kind: What sort of thing: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...
+        where: Name of the link, the joint, the posture or the mesh.
+        text: What is the matter with it.
+    """
+
+    kind: str
+    where: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the doctor found.
+
+    Attributes:
+        robot: Its name.
+        errors: What makes answers wrong; `load_robot` refuses such a robot.
+        warnings: What a user should know.
+        notes: What closes the robot's tree and what it rolls on; nothing is wrong with that.
+    """
+
+    robot: str
+    errors: tuple[Finding, ...]
+    warnings: tuple[Finding, ...]
+    notes: tuple[Finding, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether there are no errors."""
+        return not self.errors
+
+    def __str__(self) -> str:
+        """A table, one line a finding."""
+        found = [("ERROR", f) for f in self.errors] + [("warning", f) for f in self.warnings]
+        head = f"{self.robot}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        head += "" if found else ". Nothing is wrong with it."
+        found += [("note", f) for f in self.notes]
+        if not found:
+            return head
+        kind, where = (max(len(getattr(f, key)) for _, f in found) for key in ("kind", "where"))
+        where = min(where, 40)
+        return "\n".join([head, *(f"  {mark:7}  {f.kind:{kind}}  {f.where:{where}}  {f.text}" for mark, f in found)])
+
+    def summary(self) -> str:
+        """Errors, and warnings counted by kind, in one line; empty if there are none."""
+        kinds: dict[str, list[str]] = {}
+        for finding in self.warnings:
+            kinds.setdefault(finding.kind, []).append(finding.where)
+        told = [f"ERROR, {finding.text.rstrip('.')}" for finding in self.errors]
+        told += [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
+        return f"{self.robot}: {'; '.join(told)}. {REMEDY}" if told else ""
+
+
+def doctor(robot: Robot) -> Report:
+    """What is wrong with a robot, and what of its file the dynamics leave out.
+
+    Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
+    indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
+    limits, missing meshes, missing effort limits, damping and friction, mimicked joints, loops that no posture closes. Notes:
+    loops and wheels, and where the loops are closed. M is tried at neutral and at
+    random configurations (the same ones each time); no mesh is opened.
+
+    Where the file is no longer there, what was found when it was loaded, and a note that says so.
+
+    Raises:
+        InputError: not a robot.
+        ModelError: its file is broken since.
+    """
+    if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
+        raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    source = robot.source
+    if robot.report is not None and not source.urdf.is_file():
+        gone = Finding("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
+        return replace(robot.report, notes=(*robot.report.notes, gone))
+    file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
+    return examine(robot, file, robot.postures, source.package_dirs)
+
+
+def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> Report:
+    """The report on a model and its file, already read."""
+    errors = [*_bad_numbers(robot.model), *_lost(robot, file)]
+    bodies = Bodies.of(file)
+    if not errors:
+        errors += _weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE)
+    warnings = [
+        *bodies.strange(),
+        *_outside(robot.model, postures),
+        *(Finding("mesh", mesh, "is in none of the package folders") for mesh in file.missing_meshes(package_dirs)),
+        *_unlimited(robot),
+        *_friction(robot.model),
+        *(Finding(kind, where, text) for kind, where, text in file.remarks),
+    ]
+    notes = [] if errors else list(_loops(robot, postures))
+    warnings += [f for f, closed in notes if not closed]
+    return Report(robot.name, tuple(errors), tuple(warnings), tuple(f for f, closed in notes if closed))
+
+
+def refuse(report: Report, file: str) -> None:
+    """Raise if there are errors: the first by name, the others counted.
+
+    Raises:
+        ModelError: naming the joint or the link.
+    """
+    if report.errors:
+        first, *others = report.errors
+        more = f" ({len(others)} more of this file.)" if others else ""
+        raise ModelError(f"{file}: {first.text}{more}")
+
+
+def _bad_numbers(model: pin.Model) -> Iterator[Finding]:
+    for name, inertia, placement in zip(model.names, model.inertias, model.jointPlacements, strict=True):
+        if not np.isfinite(inertia.toDynamicParameters()).all() or not np.isfinite(placement.homogeneous).all():
+            yield Finding("number", name, f"the bodies at joint {name!r} have a mass, inertia or origin that is not finite.")
+        elif inertia.mass < 0.0:
+            yield Finding("mass", name, f"the bodies at joint {name!r} weigh {inertia.mass:g} kg.")
+    swapped = np.flatnonzero(~(model.lowerPositionLimit <= model.upperPositionLimit))
+    for name in dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in swapped):
+        yield Finding("limit", name, f"joint {name!r} has its limits swapped, or not finite.")
+    names = list(model.names)
+    for name in {name for name in names if names.count(name) > 1}:
+        yield Finding("name", name, f"two joints are called {name!r}; expected different names.")
+
+
+def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[Finding]:
+    """Bodies and mass that are in the file and not in the model."""
+    frames = set(robot.frames())
+    for name in file.bodies:
+        if name not in frames:
+            yield Finding("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
+    lost, rounding = file.mass - robot.mass, 1e-9 * max(1.0, file.mass)
+    if abs(lost) > rounding:
+        told = f"the moving links of the file weigh {file.mass:.9g} kg, and the model {robot.mass:.9g} kg"
+        yield Finding("mass", robot.name, f"{told}: mass was lost between them.")
+
+
+def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[Finding]:
+    """Joints whose outboard bodies leave M singular or indefinite, at neutral or at random configurations.
+
+    M = U D U^T, eliminated from the tips inward, has as D the articulated inertias: what a joint's motor feels when all
+    joints beyond it are free. It must be positive, and not nothing beside the composite inertia M_ii, felt when they are
+    locked. Where every body has an inertia that a body can have, M is nowhere indefinite, and if regular at one
+    configuration then nearly everywhere; else more configurations are tried.
+    """
+    model = robot.model
+    draws = np.random.default_rng(0).uniform(-3.0, 3.0, (tries, model.nv))
+    outermost, indefinite = -1, False
+    with robot.pool.lock:
+        slot, ticket = robot.pool.take(lambda data: None)
+        data, neutral = slot.data, pin.neutral(model)
+        for v in (np.zeros(model.nv), *draws):
+            M = pin.crba(model, data, pin.integrate(model, neutral, v), pin.Convention.WORLD)
+            pin.cholesky.decompose(model, data)
+            composite, articulated = np.diagonal(M), np.ravel(data.D)
+            sound = (articulated > SINGULAR * composite) & (articulated > NOTHING * composite.max())
+            if not sound.all():  # the outermost tells: inward of it, D means nothing
+                last = int(np.flatnonzero(~sound)[-1])
+                if last > outermost:
+                    outermost, indefinite = last, bool(articulated[last] < -SINGULAR * np.abs(composite).max())
+        robot.pool.give_back(slot, ticket)
+    if outermost < 0:
+        return
+    name = _joint_of(model, outermost, "idx_v", "nv")
+    links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in _subtree(model, name)]
+    what = "an indefinite inertia: M has a negative eigenvalue" if indefinite else "no inertia about it: M is singular"
+    told = f"the bodies beyond joint {name!r} ({_some(links)}) have {what}. Give them mass and inertia, or weld it."
+    yield Finding("singular", name, told)
+
+
+def _subtree(model: pin.Model, joint: str) -> set[int]:
+    return set(model.subtrees[list(model.names).index(joint)])
+
+
+def _joint_of(model: pin.Model, index: int, begin: str, size: str) -> str:
+    """The name of the joint that has this index of q or v."""
+    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
+        first = getattr(joint, begin)
+        if 0 <= first <= index < first + getattr(joint, size):
+            return str(name)
+    return "universe"
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Links of a URDF, or bodies of an MJCF, and their principal moments of inertia, ascending [kg m2]."""
+
+    what: str
+    names: list[str]
+    masses: Array
+    moments: Array
+
+    @classmethod
+    def of(cls, file: RobotFile) -> Bodies:
+        """The bodies of a file."""
+        if file.urdf is None:
+            bodies = () if file.mjcf is None else file.mjcf.bodies[1:]
+            masses, tensors = [body.solid.mass for body in bodies], np.array([body.solid.inertia for body in bodies])
+            return cls("body", [body.name for body in bodies], np.array(masses), _moments(tensors))
+        links = list(file.urdf.links.values())
+        tensors = np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3)
+        return cls("link", [link.name for link in links], np.array([link.mass for link in links]), _moments(tensors))
+
+    @property
+    def broken(self) -> Array:
+        """Which have a negative moment, or one larger than the sum of the others: shape (k,)."""
+        small, middle, large = self.moments.T
+        rounding = 1e-9 * np.abs(self.moments).max(axis=1)
+        return (small < -rounding) | (small + middle < large - rounding)
+
+    @property
+    def physical(self) -> bool:
+        """Whether all can be, though some may be points: then M has no negative eigenvalue anywhere."""
+        return not self.broken.any()
+
+    def strange(self) -> Iterator[Finding]:
+        """Those that no body has: broken ones, those of a point or a line, and inertia without mass."""
+        small, _, large = self.moments.T
+        broken, thin, massless = self.broken, (self.masses > 0.0) & (small <= 0.0), (self.masses == 0.0) & (large > 0.0)
+        for i in np.flatnonzero(broken | thin | massless):
+            a, b, c = self.moments[i]
+            if broken[i]:
+                told = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m2"
+                told += ": one is negative" if a < 0.0 else ": the largest is more than the sum of the others"
+            elif thin[i]:
+                told = f"{self.masses[i]:.3g} kg without extension: principal moments {a:.3g}, {b:.3g}, {c:.3g} kg m2"
+            else:
+                told = f"an inertia of up to {c:.3g} kg m2, but no mass"
+            yield Finding("inertia", self.names[i], f"{self.what} {self.names[i]!r} has {told}; no body has")
+
+
+def _moments(tensors: Array) -> Array:
+    return np.linalg.eigvalsh(tensors.reshape(-1, 3, 3))
+
+
+def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[Finding]:
+    if not postures:
+        return
+    q = np.array(list(postures.values()))
+    over = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
+    for k, name in enumerate(postures):
+        if (over[k] > 1e-6).any():  # files round
+            joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > 1e-6))
+            yield Finding("posture", name, f"{_some(joints)} outside the limits, by up to {over[k].max():.3g}")
+
+
+def _unlimited(robot: CheckedModel) -> Iterator[Finding]:
+    for name in dict.fromkeys(np.array(robot.actuated_names)[~np.isfinite(robot.effort_limit)].tolist()):
+        yield Finding("effort", name, "the file states no effort limit; torques are not checked against one")
+
+
+def _friction(model: pin.Model) -> Iterator[Finding]:
+    damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
+    for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
+        name = _joint_of(model, int(i), "idx_v", "nv")
+        told = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
+        yield Finding("friction", name, told)
+
+
+def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[Finding, bool]]:
+    """Each loop and wheel with where it is closed, and whether that is anywhere."""
+    given = {**{repr(name): q for name, q in postures.items()}, "the neutral posture": pin.neutral(robot.model)}
+    states = [(where, State(robot, q)) for where, q in given.items()] if getattr(robot, "loops", ()) else []
+    for loop in getattr(robot, "loops", ()):
+        found = [(where, *gap) for where, state in states if (gap := _gap(loop, state)) is not None]
+        closed = [where + (f" (to {gap:.1g})" if gap > CLOSED else "") for where, gap, way in found if _closes(gap, way)]
+        told, fine = f"{type(loop).__name__}: ", bool(closed) or not found
+        if closed:
+            told += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
+        elif not found:
+            told += "has no place at which it is closed: it couples velocities alone, or is not defined in these postures"
+        else:
+            where, least, _ = min(found, key=lambda each: each[1])
+            told += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
+        yield Finding("loop", loop.name, told), fine
+    for wheel in getattr(robot, "wheels", ()):
+        yield Finding("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
+
+
+def _gap(loop: Any, state: State) -> tuple[float, float] | None:
+    """(how far a loop is open [m, rad], how far its joints must move at least to close it [rad, m]).
+
+    None where that has no answer, as for a hinge whose axes are opposite. The second is to first order, infinite where no
+    motion of the joints closes it.
+    """
+    try:
+        rows = loop.rows(state)
+    except InputError:
+        return None
+    if rows.error is None or not len(rows):
+        return None
+    gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
+    reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
+    return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf
+
+
+def _closes(gap: float, way: float) -> bool:
+    return gap <= CLOSED or way <= ROUNDED
+
+
+def _some(names: Iterable[str]) -> str:
+    """The first few names, quoted."""
+    known = list(names)
+    return ", ".join(f"{name!r:.80}" for name in known[:SHOWN]) + (", ..." if len(known) > SHOWN else "")

@@ -1,0 +1,137 @@
+"""Four-bars of any lengths, and rows of them, as robots."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+
+from rbd.arrays import a_number
+from rbd.errors import InputError
+from rbd.robots.linkage import Link, Linkage, bar_masses, lengths, meeting, radius, wrapped
+from rbd.robots.robot import Robot
+
+MOST = 99
+"""Of an N-four-bar: it has 2 N + 1 degrees of freedom before its loops are closed, and 200 are taken."""
+
+
+def four_bar(
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    *,
+    crank_angle: float | None = None,
+    masses: Sequence[float] | None = None,
+    mass_per_length: float = 1.0,
+    path: str | os.PathLike[str] | None = None,
+) -> Robot:
+    """A planar four-bar linkage of these lengths: crank a, coupler b, rocker c, ground d [m], in Norton's order.
+
+    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which lies along x:
+
+        crank     from O2 = (0, 0), driven        angle th2 = q of `crank_joint`
+        coupler   from the crank's tip            angle th3 = q of `crank_joint` + q of `coupler_joint`
+        rocker    from O4 = (d, 0)                angle th4 = q of `rocker_joint`
+
+    closed by `coupler_pin`, the two rows (x, z) of a planar `rbd.LoopClosure` between the coupler's tip and the rocker's:
+    a e^(i th2) + b e^(i th3) = d + c e^(i th4). Joints turn for ever: each is (cos, sin) in q. `link_angles` gives th2, th3,
+    th4. Bars are thin uniform rods; the rocker's and the coupler's joints have no motor.
+
+    Postures are `assembled`, the open branch, and `crossed`, the other one (coupler and rocker on the other side of the line
+    from the crank's tip to O4).
+
+    Args:
+        a: Length of the crank.
+        b: Of the coupler.
+        c: Of the rocker.
+        d: Of the ground, between the fixed pivots.
+        crank_angle: th2 of the postures [rad]; by default where the loop is far from stretched and from folded.
+        masses: Of crank, coupler and rocker [kg].
+        mass_per_length: Where no masses are given [kg/m].
+        path: Where to write the URDF, its loop file beside it; by default to files that go with the process.
+
+    Raises:
+        InputError: a length that is no number above zero, lengths that cannot close, or not at this crank angle; the
+            message tells what is missing.
+        ModelError: files that cannot be written.
+
+    >>> robot = four_bar(40, 120, 80, 100, crank_angle=math.radians(40))
+    >>> angles = link_angles(robot.at("assembled"))
+    >>> [round(math.degrees(angles[link]), 3) for link in ("coupler", "rocker")]
+    [20.298, 57.325]
+    """
+    a, b, c, d = lengths("the four-bar", a=a, b=b, c=c, d=d)
+    if missing := too_long(a=a, b=b, c=c, d=d):
+        raise InputError(missing)
+    sizes = {"crank": a, "coupler": b, "rocker": c}
+    kg = bar_masses("the four-bar", sizes, masses, mass_per_length)
+    th2 = _crank_angle(a, b, c, d) if crank_angle is None else a_number(crank_angle)
+    if not abs(th2) < 1e6:
+        raise InputError(f"crank_angle is {crank_angle!r:.80}; expected an angle [rad].")
+    postures = {}
+    for name, side in (("assembled", 1.0), ("crossed", -1.0)):
+        th3, th4 = meeting((a * math.cos(th2), a * math.sin(th2)), b, (d, 0.0), c, side)
+        postures[name] = {"crank": th2, "coupler": wrapped(th3 - th2), "rocker": th4}
+    links = (
+        Link("crank", "ground", (0.0, 0.0), ((a, 0.0),), kg[0], "orange", 0, motor=True),
+        Link("coupler", "crank", (a, 0.0), ((b, 0.0),), kg[1], "blue", 1, tip=1),
+        Link("rocker", "ground", (d, 0.0), ((c, 0.0),), kg[2], "green", 0, tip=1),
+    )
+    about = f"A four-bar: crank {a:g}, coupler {b:g}, rocker {c:g}, ground {d:g} m. Thin uniform bars in the x-z plane."
+    closures = {"coupler_pin": ("coupler", "rocker")}
+    return Linkage("four_bar", about, ((0.0, 0.0), (d, 0.0)), links, closures, postures, radius(a, b, c, d)).load(path)
+
+
+def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os.PathLike[str] | None = None) -> Robot:
+    """N square four-bars in a row: N + 1 cranks on the ground, their tips joined by N couplers, all uniform bars alike.
+
+    The benchmark A02 of IFToMM's library [Gonzalez2006] for length 1 m and mass 1 kg. All cranks stand at the angle phi of
+    `crank_0`, in the plane and with the signs of `four_bar`, and with one freedom
+
+        m L^2 [(N + 1) / 3 + N] phi'' = -m g L [(N + 1) / 2 + N] cos phi
+
+    Lying flat, phi = 0 or pi, it could leave this motion: J loses N ranks there. `coupler_i` hangs on `crank_(i-1)` and is
+    closed with `crank_i`. Posture: `assembled`, cranks upright.
+
+    Args:
+        n: How many, from 1.
+        length: Of every bar [m].
+        mass: Of every bar [kg].
+        path: As in `four_bar`.
+
+    Raises:
+        InputError: n that is no whole number from 1 to 99, a length or mass that is not above zero.
+    """
+    if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= MOST:
+        raise InputError(f"n is {n!r:.80}; expected a whole number from 1 to {MOST}.")
+    L, m = lengths("the N-four-bar", length=length, mass=mass)
+    ground = tuple((i * L, 0.0) for i in range(n + 1))
+    cranks = [
+        Link(f"crank_{i}", "ground", at, ((L, 0.0),), m, "orange" if i == 0 else "green", 0, motor=i == 0, tip=1 if i else None)
+        for i, at in enumerate(ground)
+    ]
+    couplers = [
+        Link(f"coupler_{i}", f"crank_{i - 1}", (L, 0.0), ((L, 0.0),), m, "blue", 1 + i % 2, tip=1) for i in range(1, n + 1)
+    ]
+    closures = {f"pin_{i}": (f"coupler_{i}", f"crank_{i}") for i in range(1, n + 1)}
+    upright = {link.name: math.pi / 2 for link in cranks} | {link.name: -math.pi / 2 for link in couplers}
+    about = f"{n} four-bars in a row, {2 * n + 1} thin uniform bars of {L:g} m and {m:g} kg in the x-z plane."
+    name = f"n_four_bar_{n}"
+    return Linkage(name, about, ground, (*cranks, *couplers), closures, {"assembled": upright}, radius(L)).load(path)
+
+
+def too_long(**sides: float) -> str:
+    """Why bars of these lengths make no polygon: the longest is longer than all others together; empty if it is not."""
+    longest = max(sides, key=sides.__getitem__)
+    missing = 2.0 * sides[longest] - sum(sides.values())
+    if missing <= 0.0:
+        return ""
+    told = ", ".join(f"{name} {length:g}" for name, length in sides.items())
+    return f"bars of {told} m cannot close: {longest} is {missing:.6g} m longer than the others together."
+
+
+def _crank_angle(a: float, b: float, c: float, d: float) -> float:
+    """Where the crank's tip is halfway between the nearest and the farthest from O4 that coupler and rocker reach."""
+    near, far = max(abs(b - c), abs(a - d)), min(b + c, a + d)
+    return math.acos(min(1.0, max(-1.0, (a * a + d * d - (near + far) ** 2 / 4.0) / (2.0 * a * d))))

@@ -1,0 +1,318 @@
+"""What a robot's own file cannot say: the loops, gears, wheels and postures of a mechanism, in a small YAML beside it.
+
+A URDF is a tree. `four_bar.loops.yaml` beside `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
+left out:
+
+    root: fixed                         # or planar, or free_flyer: what load_robot takes where it is not told
+    passive: [coupler_joint]            # joints that carry no motor
+    frames:                             # more frames, on links of the robot [m, rad]
+      coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
+    loops:                              # kind: point, revolute, rigid or planar, see rbd.LoopClosure; axis in frame_a
+      - {name: pin, kind: planar, frame_a: coupler_tip, frame_b: rocker_tip, axis: [0, 1, 0]}
+    couplings:                          # q_joint = ratio q_to + offset, see rbd.JointCoupling
+      - {name: gear, joint: left_joint, to: right_joint, ratio: -1, offset: 0}
+    wheels:                             # on the ground z = 0; kind: rolling_wheel, rolling_disk (both with axis in frame),
+      - {name: rear, kind: rolling_wheel, frame: rear_wheel, radius: 0.3, axis: [0, 1, 0]}    # rolling_ball or knife_edge
+      - {name: skate, kind: knife_edge, frame: blade, direction: [1, 0, 0]}
+    postures:                           # joint: angle [rad] or displacement [m], or a list: the joint's part of q
+      assembled: {crank_joint: 0.7, coupler_joint: -0.4}
+
+Words are those of YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
+robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB are refused by name.
+"""
+
+from __future__ import annotations
+
+import re
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, NoReturn, TypeVar
+
+import yaml
+
+from rbd.arrays import a_number
+from rbd.errors import ModelError, nearest
+from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
+
+Root = Literal["free_flyer", "fixed", "planar"]
+Triple = tuple[float, float, float]
+Entry = TypeVar("Entry")
+
+ENDING = ".loops.yaml"
+ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
+"""How a robot's root may move, and its freedoms."""
+CLOSURES = ("point", "revolute", "rigid", "planar")
+WHEELS = ("knife_edge", "rolling_wheel", "rolling_disk", "rolling_ball")
+LARGEST_FILE = 200_000
+"""Bytes. The reader takes seconds for more, and no robot has so many loops."""
+DEEPEST = 8
+"""Lists inside lists; the format needs four."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A frame to be added: where on which link; rpy as in URDF [m, rad]."""
+
+    name: str
+    link: str
+    xyz: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A loop to be closed between two frames; `axis` in the first."""
+
+    name: str
+    kind: str
+    frame_a: str
+    frame_b: str
+    axis: Triple = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A gear: q_joint = ratio q_to + offset."""
+
+    name: str
+    joint: str
+    to: str
+    ratio: float
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A wheel, ball or blade on the ground z = 0; None where the constraint's own default is meant."""
+
+    name: str
+    kind: str
+    frame: str
+    radius: float | None = None
+    axis: Triple | None = None
+    direction: Triple | None = None
+
+
+@dataclass(frozen=True)
+class LoopFile:
+    """What such a file says, its form in order; the default says nothing.
+
+    Attributes:
+        name: Of the file, for messages.
+        root: How the robot's root moves, if it is said.
+        passive: Joints without a motor.
+        frames: To be added to the robot.
+        loops: To be closed.
+        couplings: Gears.
+        wheels: What rolls or slides on the ground.
+        postures: {name: {joint: numbers}}.
+    """
+
+    name: str = ""
+    root: Root | None = None
+    passive: tuple[str, ...] = ()
+    frames: tuple[Mark, ...] = ()
+    loops: tuple[Closure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    wheels: tuple[Wheel, ...] = ()
+    postures: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
+
+
+def beside(path: Path) -> Path | None:
+    """The loop file of a robot's file, `<stem>.loops.yaml` in the same folder, if it is there."""
+    found = path.with_suffix(ENDING)
+    try:
+        return found if found.is_file() else None
+    except OSError:  # a folder one may not enter
+        return None
+
+
+def read_loop_file(path: Path) -> LoopFile:
+    """What a loop file says.
+
+    Raises:
+        ModelError: no such file, too large, no YAML, or an entry that is not as described above, by its name.
+    """
+    what = _Reader(path.name)
+    top = what.mapping("the file", _loaded(path))
+    what.keys("the file", top, [f.name for f in fields(LoopFile) if f.name != "name"])
+    root = top.get("root")
+    if root is not None and not (isinstance(root, str) and root in ROOTS):
+        what.stop(f"root is {root!r:.80}; expected one of {', '.join(ROOTS)}.")
+    marks = what.mapping("frames", top.get("frames", {}))
+    frames = tuple(what.frame(name, entry) for name, entry in marks.items())
+    loops = what.entries("loops", top, Closure, ("name", "kind", "frame_a", "frame_b"), CLOSURES)
+    couplings = what.entries("couplings", top, Coupling, ("name", "joint", "to", "ratio"))
+    wheels = what.entries("wheels", top, Wheel, ("name", "kind", "frame"), WHEELS)
+    names = [*(e.name for e in loops), *(e.name for e in couplings), *(e.name for e in wheels)]
+    for name in names:
+        if names.count(name) > 1:
+            what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
+    return LoopFile(
+        path.name,
+        root,
+        what.words("passive", top.get("passive", [])),
+        frames,
+        loops,
+        couplings,
+        wheels,
+        what.postures(top.get("postures", {})),
+    )
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Entries of a file, checked one by one; what is wrong is said with the file's name."""
+
+    file: str
+
+    def stop(self, text: str) -> NoReturn:
+        raise ModelError(f"{self.file}: {text}")
+
+    def mapping(self, what: str, value: object) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            self.stop(f"{what} is {_shown(value)}; expected `key: value` pairs.")
+        for key in value:
+            self.word(f"a key of {what}", key)
+        return value
+
+    def keys(self, what: str, entry: Mapping[str, object], known: list[str], needed: tuple[str, ...] = ()) -> None:
+        for key in entry:
+            if key not in known:
+                self.stop(f"{what} has a key {key!r:.80}; {nearest(key, known)}. Expected some of {', '.join(known)}.")
+        for key in needed:
+            if key not in entry:
+                self.stop(f"{what} has no {key!r}; expected {', '.join(needed)}.")
+
+    def word(self, what: str, value: object) -> str:
+        if not isinstance(value, str) or not value.strip():
+            self.stop(f"{what} is {_shown(value)}; expected a name.")
+        if len(value) > LONGEST_NAME:
+            self.stop(f"{what} is {value[:40]!r}..., {len(value)} letters; expected {LONGEST_NAME} at most.")
+        return value
+
+    def words(self, what: str, value: object) -> tuple[str, ...]:
+        if not isinstance(value, list):
+            self.stop(f"{what} is {_shown(value)}; expected a list of names.")
+        return tuple(self.word(f"{what}[{i}]", each) for i, each in enumerate(value))
+
+    def number(self, what: str, value: object, most: float = LARGEST) -> float:
+        number = a_number(value)
+        if not abs(number) <= most:
+            self.stop(f"{what} is {_shown(value)}; expected a finite number, at most {most:g}.")
+        return number
+
+    def three(self, what: str, value: object, most: float = LARGEST) -> Triple:
+        if not isinstance(value, list) or len(value) != 3:
+            self.stop(f"{what} is {_shown(value)}; expected three numbers, e.g. [0, 0, 1].")
+        x, y, z = (self.number(f"{what}[{i}]", each, most) for i, each in enumerate(value))
+        return x, y, z
+
+    def frame(self, name: str, value: object) -> Mark:
+        what = f"frame {name!r:.80}"
+        entry = self.mapping(what, value)
+        self.keys(what, entry, ["link", "xyz", "rpy"], ("link",))
+        places = {key: self.three(f"{key} of {what}", entry[key], FARTHEST) for key in ("xyz", "rpy") if key in entry}
+        return Mark(name, self.word(f"the link of {what}", entry["link"]), **places)
+
+    def entries(
+        self, part: str, top: Mapping[str, object], kind: type[Entry], needed: tuple[str, ...], kinds: tuple[str, ...] = ()
+    ) -> tuple[Entry, ...]:
+        """The entries of a list, as records of this kind, whose fields say which keys there are."""
+        value = top.get(part, [])
+        if not isinstance(value, list):
+            self.stop(f"{part} is {_shown(value)}; expected a list: a line for each, beginning with a dash.")
+        known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+        out = []
+        for i, each in enumerate(value):
+            entry = self.mapping(f"{part}[{i}]", each)
+            what = f"{part}[{i}]" + (f" ({entry['name']!r:.80})" if isinstance(entry.get("name"), str) else "")
+            self.keys(what, entry, known, needed)
+            out.append(kind(**{key: self.value(f"{key} of {what}", key, each, kinds) for key, each in entry.items()}))
+        return tuple(out)
+
+    def value(self, what: str, key: str, value: object, kinds: tuple[str, ...]) -> object:
+        if key in ("axis", "direction"):
+            return self.three(what, value)
+        if key in ("radius", "ratio", "offset"):
+            return self.number(what, value)
+        if key == "kind" and (not isinstance(value, str) or value not in kinds):
+            self.stop(f"{what} is {_shown(value)}; {nearest(value, kinds)}. Expected one of {', '.join(kinds)}.")
+        return self.word(what, value)
+
+    def postures(self, value: object) -> dict[str, dict[str, tuple[float, ...]]]:
+        out = {}
+        for name, angles in self.mapping("postures", value).items():
+            what = f"posture {name!r:.80}"
+            out[name] = {
+                joint: tuple(self.number(f"{joint!r:.80} of {what}", x) for x in (each if isinstance(each, list) else [each]))
+                for joint, each in self.mapping(what, angles).items()
+            }
+        return out
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.2's words for numbers and truth; no aliases, no key twice, nothing deep."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
+    depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """One node; an alias may stand for a thousand others, which stand for a thousand others."""
+        event = self.peek_event()
+        tag = getattr(event, "tag", None)
+        if isinstance(event, yaml.AliasEvent) or tag is not None:
+            what = "an alias" if tag is None else f"a tag, {tag!r:.80},"
+            raise yaml.YAMLError(f"it has {what} in line {event.start_mark.line + 1}; write it out in plain words")
+        if self.depth >= DEEPEST:
+            raise yaml.YAMLError(f"more than {DEEPEST} lists or pairs inside each other")
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """A dictionary; of two equal keys YAML's readers keep one without a word."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.YAMLError(f"key {key.value!r:.80} comes twice, again in line {key.start_mark.line + 1}")
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|", ["~", "n", ""]),
+    ("bool", r"true|false", ["t", "f"]),
+    ("int", r"[-+]?(?:0|[1-9][0-9]*)", list("-+0123456789")),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", list("-+.0123456789")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$", re.ASCII), _first)
+
+
+def _loaded(path: Path) -> object:
+    name = f"{path.name:.120}"
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
+            raise ModelError(f"{name} is no regular file; expected a loop file in YAML.")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{name} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+    if len(data) > LARGEST_FILE:
+        raise ModelError(f"{name} is larger than {LARGEST_FILE / 1000:g} kB; no mechanism needs so much.")
+    try:
+        return yaml.load(data.decode("utf-8"), Loader=_Loader)  # a SafeLoader: plain data only
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{name} cannot be read as YAML: byte {error.start} is not UTF-8.") from None
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        told = " ".join(str(error).split())
+        raise ModelError(f"{name} cannot be read as YAML: {told:.400}.") from None
+
+
+def _shown(value: object) -> str:
+    return "a number of many digits" if isinstance(value, int) and abs(value) > 2**200 else f"{value!r:.80}"

@@ -1,0 +1,262 @@
+"""Two robots, or a robot and an object, in one model: contacts between them are contacts between two bodies."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, lazy
+from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact_geometry import rigid_placement
+from rbd.constraints.counterpart import changed
+from rbd.constraints.line_contact import LineContact
+from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.problem.ground import Ground
+
+Contact = TypeVar("Contact", PointContact, SurfaceContact, LineContact, PointContact | SurfaceContact)
+
+
+class Pair(CheckedModel):
+    """Two robots in one model, side by side: joints, frames and motors of the first, then of the second.
+
+    Made by `combine`. Its vectors are those of the two one after the other: q = (q_1, q_2), v, a and tau likewise; the
+    free-flyer of a floating second is in W, not in its `placement`. Beside what `CheckedModel` has:
+
+    Attributes:
+        members: The two robots, as they were given.
+        prefixes: What stands before the names of each.
+        placement: Where the second's world stands in W, pin.SE3.
+    """
+
+    def __init__(self, first: CheckedModel, second: CheckedModel, placement: pin.SE3, prefixes: tuple[str, str]) -> None:
+        self.members = first, second
+        self.prefixes = prefixes
+        self.placement = placement
+        # A floating base's q is its pose in W, so that there the placement belongs in q.
+        self._mounted = pin.SE3.Identity() if second.bases else placement
+        self._renamed = tuple(_prefixed(robot.model, prefix) for robot, prefix in zip(self.members, prefixes, strict=True))
+        model = pin.appendModel(*self._renamed, 0, self._mounted)
+        passive = [p + n for robot, p in zip(self.members, prefixes, strict=True) for n in sorted(robot.passive)]
+        super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
+        self.sound = first.sound and second.sound
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copies are made anew from copies of the two robots, in another process too."""
+        return Pair, (*self.members, self.placement, self.prefixes), {"sound": self.sound}
+
+    def neutral(self) -> Array:
+        """The configuration with every joint at zero, the second's base at `placement`, shape (nq,)."""
+        return self.q(*(pin.neutral(robot.model) for robot in self.members))
+
+    def q(self, first: Array, second: Array) -> Array:
+        """The configuration of both from one of each, shape (nq,).
+
+        Args:
+            first: Configuration of the first robot.
+            second: Of the second, its floating bases as if its world were W: they are moved by `placement`.
+        """
+        one, other = self.members[0].check_q(first), self.members[1].check_q(second)
+        for joint in self.members[1].bases:
+            at = self.members[1].model.joints[joint].idx_q
+            other[at : at + 7] = pin.SE3ToXYZQUAT(self.placement * pin.XYZQUATToSE3(other[at : at + 7]))
+        return np.concatenate([one, other])
+
+    def at(self, q: Array | None = None, v: Array | None = None) -> State:
+        """The state at a configuration of both, the neutral one if not given, and a velocity of both."""
+        return State(self, self.neutral() if q is None else q, v)
+
+    def together(self, first: State, second: State) -> State:
+        """The state of both from a state of each; that of the second is moved by `placement`.
+
+        Raises:
+            InputError: if one is not a state of its robot.
+        """
+        for state, robot in zip((first, second), self.members, strict=True):
+            if not isinstance(state, State) or state.robot is not robot:
+                raise InputError(f"together wants a State of {robot.name}, got {state!r:.80}: rbd.State(robot, q, v).")
+        return State(self, self.q(first.q, second.q), np.concatenate([first.v, second.v]))
+
+    def standing(self) -> State:
+        """Both at rest, each standing as it does alone; an object without a standing posture in its neutral one.
+
+        Raises:
+            ModelError: no standing posture is known for a robot with feet.
+        """
+        return self.together(*(_standing(robot) for robot in self.members))
+
+    def split(self, vector: Array) -> tuple[Array, Array]:
+        """A vector of both, of the size of q, v or tau, as (the first's part, the second's).
+
+        Raises:
+            InputError: if it has none of these sizes.
+        """
+        one = self.members[0]
+        for size, first in ((self.nq, one.nq), (self.nv, one.nv), (self.nu, one.nu)):
+            if np.shape(vector) == (size,):
+                given = np.asarray(vector)
+                return given[:first], given[first:]
+        raise InputError(
+            f"split wants q ({self.nq},), v or a ({self.nv},), or tau ({self.nu},) of {self.name}; got {vector!r:.80}."
+        )
+
+    def contacts(self, first: Iterable[Contact] = (), second: Iterable[Contact] = ()) -> list[Contact]:
+        """Contacts that were made for each robot alone, renamed for this model; grounds of the second move with `placement`.
+
+        Raises:
+            InputError: if something is no contact of `rbd`, or has an anchor or a motion of its ground that would have to
+                be moved.
+        """
+        return [self._adopted(c, 0) for c in _listed(first)] + [self._adopted(c, 1) for c in _listed(second)]
+
+    def feet(self, friction: float | None = 0.7, *, facets: int = 4) -> list[SurfaceContact | PointContact]:
+        """Feet of both, as `Robot.feet`; an object has none.
+
+        Raises:
+            ModelError: neither has known feet.
+        """
+        feet: list[list[SurfaceContact | PointContact]] = [_feet(robot, friction, facets) for robot in self.members]
+        if not any(feet):
+            raise ModelError(f"no feet are known of {self.name}. Give contacts of your own: pair.contacts(first, second).")
+        return self.contacts(*feet)
+
+    @lazy
+    def visual_model(self) -> pin.GeometryModel:
+        """Shapes of both to draw."""
+        return self._geometry("visual_model")
+
+    @lazy
+    def collision_model(self) -> pin.GeometryModel:
+        """Collision shapes of both."""
+        return self._geometry("collision_model")
+
+    @property
+    def collision_stand_ins(self) -> frozenset[str]:
+        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        names = [
+            prefix + name
+            for prefix, robot in zip(self.prefixes, self.members, strict=True)
+            for name in getattr(robot, "collision_stand_ins", ())
+        ]
+        return frozenset(names)
+
+    def _geometry(self, kind: str) -> pin.GeometryModel:
+        shapes = [getattr(robot, kind, pin.GeometryModel()).copy() for robot in self.members]
+        for prefix, model in zip(self.prefixes, shapes, strict=True):
+            for shape in model.geometryObjects:
+                shape.name = prefix + shape.name
+        return pin.appendModel(*self._renamed, *shapes, 0, self._mounted)[1]
+
+    def _adopted(self, contact: Contact, member: int) -> Contact:
+        if not isinstance(contact, PointContact | SurfaceContact | LineContact):
+            raise InputError(f"{contact!r:.80} is no contact; expected PointContact, SurfaceContact or LineContact.")
+        prefix = self.prefixes[member]
+        changes: dict[str, Any] = {"name": prefix + contact.name, "frame": prefix + contact.frame}
+        if contact.against is not None:
+            changes["against"] = prefix + contact.against
+        elif member == 1 and not self.placement.isIdentity(0.0):
+            if any(x is not None for x in (contact.anchor, contact.velocity, contact.acceleration)):
+                raise InputError(
+                    f"contact {contact.name!r} has an anchor or a moving ground, given in the second robot's own world; make "
+                    f"it anew in W, with frame={prefix + contact.frame!r}."
+                )
+            if contact.on is not None:
+                ground, X = contact.on, self.placement
+                assert isinstance(ground, Ground)
+                point, n = X.act(np.asarray(ground.point)), X.rotation @ np.asarray(ground.normal)
+                changes["on"] = Ground(point=point, normal=n)
+            if (normal := getattr(contact, "normal", None)) is not None:
+                changes["normal"] = self.placement.rotation @ normal
+        return changed(contact, **changes)
+
+
+def combine(
+    first: CheckedModel,
+    second: CheckedModel,
+    *,
+    placement: pin.SE3 | Array | None = None,
+    names: Sequence[str] = ("a_", "b_"),
+) -> Pair:
+    """Two robots, or a robot and an object that it holds, in one model.
+
+    Each keeps its joints, motors, passive joints and floating base; M is block-diagonal. They meet in contacts with
+    `against=` a frame of the other. A pair can be combined with a third. Loops and wheels of their files are left out, with
+    a warning: they name frames of one robot.
+
+    Args:
+        first: A robot, or anything with a checked model.
+        second: Another, or the same once more.
+        placement: Where the second's world stands in the first's, pin.SE3 or a 4 x 4 matrix: moves a fixed base for good,
+            and a floating one in `Pair.q`, `together` and `standing`. By default both worlds are one.
+        names: What stands before the names of joints and frames of each; they are to be told apart by it.
+
+    Raises:
+        InputError: something that is no robot, names that stay alike, or two different gravities.
+
+    >>> pair = combine(load_robot("solo12"), load_robot("urdf/box.urdf"), names=("", "box_"))
+    >>> pair.nv, pair.nu, "box_box" in pair.frames()
+    (24, 12, True)
+    """
+    for robot in (first, second):
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"combine wants two robots, got {robot!r:.80}. Load one with rbd.load_robot(name).")
+    if not np.array_equal(first.gravity, second.gravity):
+        raise InputError(
+            f"{first.name} has gravity {first.gravity.tolist()}, {second.name} {second.gravity.tolist()}; one world has one."
+        )
+    prefixes = _checked_names(names)
+    for what, one, other in (("joint", first.joints(), second.joints()), ("frame", first.frames(), second.frames())):
+        both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
+        if both:
+            raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that tell them apart, as ('a_', 'b_').")
+    left = [c.name for robot in (first, second) for c in (*getattr(robot, "loops", ()), *getattr(robot, "wheels", ()))]
+    if left:
+        warnings.warn(
+            f"the pair has no loops or wheels of its own: {', '.join(map(repr, left))[:80]} name frames without prefixes. Make "
+            "them again with the pair's frames.",
+            ModelWarning,
+            stacklevel=2,
+        )
+    return Pair(first, second, rigid_placement("placement of the second robot", placement), prefixes)
+
+
+def _checked_names(names: Sequence[str]) -> tuple[str, str]:
+    given = tuple(names) if isinstance(names, list | tuple) else ()
+    if len(given) != 2 or not all(isinstance(n, str) and len(n) <= 100 for n in given):
+        raise InputError(f"names is {names!r:.80}; expected two words to stand before the names, as ('a_', 'b_').")
+    return given[0], given[1]
+
+
+def _prefixed(model: pin.Model, prefix: str) -> pin.Model:
+    """The same model with the names of joints and frames changed; "universe" keeps its own."""
+    out = model.copy()
+    for i in range(1, out.njoints):
+        out.names[i] = prefix + out.names[i]
+    for i in range(1, out.nframes):
+        out.frames[i].name = prefix + out.frames[i].name
+    return out
+
+
+def _standing(robot: Any) -> State:
+    if hasattr(robot, "standing") and (not hasattr(robot, "source") or robot.source.feet or robot.postures):
+        return robot.standing()
+    return State(robot, pin.neutral(robot.model))
+
+
+def _feet(robot: Any, friction: float | None, facets: int) -> list[SurfaceContact | PointContact]:
+    if isinstance(robot, Pair):
+        own = [_feet(member, friction, facets) for member in robot.members]
+        return robot.contacts(*own)
+    return robot.feet(friction, facets=facets) if hasattr(robot, "source") and robot.source.feet else []
+
+
+def _listed(contacts: Iterable[Contact]) -> list[Contact]:
+    try:
+        return list(contacts)
+    except TypeError:
+        raise InputError(f"contacts are {contacts!r:.80}; expected a list, e.g. robot.soles().") from None

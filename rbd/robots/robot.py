@@ -1,0 +1,385 @@
+"""Robot and load_robot: a checked model with its postures, its feet and a way to stand."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, lazy
+from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.errors import InputError, ModelError, ModelWarning, nearest
+from rbd.model import mjcf
+from rbd.model.checked_model import CheckedModel
+from rbd.model.files import RobotFile, check_freedoms, read
+from rbd.model.meshes import Geometry, load_geometry
+from rbd.model.state import State
+from rbd.model.urdf import BASE_JOINT, UrdfFile
+from rbd.model.xml import FileLimits, read_xml
+from rbd.problem.ground import On, grounds_of
+from rbd.robots import catalogue
+from rbd.robots.diagnosis import Report, examine, refuse
+from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
+from rbd.robots.loops import Loop, Mechanism, Rolling, mechanism
+from rbd.robots.posture import configuration, semantic_postures, stand
+from rbd.robots.underside import sole_of
+
+
+class Robot(CheckedModel):
+    """A robot: its checked Pinocchio model, its postures and its feet.
+
+    Made by `load_robot`. Beside what `CheckedModel` has:
+
+    Attributes:
+        urdf: The model file.
+        root: "free_flyer", "planar" or "fixed".
+        postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
+        loops: The constraints that close its tree, of the loop file beside the URDF or of an MJCF's <equality>; empty for a
+            tree. They are in force only where they are given: `rbd.solve(state, tau, robot.loops)`.
+        wheels: Wheels, balls and blades on the ground, likewise.
+        leave_out: Parts of an MJCF file that were left out, as `load_robot` was told.
+        report: What the doctor found when it was loaded; None where it was not loaded from a file.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        source: catalogue.Source,
+        root: Root,
+        passive: Iterable[str] = (),
+        limits: FileLimits = FileLimits(),  # noqa: B008  frozen
+        mechanism: Mechanism = Mechanism(),  # noqa: B008  frozen
+        leave_out: Iterable[str] = (),
+    ) -> None:
+        # Nobody can put a force on a base that slides on the ground.
+        base = (BASE_JOINT,) if root == "planar" else ()
+        super().__init__(model, passive=_joined(passive, (*mechanism.file.passive, *base)), name=source.name)
+        self.source = source
+        self.urdf = source.urdf
+        self.root: Root = root
+        self.limits = limits
+        self.leave_out = frozenset(leave_out)
+        self.report: Report | None = None
+        found = {} if source.srdf is None else semantic_postures(self, source.srdf)
+        for keyframe in model.referenceConfigurations:  # of an MJCF file
+            found[keyframe.key()] = pin.normalize(model, keyframe.data())
+        for name, angles in source.postures.items():
+            found[name] = configuration(self, angles)
+        found |= mechanism.postures(self)
+        for q in found.values():
+            q.flags.writeable = False
+        self.postures = MappingProxyType(found)
+        self.mechanism = mechanism
+        self.loops: tuple[Loop, ...] = mechanism.loops(self)
+        self.wheels: tuple[Rolling, ...] = mechanism.wheels(self)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
+        args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism, sorted(self.leave_out)
+        return Robot, args, {"sound": self.sound, "report": self.report}
+
+    def neutral(self) -> Array:
+        """The configuration with every joint at zero, shape (nq,)."""
+        return pin.neutral(self.model)
+
+    def posture(self, name: str) -> Array:
+        """A named configuration, copied, shape (nq,).
+
+        Raises:
+            InputError: with the nearest names.
+        """
+        if not isinstance(name, str) or name not in self.postures:
+            raise InputError(f"no posture {name!r:.80} of {self.name}; {nearest(name, self.postures)}.")
+        return self.postures[name].copy()
+
+    def at(self, q: Array | str | None = None, v: Array | None = None) -> State:
+        """The state at a configuration, a named posture, or the neutral one.
+
+        Args:
+            q: Configuration (nq,), the name of a posture, or None.
+            v: Velocity (nv,); zero if not given.
+        """
+        return State(self, self.neutral() if q is None else self.posture(q) if isinstance(q, str) else q, v)
+
+    def standing(self, posture: str | None = None) -> State:
+        """At rest on its feet: soles (or points) on z = 0, the base turned so that they lie flat.
+
+        A robot on point feet is then turned about them until its centre of mass is over its support. A fixed-base robot
+        keeps its base.
+
+        Args:
+            posture: A name in `postures`; by default the one the catalogue names.
+
+        Raises:
+            InputError: an unknown posture.
+            ModelError: neither a posture nor feet are known for this robot.
+        """
+        name = self.source.posture if posture is None else posture
+        if name is None and len(self.postures) == 1:
+            name = next(iter(self.postures))
+        if not self.floating:
+            return self.at() if name is None else self.at(self.posture(name))
+        feet = self.feet(friction=None)
+        if name is None:
+            raise ModelError(
+                f"no standing posture is known for {self.name}; {nearest('standing', self.postures)}. "
+                "Name one, standing(posture), or build a State with your own q."
+            )
+        return State(self, stand(self, self.posture(name), feet))
+
+    def soles(self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0) -> list[SurfaceContact]:
+        """The soles of its feet as surface contacts, from the catalogue.
+
+        Args:
+            friction: Coulomb's coefficient; None for contacts that hold.
+            facets: Facets of the corner pyramids in a QP.
+            on: What they stand on: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
+                {foot: its own}, as on stairs, where feet that are not named stand on z = 0. None: not known. A foot more than a
+                millimetre off its plane gets a `DistantContactWarning` where it is solved.
+
+        Raises:
+            ModelError: no soles are known; a robot on point feet has `feet`.
+            UnknownName: `on` names a foot that is none.
+
+        >>> stairs = talos.soles(on={"left_sole": 0.17})  # the right one on z = 0
+        """
+        feet = self.feet(friction, facets=facets, on=on)
+        soles = [foot for foot in feet if isinstance(foot, SurfaceContact)]
+        if len(soles) != len(feet):
+            raise ModelError(f"{self.name} stands on points; use robot.feet() in place of soles().")
+        return soles
+
+    def feet(
+        self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+    ) -> list[SurfaceContact | PointContact]:
+        """Its feet as contacts: soles or points, from the catalogue. Arguments as `soles`.
+
+        Raises:
+            ModelError: no feet are known for this robot.
+            UnknownName: `on` names a foot that is none.
+        """
+        if not self.source.feet:
+            raise ModelError(
+                f"no feet are known for {self.name}: its file names none. Give your own: "
+                "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
+            )
+        planes = grounds_of([foot.name for foot in self.source.feet], on)
+        out: list[SurfaceContact | PointContact] = []
+        for foot in self.source.feet:
+            plane = planes[foot.name]
+            if foot.kind == "point":
+                point = PointContact(foot.name, foot.frame, offset=foot.translation, friction=friction, facets=facets, on=plane)
+                out.append(point)
+                continue
+            X_FP = pin.SE3(foot.rotation, np.array(foot.translation))
+            out.append(
+                SurfaceContact(
+                    foot.name, foot.frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets, on=plane
+                )
+            )
+        return out
+
+    @lazy
+    def visual_model(self) -> pin.GeometryModel:
+        """Meshes and shapes to draw, boxes in place of meshes that cannot be had; the first use warns of those."""
+        return self._geometry(pin.GeometryType.VISUAL).model
+
+    @lazy
+    def collision_model(self) -> pin.GeometryModel:
+        """Collision shapes, boxes in place of meshes that cannot be had; the first use warns of those."""
+        return self._collision.model
+
+    @property
+    def collision_stand_ins(self) -> frozenset[str]:
+        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        return self._collision.stand_ins
+
+    @lazy
+    def _collision(self) -> Geometry:
+        return self._geometry(pin.GeometryType.COLLISION)
+
+    def _geometry(self, kind: pin.GeometryType) -> Geometry:
+        element = read_xml(self.urdf, self.limits)
+        found = load_geometry(self.model, element, self.urdf, self.source.package_dirs, kind, self.limits)
+        if found.complaint:
+            warnings.warn(f"the {kind.name.lower()} geometry of {self.name} {found.complaint}", ModelWarning, stacklevel=4)
+        return found
+
+    def soles_from_collision(
+        self,
+        frames: Sequence[str],
+        friction: float | None = 0.7,
+        *,
+        at: State | None = None,
+        facets: int = 4,
+        on: On | Mapping[str, On] = 0.0,
+    ) -> list[SurfaceContact]:
+        """The flat undersides of its feet as surface contacts, from the collision shapes of its file.
+
+        For a robot that the catalogue does not know. A sole is the convex hull of all points of the foot's shapes within
+        2 mm of the lowest plane (a ball gives its lowest point), with the corners left out that add little; it lies on
+        that plane.
+
+        Args:
+            frames: A frame on each foot; the contacts are called like them.
+            friction: Coulomb's coefficient; None for contacts that hold.
+            at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
+                neutral one. Feet may lean up to 20 degrees.
+            facets: Facets of the corner pyramids in a QP.
+            on: What they stand on, as of `soles`, the feet by the names of their frames.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            ModelError: a foot without collision shapes, or one that touches at less than three points.
+
+        >>> rbd.load_robot("g1").soles_from_collision(["left_ankle_roll_link"])[0].corners.shape
+        (4, 3)
+        """
+        if isinstance(frames, str) or not np.iterable(frames):
+            raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
+        if at is None:
+            known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
+            at = self.at(known) if known is None or not self.source.feet else self.standing(known)
+        if not isinstance(at, State) or at.robot is not self:
+            raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
+        soles = [(frame, sole_of(self, self._collision, frame, at)) for frame in frames]
+        planes = grounds_of(list(frames), on)
+        return [
+            SurfaceContact(
+                frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets, on=planes[frame]
+            )
+            for frame, sole in soles
+        ]
+
+
+def load_robot(
+    name_or_path: str | os.PathLike[str],
+    *,
+    root: Root | None = None,
+    passive: Sequence[str] = (),
+    package_dirs: Iterable[str | os.PathLike[str]] = (),
+    limits: FileLimits | None = None,
+    loops: str | os.PathLike[str] | bool | None = True,
+    leave_out: Collection[str] = (),
+) -> Robot:
+    """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
+
+    Args:
+        name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...
+        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
+            and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
+            By default what the loop file says, else "free_flyer". An MJCF file says itself whether it floats.
+        passive: Joints that carry no motor, beside those of the loop file.
+        package_dirs: Folders that hold the packages of `package://` meshes, or the meshes and included files of an MJCF that
+            are not in its own folder.
+        limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
+        loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` beside the robot's
+        file, if
+            there is one, and the <equality> of an MJCF. None leaves all loops open.
+        leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
+            else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
+            a motor without limits in place of those of the file.
+
+    What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
+    tells it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
+    singular, so they have kinematics and no accelerations.
+
+    Raises:
+        UnknownRobot: no such robot; the nearest names are in the message.
+        JointNotFound: an unknown passive joint.
+        ModelError: a missing or broken file, of the robot or of its loops.
+        InputError: arguments of the wrong kind.
+    """
+    if root is not None and (not isinstance(root, str) or root not in ROOTS):
+        raise InputError(f"root is {root!r:.80}; expected 'free_flyer', 'planar' or 'fixed'.")
+    if limits is not None and not isinstance(limits, FileLimits):
+        raise InputError(f"limits is {limits!r:.80}; expected rbd.FileLimits(max_dof=...).")
+    limits = FileLimits() if limits is None else limits
+    _check_leave_out(leave_out)
+    source = catalogue.find(name_or_path, package_dirs)
+    closing = _loop_file(source.urdf, loops)
+    root = root or (closing.root if closing else None) or "free_flyer"
+    file = read(source.urdf, limits, base=ROOTS[root], known=source.known, folders=source.package_dirs, leave_out=leave_out)
+    model = _built(file, root)
+    if file.mjcf is not None:
+        passive = tuple(_joined(passive, mjcf.passive(file.mjcf)))
+        root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
+    check_freedoms(source.urdf, model.nv, limits)
+    if model.nv == 0:
+        raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
+    closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
+    robot = Robot(model, source, root, passive, limits, closed, leave_out)
+    robot.report = report = examine(robot, file, robot.postures, source.package_dirs)
+    robot.sound = report.ok
+    if not source.known:
+        refuse(report, source.urdf.name)
+    if report.errors or report.warnings:
+        warnings.warn(report.summary(), ModelWarning, stacklevel=2)
+    return robot
+
+
+def _loop_file(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopFile | None:
+    if loops is None or isinstance(loops, bool):
+        found = beside(path) if loops else None
+    else:
+        found = catalogue.file_path(loops, "loops")
+    return None if found is None else read_loop_file(found)
+
+
+def _check_leave_out(leave_out: Collection[str]) -> None:
+    try:
+        wrong = [each for each in leave_out if each not in mjcf.LEAVABLE] if not isinstance(leave_out, str) else [leave_out]
+    except TypeError:
+        wrong = [leave_out]  # type: ignore[list-item]
+    if wrong:
+        raise InputError(f"leave_out has {wrong[0]!r:.80}; expected a list of some of {', '.join(map(repr, mjcf.LEAVABLE))}.")
+
+
+def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
+    given = (passive,) if isinstance(passive, str) else passive
+    try:
+        return (*given, *more)
+    except TypeError:
+        return passive  # what is no list of names is refused where names are looked up
+
+
+def _add_rotors(model: pin.Model, urdf: UrdfFile) -> None:
+    """The rotor inertias of the file's <dynamics armature>, on the diagonal of M; Pinocchio's reader drops them."""
+    armature = np.array(model.armature)
+    for joint in urdf.joints.values():
+        if joint.armature and model.existJointName(joint.name):
+            made = model.joints[model.getJointId(joint.name)]
+            armature[made.idx_v : made.idx_v + made.nv] = joint.armature
+    model.armature = armature
+
+
+def _built(file: RobotFile, root: Root) -> pin.Model:
+    """Pinocchio's model of a checked file."""
+    path = file.path
+    if file.mjcf is not None and root == "planar":
+        raise InputError(
+            f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
+        )
+    try:
+        if file.mjcf is not None:
+            model = mjcf.build(file.mjcf)
+        elif file.urdf is not None and root == "fixed":
+            model = pin.buildModelFromXML(file.urdf.text)
+        elif file.urdf is not None:
+            base = pin.JointModelPlanar() if root == "planar" else pin.JointModelFreeFlyer()
+            model = pin.buildModelFromXML(file.urdf.text, base, BASE_JOINT)
+        if file.urdf is not None:
+            _add_rotors(model, file.urdf)
+    except (ValueError, RuntimeError, IndexError) as error:
+        reason = str(error).strip().split("\n")[0].rstrip(".")
+        raise ModelError(
+            f"Pinocchio cannot build {path.name}: {reason:.400}. What its parser printed on stderr says more."
+        ) from None
+    if file.mjcf is not None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
+        raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
+    return model

@@ -1,0 +1,1 @@
+"""Robots at rest: torques and contact forces that hold them, and the least friction that does."""

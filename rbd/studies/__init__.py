@@ -1,0 +1,1 @@
+"""One problem answered several times: by both laws, by several solvers."""

@@ -1,0 +1,195 @@
+"""One question put to every solver that can answer it, and where the answers differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array, largest
+from rbd.errors import NoSolution
+from rbd.least_constraint import Constraint, assembled
+from rbd.model.external_force import External
+from rbd.model.state import State
+from rbd.problem.cones import NonNegative
+from rbd.problem.parts import REST_SPEED
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rays import rays
+from rbd.problem.rows import Rows
+from rbd.solution import Solution, Status
+from rbd.solvers import Solver
+from rbd.solvers.admm import ADMM
+from rbd.solvers.kkt import KKT
+from rbd.solvers.proxqp import ProxQP, law_name
+
+SAME = 1e-7
+"""Answers of one law agree up to this, relative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """One solver's answer.
+
+    Attributes:
+        solver: Its name, with the law it was asked for.
+        law: The law of the answer.
+        status: What its residuals amount to.
+        worst: Largest scaled residual.
+        seconds: Time in the solver [s].
+        a: Acceleration, shape (nv,).
+        unique_forces: The part of the row forces that the motion decides, shape (m,) [N, N m].
+    """
+
+    solver: str
+    law: str
+    status: Status
+    worst: float
+    seconds: float
+    a: Array
+    unique_forces: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Agreement:
+    """What every solver said, and where they differ.
+
+    Attributes:
+        answers: In the order asked.
+        refused: {solver: why it does not take the problem}.
+        differences: (one, other, in a, in what is unique of the forces) for each pair, over max(1, largest entry).
+    """
+
+    answers: tuple[Answer, ...]
+    refused: dict[str, str]
+    differences: tuple[tuple[str, str, float, float], ...]
+
+    @property
+    def worst(self) -> float:
+        """Largest difference between two solved answers of one law; zero where no two share a law."""
+        law = {x.solver: x.law for x in self.answers}
+        return max([max(da, df) for one, other, da, df in self.differences if law[one] == law[other]], default=0.0)
+
+    @property
+    def agree(self) -> bool:
+        """Whether all are solved, and those of one law give the same, to `SAME`."""
+        return all(x.status is Status.SOLVED for x in self.answers) and self.worst <= SAME
+
+    def __repr__(self) -> str:
+        return f"Agreement({len(self.answers)} answers, worst {self.worst:.1e} within a law)"
+
+    def __str__(self) -> str:
+        lines = [f"  {'solver':<24}{'law':<20}{'status':<12}{'worst residual':>15}{'time':>12}"]
+        lines += [f"  {x.solver:<24}{x.law:<20}{x.status:<12}{x.worst:>15.1e}{1e6 * x.seconds:>9.0f} us" for x in self.answers]
+        law = {x.solver: x.law for x in self.answers}
+        for same, title in ((True, "one law, so these must agree"), (False, "two laws: these may differ")):
+            pairs = [d for d in self.differences if (law[d[0]] == law[d[1]]) is same]
+            if pairs:
+                lines.append(f"  {title} (relative):")
+                lines += [f"    {one} and {other}: a {da:.1e}, forces {df:.1e}" for one, other, da, df in pairs]
+        lines += [f"  {name} does not take it: {why}" for name, why in self.refused.items()]
+        verdict = "all that must agree do" if self.agree else "NOT ALL AGREE"
+        return "\n".join([f"{len(self.answers)} solvers; {verdict}, to {self.worst:.1e}", *lines])
+
+
+def agree(
+    state: State,
+    tau: Array,
+    constraints: Sequence[Constraint] = (),
+    *,
+    external: External = None,
+    rest_speed: float = REST_SPEED,
+) -> Agreement:
+    """Every solver's answer to one problem, and where they differ, in a and in what is unique of the forces.
+
+    Asked are `KKT`, `ProxQP`, `ADMM` under both laws, and, where friction cones occur, `ADMM` on ProxQP's own pyramids, so that
+    each law that pyramids stand for has two solvers. What is unique of the forces is their part in the range of J: J^T f
+    decides it.
+
+    Args:
+        state: The robot at (q, v).
+        tau: Motor torques, shape (nu,).
+        constraints: Contacts and other constraints.
+        external: Other forces of the world, as in `rbd.solve`.
+        rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.
+
+    Returns:
+        A table; print it. Solvers that refuse are listed with their reason.
+
+    Raises:
+        NoSolution: if no solver has an answer.
+        InputError: as `rbd.solve`.
+    """
+    problem = assembled(state, tau, constraints, external, rest_speed)
+    asked: list[tuple[str, Solver, GaussProblem]] = [
+        ("KKT", KKT(), problem),
+        ("ProxQP", ProxQP(), problem),
+        ("ADMM, convex", ADMM(law="convex"), problem),
+        ("ADMM, coulomb", ADMM(law="coulomb"), problem),
+    ]
+    if problem.rays.facets and ProxQP().reason_unsupported(problem) is None:
+        asked.insert(2, ("ADMM on pyramids", ADMM(law="convex"), _pyramidal(problem)))
+    answers, refused = [], {}
+    unique = _projector(problem)
+    for name, solver, posed in asked:
+        reason = solver.reason_unsupported(posed)
+        if reason is not None:
+            refused[name] = reason
+            continue
+        answers.append(_answer(name, solver.solve(posed), problem, unique))
+    if not any(x.status is Status.SOLVED for x in answers):
+        tried = "; ".join(
+            [f"{x.solver}: {x.status}, worst residual {x.worst:.1e}" for x in answers]
+            + [f"{name} does not take it: {why}" for name, why in refused.items()]
+        )
+        raise NoSolution(f"no solver has an answer ({tried}). rbd.solve says why.", problem=problem)
+    return Agreement(tuple(answers), refused, tuple(_differences(answers)))
+
+
+def _differences(answers: Sequence[Answer]) -> list[tuple[str, str, float, float]]:
+    solved = [x for x in answers if x.status is Status.SOLVED]
+    return [
+        (one.solver, other.solver, _relative(one.a, other.a), _relative(one.unique_forces, other.unique_forces))
+        for i, one in enumerate(solved)
+        for other in solved[i + 1 :]
+    ]
+
+
+def _relative(x: Array, y: Array) -> float:
+    return largest(x - y) / max(1.0, largest(x), largest(y))
+
+
+def _projector(problem: GaussProblem) -> Array:
+    """Onto the range of J, shape (m, m): the forces that J^T does not send to zero."""
+    U, s, _ = np.linalg.svd(problem.J, full_matrices=False)
+    U = U[:, s > 1e-9 * s.max(initial=0.0)]
+    return U @ U.T
+
+
+def _pyramidal(problem: GaussProblem) -> GaussProblem:
+    """The same problem with each cone's rays as rows of their own: weights on rays are nonnegative numbers.
+
+    Rays of points that move away are left out, as they carry nothing.
+    """
+    rows = []
+    for r, at in zip(problem.rows, problem.ray_slices, strict=True):
+        R = rays(r.cone)
+        if R.facets and not (R.has_lines or R.has_intervals):
+            G = R.G[:, problem.rays.upper[at] > 0.0]
+            bent = None if r.resultant is None else r.resultant @ G
+            r = Rows(r.name, G.T @ r.J, G.T @ r.bias, NonNegative(G.shape[1]), feedback=G.T @ r.feedback, resultant=bent)
+        rows.append(r)
+    return replace(problem, rows=rows, balance=None)
+
+
+def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array) -> Answer:
+    f = solution.multipliers
+    law = solution.law
+    if solution.problem is not problem:
+        P = solution.problem
+        kept = [
+            f[part] if posed is own else rays(own.cone).G[:, problem.rays.upper[at] > 0.0] @ f[part]
+            for posed, own, part, at in zip(P.rows, problem.rows, P.slices.values(), problem.ray_slices, strict=True)
+        ]
+        f, law = np.concatenate(kept), law_name(problem)
+    return Answer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)
