@@ -70,7 +70,8 @@ from rbd.problem.cones import Box, Free, FrictionCone, LineCone, NonNegative, Pr
 from rbd.problem.ground import Ground
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.robots.diagnosis import Finding, Report, doctor
+from rbd.robots.checkup import doctor
+from rbd.robots.diagnosis import Finding, Report
 from rbd.robots.merge import Pair, combine
 from rbd.robots.robot import Robot, load_robot
 from rbd.simulation import (

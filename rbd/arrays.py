@@ -8,9 +8,9 @@ from functools import lru_cache
 from typing import Generic, TypeAlias, TypeVar, overload
 
 import numpy as np
-from scipy.linalg import blas
+from scipy.linalg import blas, lapack
 
-from rbd.errors import InputError
+from rbd.errors import InputError, SingularInertia
 
 Array: TypeAlias = np.ndarray
 Owner = TypeVar("Owner")
@@ -113,6 +113,48 @@ def add_wrench(total: list[float], wrench: Sequence[float], point: Sequence[floa
     total[3] += mx + y * fz - z * fy
     total[4] += my + z * fx - x * fz
     total[5] += mz + x * fy - y * fx
+
+
+def cross_matrix(p: Array) -> Array:
+    """The matrix of p x, shape (3, 3)."""
+    x, y, z = p
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Matrices along the diagonal; zero elsewhere."""
+    out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    i = j = 0
+    for b in blocks:
+        out[i : i + b.shape[0], j : j + b.shape[1]] = b
+        i += b.shape[0]
+        j += b.shape[1]
+    return out
+
+
+def inertia_factor(M: Array, *, strict: bool = False) -> Array:
+    """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv).
+
+    Args:
+        M: Joint-space inertia, symmetric.
+        strict: Refuse M also where it is singular to rounding: tiny positive pivots give answers of 1e10 m/s2.
+
+    Raises:
+        SingularInertia: M is not positive definite.
+    """
+    L, info = lapack.dpotrf(M, lower=1, clean=0)
+    if info != 0:
+        raise SingularInertia(
+            f"M({len(M)} x {len(M)}) is not positive definite (leading minor {abs(info)}); "
+            "a joint carries no inertia, or an inertia in the file is not physical."
+        )
+    if strict:
+        own = L.diagonal() ** 2 / M.diagonal()  # robots' are above 1e-8
+        if (own < 1e-12).any():
+            raise SingularInertia(
+                f"M is singular to rounding at coordinate {int(np.argmin(own))}: what moves there carries no inertia."
+            )
+    return L
 
 
 class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator

@@ -39,16 +39,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
-if TYPE_CHECKING:
-    from rbd.analysis.contradiction import Contradiction
-    from rbd.analysis.nearest import NearestMotion
-    from rbd.arrays import Array
-    from rbd.model.state import State
-    from rbd.problem.problem import GaussProblem
-    from rbd.simulation.trajectory import Trajectory
-    from rbd.solution import Solution
+import numpy as np
 
 
 class RbdError(Exception):
@@ -107,19 +100,19 @@ class NoSolution(RbdError):
     """No answer within tolerance.
 
     Attributes:
-        problem: What was to be solved, or None where no contact problem was posed.
-        result: The best that was found, residuals and all, or None.
-        contradiction: The constraints that contradict each other, with the proof, or None.
+        problem: The `GaussProblem` that was to be solved, or None where no contact problem was posed.
+        result: The best `Solution` that was found, residuals and all, or None.
+        contradiction: The `Contradiction`: constraints that contradict each other, with the proof; or None.
     """
 
     def __init__(
         self,
         message: str,
         *,
-        problem: GaussProblem | None = None,
-        result: Solution | None = None,
-        contradiction: Contradiction | None = None,
-        nearest: Callable[..., NearestMotion] | None = None,
+        problem: Any = None,
+        result: Any = None,
+        contradiction: Any = None,
+        nearest: Callable[..., Any] | None = None,
     ) -> None:
         super().__init__(message)
         self.problem = problem
@@ -127,8 +120,8 @@ class NoSolution(RbdError):
         self.contradiction = contradiction
         self._nearest = nearest
 
-    def nearest(self, *, weights: Mapping[str, float | Array] | None = None) -> NearestMotion:
-        """The motion that violates the constraints least, by the solver that was asked; see `rbd.nearest_motion`.
+    def nearest(self, *, weights: Mapping[str, float | np.ndarray] | None = None) -> Any:
+        """The `NearestMotion` that violates the constraints least, by the solver that was asked; see `rbd.nearest_motion`.
 
         Args:
             weights: {constraint: weight of its rows}; 1 if not given.
@@ -146,20 +139,20 @@ class SimulationStopped(NoSolution):
     """A step of a simulation has no solution, or a function of the user raised an error in it, which is `__cause__`.
 
     Attributes:
-        state: The last state that was reached; None where none was told.
+        state: The last `State` that was reached; None where none was told.
         t: Its time [s].
         names: The constraints that were active.
-        trajectory: What was computed till then; None where not even the first moment was.
+        trajectory: The `Trajectory` that was computed till then; None where not even the first moment was.
     """
 
     def __init__(
         self,
         message: str,
         *,
-        state: State | None = None,
+        state: Any = None,
         t: float = 0.0,
         names: tuple[str, ...] = (),
-        trajectory: Trajectory | None = None,
+        trajectory: Any = None,
         cause: Exception | None = None,
     ) -> None:
         super().__init__(message)
@@ -187,10 +180,10 @@ class CannotAssemble(NoSolution):
         self,
         message: str,
         *,
-        q: Array | None = None,
+        q: np.ndarray | None = None,
         distances: Mapping[str, float] | None = None,
         minimum: bool = False,
-        elsewhere: Array | None = None,
+        elsewhere: np.ndarray | None = None,
     ) -> None:
         super().__init__(message)
         self.q = q

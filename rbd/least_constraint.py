@@ -31,7 +31,7 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.openings import opening_words
 from rbd.problem.parts import REST_SPEED
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, MomentumBalance
 from rbd.problem.rays import rays
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, Status
@@ -146,11 +146,34 @@ def assembled(
         warn_of_distant(state.robot, rows, stacklevel=4)
     loose = any([r.resultant is None or r.patch is None for r in rows])
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
-    balance = state.balance(wrench, with_base=loose)
+    balance = momentum_balance(state, wrench, with_base=loose)
     problem = GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
     if problem.moving:
         _warn_of_opening(state.robot, problem)
     return problem
+
+
+def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
+    """What the centroidal residual is computed from; None unless all bodies hang from floating bases.
+
+    Of two robots in one model it is that of both together.
+
+    Args:
+        state: The robot at (q, v).
+        wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
+        with_base: Give the base's pose too: some rows have no resultant of their own. With two bases there is none then.
+    """
+    robot = state.robot
+    if not robot.bases or (with_base and not robot.floating):
+        return None
+    A_g, rate_bias, mass = state.centroidal()
+    total = wrench.copy()
+    total[:3] += mass * robot.model.gravity.linear  # the mass is at hand: robot.weight sums all bodies' again
+    base = None
+    if with_base:
+        X_WB = state.base_pose()
+        base = X_WB.translation, X_WB.rotation
+    return MomentumBalance(A_g, rate_bias, total, state.com, base)
 
 
 def _warn_of_opening(robot: CheckedModel, problem: GaussProblem) -> None:

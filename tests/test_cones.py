@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import linprog, nnls
 
 import rbd
-from rbd.problem.cones import HalfLine, Interval, Line, SecondOrderCone, block_diagonal, check_friction, cross_matrix, pyramid
+from rbd.arrays import block_diagonal, cross_matrix
+from rbd.problem.cones import HalfLine, Interval, Line, SecondOrderCone, check_friction, pyramid
 from rbd.problem.rays import rays
 
 SOLE = np.array([[0.11, 0.05, 0.0], [0.11, -0.05, 0.0], [-0.11, -0.05, 0.0], [-0.11, 0.05, 0.0]])

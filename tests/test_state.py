@@ -191,7 +191,7 @@ def test_solving_does_not_disturb_a_state(talos: rbd.Robot) -> None:
     held = [rbd.SurfaceContact("sole", "left_sole_link", half_lengths=(0.1, 0.06))]
     for disturb in (
         lambda: rbd.solve(state, np.zeros(talos.nu), held, external=[rbd.ExternalForce("torso_2_link", (1, 2, 3))]),
-        lambda: state.balance(np.zeros(6)),
+        lambda: state.centroidal(),
         lambda: rbd.dynamics.coriolis_matrix(state),
         lambda: rbd.dynamics.gravity_torque(state),
         lambda: rbd.dynamics.momentum(state),

@@ -18,9 +18,8 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
-from rbd.arrays import Array
+from rbd.arrays import Array, block_diagonal
 from rbd.errors import NotDifferentiable
-from rbd.problem.cones import block_diagonal
 from rbd.problem.parts import centripetal
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows

@@ -21,9 +21,8 @@ from rbd.analysis.barrier import ConeSet, least
 from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
 from rbd.analysis.separable import least_squares
-from rbd.arrays import Array, is_finite, numbers
+from rbd.arrays import Array, block_diagonal, is_finite, numbers
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
-from rbd.problem.cones import block_diagonal
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem
 from rbd.problem.programs import nonnegative

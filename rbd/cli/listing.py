@@ -13,7 +13,7 @@ from rich.text import Text
 
 from rbd.cli.terminal import Table
 from rbd.errors import ModelWarning, RbdError
-from rbd.robots.diagnosis import doctor
+from rbd.robots.checkup import doctor
 from rbd.robots.robot import Robot, load_robot
 from rbd.statics.equilibrium import hold
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, three
+from rbd.arrays import Array, a_number, cross_matrix, three
 from rbd.constraints.collision_shapes import CollisionShapes
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
 from rbd.constraints.touching import Between, Bodies, OnPlane, Touching, joined
@@ -19,7 +19,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.forks import renewed_after_fork
 from rbd.model.state import State
-from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction, cross_matrix
+from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction
 from rbd.problem.ground import TOUCHES, Ground
 from rbd.problem.rows import Patch, Rows
 

@@ -24,11 +24,10 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, lazy, numbers, three
+from rbd.arrays import Array, check_finite, cross_matrix, lazy, numbers, three
 from rbd.constraints.contact_geometry import rigid_placement
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import cross_matrix
 
 Contact = TypeVar("Contact")
 _HERE = pin.SE3.Identity()

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, three
+from rbd.arrays import Array, cross_matrix, three
 from rbd.constraints.contact_geometry import check_state, contact_axes
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Free, cross_matrix
+from rbd.problem.cones import Free
 from rbd.problem.rows import Rows
 
 KINDS = {"point": 3, "revolute": 5, "rigid": 6, "planar": 2}

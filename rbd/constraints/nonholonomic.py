@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, numbers, three
+from rbd.arrays import Array, check_finite, cross_matrix, numbers, three
 from rbd.constraints.contact_geometry import check_state, unit_normal
 from rbd.constraints.function import check_function, matrix_of, rate, vector_of
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Free, cross_matrix
+from rbd.problem.cones import Free
 from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER = np.zeros((1, 3))

@@ -22,13 +22,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number, three
+from rbd.arrays import Array, a_number, cross_matrix, three
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
 from rbd.constraints.counterpart import twist
 from rbd.constraints.nonholonomic import check_words, unit_direction
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction, cross_matrix
+from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction
 from rbd.problem.ground import Ground
 from rbd.problem.rows import Patch, Rows
 

@@ -18,14 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, cross_matrix, lazy
 from rbd.constraints.contact_geometry import contact_axes
 from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting
 from rbd.constraints.convex.rounds import Ball
 from rbd.constraints.convex.solids import ConvexShape
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.problem.cones import cross_matrix
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,11 +17,11 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, largest, lazy, zeros
+from rbd.arrays import Array, inertia_factor, largest, lazy, zeros
 from rbd.errors import InputError, NoSolution
 from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.crossing import Crossing
-from rbd.mechanism.projection import ZERO, correction, inertia_factor
+from rbd.mechanism.projection import ZERO, correction
 from rbd.model.state import State
 from rbd.problem.cones import Free, Line
 from rbd.problem.rows import Rows
@@ -103,7 +103,7 @@ class HeldRows:
     @lazy
     def L(self) -> Array:
         """Lower factor of M."""
-        return inertia_factor(self.state)
+        return inertia_factor(self.state.M)
 
     @lazy
     def W(self) -> Array:
@@ -240,7 +240,7 @@ class StageSolver:
         return f, bool(len(s) == len(f) and s[-1] > ZERO * s[0])
 
     def law(self, held: HeldRows, a: Array, rhs: Array, f: Array | None) -> float:
-        """The largest residual of the equations of motion and of the rows, each over its own terms; see `rbd.problem.scales`."""
+        """The largest residual of the equations of motion and of the rows, each over its own terms (`rbd.problem.scales`)."""
         if f is None:
             f, _ = self.forces(held, a, rhs)
         M, J = held.state.M, held.J

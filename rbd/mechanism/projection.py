@@ -27,8 +27,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, a_number, largest
-from rbd.errors import InputError, SingularInertia
+from rbd.arrays import Array, a_number, inertia_factor, largest
+from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.solvers.kkt import independent_factor
 
@@ -81,7 +81,7 @@ def project_position(state: State, equations: Equations, projection: Projection)
         size = largest(error)
         if size <= projection.tolerance:
             break
-        step = shortened(-correction(inertia_factor(state), J, error, damping=size))
+        step = shortened(-correction(inertia_factor(state.M), J, error, damping=size))
         for _ in range(HALVINGS):
             nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v)
             J_there, error_there = equations(nearer)
@@ -92,18 +92,6 @@ def project_position(state: State, equations: Equations, projection: Projection)
             break  # rounding, or a true minimum of the distance
         state, J, error = nearer, J_there, error_there
     return state
-
-
-def inertia_factor(state: State) -> Array:
-    """Lower L of M = L L^T, shape (nv, nv); the upper triangle holds rubbish.
-
-    Raises:
-        SingularInertia: M is not positive definite.
-    """
-    L, info = lapack.dpotrf(state.M, lower=1, clean=0)
-    if info != 0:
-        raise SingularInertia(f"M of {state.robot.name} is not positive definite (leading minor {abs(info)}) at this state.")
-    return L
 
 
 def correction(L: Array, J: Array, error: Array, *, damping: float = 0.0, zero: float = ZERO) -> Array:

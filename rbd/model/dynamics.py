@@ -5,17 +5,16 @@ Source: `docs/theory.md`, which names the equation for each function here.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import lapack
 
-from rbd.arrays import Array, zeros
+from rbd.arrays import Array, inertia_factor, zeros
 from rbd.errors import InputError
 from rbd.model.external_force import External, generalised
 from rbd.model.state import State
-from rbd.problem.problem import GaussProblem
-from rbd.problem.rows import Rows
 
 
 class HasRows(Protocol):
@@ -25,8 +24,8 @@ class HasRows(Protocol):
     def name(self) -> str:
         """Its name."""
 
-    def rows(self, state: State) -> Rows:
-        """Its rows."""
+    def rows(self, state: State) -> Any:
+        """Its `rbd.Rows`."""
 
 
 def checked(state: State) -> State:
@@ -124,7 +123,7 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
         external: Generalised force (nv,), or `ExternalForce`s.
     """
     rhs, _ = free_force(state, tau, external)
-    return GaussProblem(state.M, rhs).a_free
+    return np.asarray(lapack.dpotrs(inertia_factor(state.M, strict=True), rhs, lower=1)[0])
 
 
 def free_force(state: State, tau: Array, external: External = None) -> tuple[Array, Array]:

@@ -10,10 +10,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, block_diagonal, cross_matrix
 from rbd.errors import InputError
 from rbd.model.checked_model import UNIT_TOLERANCE, CheckedModel
-from rbd.problem.cones import block_diagonal, cross_matrix
 
 Found = TypeVar("Found")
 

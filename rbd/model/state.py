@@ -11,7 +11,6 @@ import pinocchio as pin
 from rbd.arrays import Array, three
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.problem import MomentumBalance
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,28 +155,16 @@ class State:
             rate = pin.computeJointJacobiansTimeVariation(self.robot.model, data, self.q, self.v)
             return *self.joint_places(joints), np.concatenate([data.J.reshape(6, nv), rate.reshape(6, nv)])
 
-    def balance(self, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
-        """What the centroidal residual is computed from; None unless all bodies hang from floating bases.
+    def centroidal(self) -> tuple[Array, Array, float]:
+        """(A_g (6, nv), A_g_dot v (6,), mass): the centroidal momentum matrix and the rest of the momentum's rate.
 
-        Of two robots in one model it is that of both together.
-
-        Args:
-            wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
-            with_base: Give the base's pose too: some rows have no resultant of their own. With two bases there is none then.
+        Linear then angular, about the centre of mass, in world axes; the rate of momentum is A_g v_dot + A_g_dot v.
         """
-        robot = self.robot
-        if not robot.bases or (with_base and not robot.floating):
-            return None
         with self._pool.lock:
             data = self._data()
-            # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g.
-            rate_bias = pin.computeCentroidalMomentumTimeVariation(robot.model, data).vector
-            A_g = data.Ag.copy()
-        base = None
-        if with_base:
-            X_WB = self.base_pose()
-            base = X_WB.translation, X_WB.rotation
-        return MomentumBalance(A_g, rate_bias, wrench + robot.weight, self.com, base)
+            # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the mass.
+            rate_bias = pin.computeCentroidalMomentumTimeVariation(self.robot.model, data).vector
+            return data.Ag.copy(), rate_bias, data.mass[0]
 
 
 def _again(robot: CheckedModel, q: Array, v: Array) -> State:

@@ -15,7 +15,7 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, is_finite, lazy, numbers
+from rbd.arrays import Array, a_number, block_diagonal, cross_matrix, is_finite, lazy, numbers
 from rbd.errors import InputError, NoSolution
 from rbd.problem.programs import nonnegative
 
@@ -315,23 +315,6 @@ def pyramid(mu: float, facets: int, *, inscribed: bool = False) -> Array:
     angle = (2 * np.arange(facets) + 1) * math.pi / facets
     radius = mu if inscribed else mu / math.cos(math.pi / facets)
     return np.vstack([radius * np.cos(angle), radius * np.sin(angle), np.ones(facets)])
-
-
-def cross_matrix(p: Array) -> Array:
-    """The matrix of p x, shape (3, 3)."""
-    x, y, z = p
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def block_diagonal(blocks: Sequence[Array]) -> Array:
-    """Matrices along the diagonal; zero elsewhere."""
-    out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
-    i = j = 0
-    for b in blocks:
-        out[i : i + b.shape[0], j : j + b.shape[1]] = b
-        i += b.shape[0]
-        j += b.shape[1]
-    return out
 
 
 def _check_dim(dim: int) -> None:

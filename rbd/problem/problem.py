@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, a_number, check_finite, is_finite, lazy, numbers
-from rbd.errors import DuplicateName, InputError, SingularInertia
+from rbd.arrays import Array, a_number, check_finite, inertia_factor, is_finite, lazy, numbers
+from rbd.errors import DuplicateName, InputError
 from rbd.problem.cones import Cone, Interval, Line, Product, SecondOrderCone
 from rbd.problem.openings import Opening
 from rbd.problem.parts import REST_SPEED, Parts, parts_of
@@ -122,10 +122,7 @@ class GaussProblem:
         check_finite("rhs", rhs)
         if np.abs(M - M.T).max() > 1e-9 * np.abs(M).max():
             raise InputError(f"M is not symmetric: |M - M^T| reaches {np.abs(M - M.T).max():.2g}.")
-        # Rounding can leave a singular M with tiny positive pivots, and answers of 1e10 m/s2; robots' are above 1e-8.
-        if (np.abs(np.diag(self.factor)) ** 2 < 1e-12 * np.diag(M)).any():
-            i = int(np.argmin(np.diag(self.factor) ** 2 / np.diag(M)))
-            raise SingularInertia(f"M is singular to rounding at coordinate {i}: what moves there carries no inertia.")
+        self.__dict__["factor"] = inertia_factor(M, strict=True)
 
     def __repr__(self) -> str:
         return f"GaussProblem(nv={self.nv}, m={self.m}, rows={[r.name for r in self.rows]})"
@@ -235,13 +232,7 @@ class GaussProblem:
     @lazy
     def factor(self) -> Array:
         """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv)."""
-        L, info = lapack.dpotrf(self.M, lower=1, clean=0)
-        if info != 0:
-            raise SingularInertia(
-                f"M({self.nv} x {self.nv}) is not positive definite (leading minor {abs(info)}); "
-                "a joint carries no inertia, or an inertia in the file is not physical."
-            )
-        return L
+        return inertia_factor(self.M)
 
     def solve_M(self, b: Array) -> Array:
         """M^-1 b."""

@@ -1,11 +1,11 @@
-"""The doctor: what is wrong with a robot, and what of its file the dynamics leave out, by name."""
+"""What is wrong with a robot, and what of its file the dynamics leave out, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,12 +13,8 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.files import RobotFile, read
+from rbd.model.files import RobotFile
 from rbd.model.state import State
-from rbd.robots.loop_file import ROOTS
-
-if TYPE_CHECKING:
-    from rbd.robots.robot import Robot
 
 SINGULAR = 1e-9
 """A joint's articulated inertia over its composite one (see `_weightless`); the real robots' are above 3e-4."""
@@ -116,31 +112,6 @@ class Report:
         told = [f"ERROR, {finding.text.rstrip('.')}" for finding in self.errors]
         told += [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
         return f"{self.robot}: {'; '.join(told)}. {REMEDY}" if told else ""
-
-
-def doctor(robot: Robot) -> Report:
-    """What is wrong with a robot, and what of its file the dynamics leave out.
-
-    Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
-    indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
-    limits, missing meshes, missing effort limits, damping and friction, mimicked joints, loops that no posture closes. Notes:
-    loops and wheels, and where the loops are closed. M is tried at neutral and at
-    random configurations (the same ones each time); no mesh is opened.
-
-    Where the file is no longer there, what was found when it was loaded, and a note that says so.
-
-    Raises:
-        InputError: not a robot.
-        ModelError: its file is broken since.
-    """
-    if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
-        raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-    source = robot.source
-    if robot.report is not None and not source.urdf.is_file():
-        gone = Finding("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
-        return replace(robot.report, notes=(*robot.report.notes, gone))
-    file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
-    return examine(robot, file, robot.postures, source.package_dirs)
 
 
 def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> Report:

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, inertia_factor, largest
 from rbd.mechanism.held_rows import OWED
-from rbd.mechanism.projection import ZERO, Projection, correction, inertia_factor, project_position
+from rbd.mechanism.projection import ZERO, Projection, correction, project_position
 from rbd.model.state import State
 from rbd.simulation.motion import Motion
 from rbd.simulation.nearness import CLOSED, Nearness
@@ -61,7 +61,7 @@ class Closing:
         if largest(rate) <= self.projection.tolerance:
             return at
         state, zero = at.state, max(ZERO, OWED * at.drift)
-        less = correction(inertia_factor(state), at.J[held], rate, zero=zero)
+        less = correction(inertia_factor(state.M), at.J[held], rate, zero=zero)
         return self.points.at(state.with_velocity(state.v - less), t)
 
 

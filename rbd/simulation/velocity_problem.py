@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, is_finite, largest
+from rbd.arrays import Array, inertia_factor, is_finite, largest
 from rbd.errors import NoSolution
 from rbd.mechanism.held_rows import CONTRADICTION, OWED
-from rbd.mechanism.projection import inertia_factor
 from rbd.problem.cones import Box, Cone, Product
 from rbd.problem.parts import Parts, parts_of
 from rbd.problem.problem import GaussProblem
@@ -121,7 +120,7 @@ class VelocitySolver:
         """
         chosen = self._rows(at.layout, active, h)
         M, index, impulse = at.state.M, chosen.index, np.zeros(len(offset))
-        L = inertia_factor(at.state)
+        L = inertia_factor(at.state.M)
         y = blas.dtrsv(L, rhs, lower=1)
         if not is_finite(y):
             raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")

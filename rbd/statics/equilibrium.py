@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, block_diagonal, lazy
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
@@ -22,7 +22,6 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import checked, free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
-from rbd.problem.cones import block_diagonal
 from rbd.problem.contact_force import ContactForce, contact_force, corner_split
 from rbd.problem.limits import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS
 from rbd.problem.parts import parts_of
