@@ -1,211 +1,175 @@
-"""Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof."""
+"""Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof.
+
+`import rbd` loads Pinocchio and little else: a name, or a sub-package, is loaded when it is first asked for.
+"""
 
 from importlib import import_module as _import_module
+from pkgutil import iter_modules as _iter_modules
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rbd.model import installation as _engine  # noqa: F401  first: another Pinocchio than ours is named before anything breaks
+from rbd.model import installation as _installation  # noqa: F401  another Pinocchio than ours is named before anything breaks
 
-# isort: split
-from rbd import errors, mechanism
-from rbd.analysis.contradiction import Contradiction, contradiction
-from rbd.analysis.nearest import NearestMotion, nearest_motion
-from rbd.analysis.sensitivity import Derivatives
-from rbd.analysis.uniqueness import Uniqueness
-from rbd.constraints import (
-    Baumgarte,
-    CollisionContacts,
-    ContactPoints,
-    FunctionConstraint,
-    JointCoupling,
-    JointFriction,
-    JointLimit,
-    JointLock,
-    KnifeEdge,
-    LineContact,
-    LoopClosure,
-    PointContact,
-    RollingBall,
-    RollingDisk,
-    RollingWheel,
-    SurfaceContact,
-    VelocityConstraint,
-    joint_frictions,
-    joint_limits,
-    mimics,
-)
-from rbd.errors import (
-    CannotAssemble,
-    CannotHold,
-    ContactMoves,
-    DistantContactWarning,
-    DuplicateName,
-    EffortLimitWarning,
-    FrameNotFound,
-    InaccurateWarning,
-    InputError,
-    JointNotFound,
-    ModelError,
-    ModelWarning,
-    NoSolution,
-    NotAtRest,
-    NotDifferentiable,
-    OpeningContactWarning,
-    OpenLoop,
-    RbdError,
-    RbdWarning,
-    SeveralMotions,
-    SimulationStopped,
-    SingularInertia,
-    SingularPose,
-    UnknownName,
-    UnknownRobot,
-    Unsupported,
-    WrongPinocchio,
-)
-from rbd.least_constraint import gauss_problem, solve
-from rbd.model import dynamics
-from rbd.model.external_force import ExternalForce
-from rbd.model.state import State
-from rbd.model.xml import FileLimits
-from rbd.problem.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
-from rbd.problem.ground import Ground
-from rbd.problem.problem import GaussProblem
-from rbd.problem.rows import Rows
-from rbd.robots.checkup import doctor
-from rbd.robots.diagnosis import Finding, Report
-from rbd.robots.merge import Pair, combine
-from rbd.robots.robot import Robot, load_robot
-from rbd.simulation import (
-    Adaptive,
-    Event,
-    HoldPosture,
-    Projection,
-    Push,
-    Pushes,
-    RungeKutta4,
-    Sampled,
-    TimeStepping,
-    TorqueScript,
-    Trajectory,
-    simulate,
-)
-from rbd.solution import Solution, Status
-from rbd.solvers.admm import ADMM
-from rbd.solvers.kkt import KKT
-from rbd.solvers.proxqp import ProxQP
-from rbd.statics.equilibrium import Hold, hold
-from rbd.studies.agreement import Agreement, agree
-from rbd.studies.laws import LawComparison, compare_laws
+if _TYPE_CHECKING:
+    from rbd.analysis.contradiction import Contradiction as Contradiction, contradiction as contradiction
+    from rbd.analysis.nearest import NearestMotion as NearestMotion, nearest_motion as nearest_motion
+    from rbd.analysis.sensitivity import Derivatives as Derivatives
+    from rbd.analysis.uniqueness import Uniqueness as Uniqueness
+    from rbd.constraints import (
+        Baumgarte as Baumgarte,
+        CollisionContacts as CollisionContacts,
+        ContactPoints as ContactPoints,
+        FunctionConstraint as FunctionConstraint,
+        JointCoupling as JointCoupling,
+        JointFriction as JointFriction,
+        JointLimit as JointLimit,
+        JointLock as JointLock,
+        KnifeEdge as KnifeEdge,
+        LineContact as LineContact,
+        LoopClosure as LoopClosure,
+        PointContact as PointContact,
+        RollingBall as RollingBall,
+        RollingDisk as RollingDisk,
+        RollingWheel as RollingWheel,
+        SurfaceContact as SurfaceContact,
+        VelocityConstraint as VelocityConstraint,
+        joint_frictions as joint_frictions,
+        joint_limits as joint_limits,
+        mimics as mimics,
+    )
+    from rbd.errors import (
+        CannotAssemble as CannotAssemble,
+        CannotHold as CannotHold,
+        ContactMoves as ContactMoves,
+        DistantContactWarning as DistantContactWarning,
+        DuplicateName as DuplicateName,
+        EffortLimitWarning as EffortLimitWarning,
+        FrameNotFound as FrameNotFound,
+        InaccurateWarning as InaccurateWarning,
+        InputError as InputError,
+        JointNotFound as JointNotFound,
+        ModelError as ModelError,
+        ModelWarning as ModelWarning,
+        NoSolution as NoSolution,
+        NotAtRest as NotAtRest,
+        NotDifferentiable as NotDifferentiable,
+        OpeningContactWarning as OpeningContactWarning,
+        OpenLoop as OpenLoop,
+        RbdError as RbdError,
+        RbdWarning as RbdWarning,
+        SeveralMotions as SeveralMotions,
+        SimulationStopped as SimulationStopped,
+        SingularInertia as SingularInertia,
+        SingularPose as SingularPose,
+        UnknownName as UnknownName,
+        UnknownRobot as UnknownRobot,
+        Unsupported as Unsupported,
+        WrongPinocchio as WrongPinocchio,
+    )
+    from rbd.least_constraint import gauss_problem as gauss_problem, solve as solve
+    from rbd.model import dynamics as dynamics
+    from rbd.model.external_force import ExternalForce as ExternalForce
+    from rbd.model.state import State as State
+    from rbd.model.xml import FileLimits as FileLimits
+    from rbd.problem.cones import (
+        Box as Box,
+        Free as Free,
+        FrictionCone as FrictionCone,
+        LineCone as LineCone,
+        NonNegative as NonNegative,
+        Product as Product,
+        WrenchCone as WrenchCone,
+    )
+    from rbd.problem.ground import Ground as Ground
+    from rbd.problem.problem import GaussProblem as GaussProblem
+    from rbd.problem.rows import Rows as Rows
+    from rbd.robots.checkup import doctor as doctor
+    from rbd.robots.diagnosis import Finding as Finding, Report as Report
+    from rbd.robots.merge import Pair as Pair, combine as combine
+    from rbd.robots.robot import Robot as Robot, load_robot as load_robot
+    from rbd.simulation import (
+        Adaptive as Adaptive,
+        Event as Event,
+        HoldPosture as HoldPosture,
+        Projection as Projection,
+        Push as Push,
+        Pushes as Pushes,
+        RungeKutta4 as RungeKutta4,
+        Sampled as Sampled,
+        TimeStepping as TimeStepping,
+        TorqueScript as TorqueScript,
+        Trajectory as Trajectory,
+        simulate as simulate,
+    )
+    from rbd.solution import Solution as Solution, Status as Status
+    from rbd.solvers.admm import ADMM as ADMM
+    from rbd.solvers.kkt import KKT as KKT
+    from rbd.solvers.proxqp import ProxQP as ProxQP
+    from rbd.statics.equilibrium import Hold as Hold, hold as hold
+    from rbd.studies.agreement import Agreement as Agreement, agree as agree
+    from rbd.studies.laws import LawComparison as LawComparison, compare_laws as compare_laws
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "ADMM",
-    "Adaptive",
-    "Agreement",
-    "Baumgarte",
-    "Box",
-    "CannotAssemble",
-    "CannotHold",
-    "CollisionContacts",
-    "ContactMoves",
-    "ContactPoints",
-    "Contradiction",
-    "Derivatives",
-    "DistantContactWarning",
-    "DuplicateName",
-    "EffortLimitWarning",
-    "Event",
-    "ExternalForce",
-    "FileLimits",
-    "Finding",
-    "FrameNotFound",
-    "Free",
-    "FrictionCone",
-    "FunctionConstraint",
-    "GaussProblem",
-    "Ground",
-    "Hold",
-    "HoldPosture",
-    "InaccurateWarning",
-    "InputError",
-    "JointCoupling",
-    "JointFriction",
-    "JointLimit",
-    "JointLock",
-    "JointNotFound",
-    "KKT",
-    "KnifeEdge",
-    "LawComparison",
-    "LineCone",
-    "LineContact",
-    "LoopClosure",
-    "ModelError",
-    "ModelWarning",
-    "NearestMotion",
-    "NoSolution",
-    "NonNegative",
-    "NotAtRest",
-    "NotDifferentiable",
-    "OpenLoop",
-    "OpeningContactWarning",
-    "Pair",
-    "PointContact",
-    "Product",
-    "Projection",
-    "ProxQP",
-    "Push",
-    "Pushes",
-    "RbdError",
-    "RbdWarning",
-    "Report",
-    "Robot",
-    "RollingBall",
-    "RollingDisk",
-    "RollingWheel",
-    "Rows",
-    "RungeKutta4",
-    "Sampled",
-    "SeveralMotions",
-    "SimulationStopped",
-    "SingularInertia",
-    "SingularPose",
-    "Solution",
-    "State",
-    "Status",
-    "SurfaceContact",
-    "TimeStepping",
-    "TorqueScript",
-    "Trajectory",
-    "Uniqueness",
-    "UnknownName",
-    "UnknownRobot",
-    "Unsupported",
-    "VelocityConstraint",
-    "WrenchCone",
-    "WrongPinocchio",
-    "__version__",
-    "agree",
-    "combine",
-    "compare_laws",
-    "contradiction",
-    "doctor",
-    "dynamics",
-    "errors",
-    "gauss_problem",
-    "hold",
-    "joint_frictions",
-    "joint_limits",
-    "load_robot",
-    "mechanism",
-    "mimics",
-    "nearest_motion",
-    "simulate",
-    "solve",
-]
+_NAMES = {
+    "rbd.analysis.contradiction": "Contradiction contradiction",
+    "rbd.analysis.nearest": "NearestMotion nearest_motion",
+    "rbd.analysis.sensitivity": "Derivatives",
+    "rbd.analysis.uniqueness": "Uniqueness",
+    "rbd.constraints": """
+        Baumgarte CollisionContacts ContactPoints FunctionConstraint JointCoupling JointFriction JointLimit JointLock
+        KnifeEdge LineContact LoopClosure PointContact RollingBall RollingDisk RollingWheel SurfaceContact
+        VelocityConstraint joint_frictions joint_limits mimics
+    """,
+    "rbd.errors": """
+        CannotAssemble CannotHold ContactMoves DistantContactWarning DuplicateName EffortLimitWarning FrameNotFound
+        InaccurateWarning InputError JointNotFound ModelError ModelWarning NoSolution NotAtRest NotDifferentiable
+        OpenLoop OpeningContactWarning RbdError RbdWarning SeveralMotions SimulationStopped SingularInertia SingularPose
+        UnknownName UnknownRobot Unsupported WrongPinocchio
+    """,
+    "rbd.least_constraint": "gauss_problem solve",
+    "rbd.model.external_force": "ExternalForce",
+    "rbd.model.state": "State",
+    "rbd.model.xml": "FileLimits",
+    "rbd.problem.cones": "Box Free FrictionCone LineCone NonNegative Product WrenchCone",
+    "rbd.problem.ground": "Ground",
+    "rbd.problem.problem": "GaussProblem",
+    "rbd.problem.rows": "Rows",
+    "rbd.robots.checkup": "doctor",
+    "rbd.robots.diagnosis": "Finding Report",
+    "rbd.robots.merge": "Pair combine",
+    "rbd.robots.robot": "Robot load_robot",
+    "rbd.simulation": """
+        Adaptive Event HoldPosture Projection Push Pushes RungeKutta4 Sampled TimeStepping TorqueScript Trajectory
+        simulate
+    """,
+    "rbd.solution": "Solution Status",
+    "rbd.solvers.admm": "ADMM",
+    "rbd.solvers.kkt": "KKT",
+    "rbd.solvers.proxqp": "ProxQP",
+    "rbd.statics.equilibrium": "Hold hold",
+    "rbd.studies.agreement": "Agreement agree",
+    "rbd.studies.laws": "LawComparison compare_laws",
+}
+"""What stands on top, by the module that it comes from; the imports above tell type checkers the same."""
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+_SUBPACKAGES = {module.name for module in _iter_modules(__path__) if not module.name.startswith("_")}
+
+__all__ = sorted([*_HOME, "__version__", "dynamics", "errors"])  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
-    """`rbd.planar` when it is first asked for: it needs SymPy, an extra."""
-    if name == "planar":
-        return _import_module("rbd.planar")
-    raise AttributeError(f"module 'rbd' has no attribute {name!r}")
+    """A name from its module, or a module of the package, when it is first asked for."""
+    if name in _HOME:
+        found = getattr(_import_module(_HOME[name]), name)
+    elif name == "dynamics":
+        found = _import_module("rbd.model.dynamics")
+    elif name in _SUBPACKAGES:
+        return _import_module(f"rbd.{name}")
+    else:
+        raise AttributeError(f"module 'rbd' has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_SUBPACKAGES})

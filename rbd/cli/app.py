@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import platform
 import time
 import warnings
 from collections.abc import Iterator
@@ -46,8 +47,20 @@ class Reported(Protocol):
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        import pinocchio
+
+        from rbd import __version__
+
+        terminal().print(f"rbd {__version__} (Python {platform.python_version()}, pin {pinocchio.__version__})", highlight=False)
+        raise typer.Exit
+
+
 @app.callback()
-def rbd() -> None:
+def rbd(
+    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
+) -> None:
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
 
 

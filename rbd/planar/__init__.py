@@ -1,13 +1,13 @@
 """Planar chains of n links, in symbols: kinematics, constraints, dynamics and motion, tied to URDF and Pinocchio.
 
-Needs the extra `symbolic`: pip install "rbd[symbolic]".
+Needs the extra `symbolic`: pip install "rbd-contact[symbolic]".
 """
 
 try:
     import sympy as _sympy  # noqa: F401
 except ImportError:
     raise ImportError(
-        'rbd.planar works with symbols, and SymPy is not installed. Install the extra: pip install "rbd[symbolic]".'
+        'rbd.planar works with symbols, and SymPy is not installed. Install the extra: pip install "rbd-contact[symbolic]".'
     ) from None
 
 # isort: split

@@ -23,6 +23,9 @@ from rbd.errors import InputError, ModelError, UnknownRobot, nearest
 DATA = "example-robot-data"
 ROBOTS = f"cmeel.prefix/share/{DATA}/robots"  # inside site-packages; its meshes are named from share/
 MODEL_FILES = (".urdf", ".xml")
+_HERE = Path(__file__).parent
+MODELS = next((folder for folder in (_HERE / "urdf", _HERE.parents[1] / "urdf") if folder.is_dir()), None)
+"""The mechanisms and vehicles that come with `rbd`: in its wheel, or in the checkout that it runs from; None in neither."""
 
 BROKEN = {
     "romeo_description/urdf/romeo_laas_small.urdf": "its meshes are on the author's disk; 'romeo' is romeo_small.urdf",
@@ -91,11 +94,12 @@ class Source:
 def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
     """The files, feet and postures of a robot.
 
-    A bare word is a short name, then the name of a file of the robot data, then a file here; anything with a folder
-    or an ending in it is a path first, then a file of the robot data.
+    A bare word is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data, then
+    a file here; anything with a folder or an ending in it is a path first, then a file of the robot data.
 
     Args:
-        name_or_path: `"talos"`, `"tiago_dual"`, `"ur_description/urdf/ur5_robot.urdf"` or the path of any model file.
+        name_or_path: `"talos"`, `"four_bar"`, `"tiago_dual"`, `"ur_description/urdf/ur5_robot.urdf"` or the path of any model
+            file.
         package_dirs: More folders for `package://` to start from; they are searched first.
 
     Raises:
@@ -169,13 +173,18 @@ def _is_file(path: Path) -> bool:
 
 
 def names() -> list[str]:
-    """All names that `find` takes: the short ones, and the stems of the data's files.
+    """All names that `find` takes: the short ones, the mechanisms that come with `rbd`, and the stems of the data's files.
 
     Left out are the broken files and stems that two files share. Without the robot data, only the short names.
     """
     files = _files()
     stems = [Path(file).stem for file in files if file not in BROKEN]
-    return sorted(set(_entries()) | {stem for stem in stems if stems.count(stem) == 1})
+    return sorted({*_entries(), *mechanisms(), *(stem for stem in stems if stems.count(stem) == 1)})
+
+
+def mechanisms() -> list[str]:
+    """Names of the mechanisms and vehicles that come with `rbd`."""
+    return [] if MODELS is None else sorted(path.stem for path in MODELS.glob("*.urdf"))
 
 
 def robots() -> list[str]:
@@ -203,9 +212,11 @@ def robots_folder() -> Path:
 
 
 def _by_name(name: str) -> Path | None:
-    """The data's file that goes by this short name, file name or path inside the data; None if there is none."""
+    """The file that goes by this short name, file name or path inside the data; None if there is none."""
     if name in _entries():
         return robots_folder() / _entries()[name]["file"]
+    if MODELS is not None and name in mechanisms():
+        return MODELS / f"{name}.urdf"
     wanted = Path(name).as_posix()
     if Path(wanted).suffix != ".urdf":
         wanted += ".urdf"

@@ -17,8 +17,7 @@ from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
-from scipy.linalg import lapack
-from scipy.linalg import lstsq as scipy_lstsq
+from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, largest
 from rbd.problem.parts import Parts
