@@ -1,0 +1,122 @@
+"""Draws docs/pictures/architecture.png, and writes the index of modules into docs/architecture.md.
+
+python docs/pictures/architecture.py             both
+python docs/pictures/architecture.py --check     exit code 1 where the page's index is not that of the code
+"""
+
+import ast
+import sys
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+TOP = Path(__file__).resolve().parents[2]
+PAGE = TOP / "docs" / "architecture.md"
+BEGIN, END = "<!-- index: made by docs/pictures/architecture.py -->\n", "<!-- end of the index -->\n"
+
+ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what it holds)
+    [("errors", "errors and warnings"), ("arrays", "checked numbers")],
+    [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
+    [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
+    [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
+    [("solution", "answer and proof"), ("least_constraint", "solve")],
+    [("statics", "hold"), ("mechanism", "assemble, trace,\nmobility"), ("control", "torques over time")],
+    [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
+    [("visual", "pages, plots"), ("testing", "checks of your own\nconstraints, solvers"), ("studies", "both laws,\nseveral solvers")],
+    [("cli", "rbd stand, simulate, mechanism, plane")],
+]
+WAYS = {
+    "rbd.solve": [
+        ("(robot, q, v)", "robots"),
+        ("State: M, h, kinematics", "model.state"),
+        ("Rows: J, bias, cone of each constraint", "constraints"),
+        ("GaussProblem: M, rhs, rows", "problem.problem"),
+        ("Answer: a, f", "solvers"),
+        ("Residuals of the law, in N and m/s2", "problem.residuals"),
+        ("Solution: forces, proof, what is unique", "solution"),
+    ],
+    "rbd.simulate": [
+        ("State at t", "model.state"),
+        ("contact points: gap, J, cone", "simulation.sources"),
+        ("velocity problem over the step h", "simulation.velocity_problem"),
+        ("impulses of sticking, slipping points", "solvers.newton"),
+        ("step; impacts at their own times", "simulation.stepping"),
+        ("back onto loops and contacts", "mechanism.projection"),
+        ("Trajectory: motion, forces, proof", "simulation.trajectory"),
+    ],
+}
+_EDGE, _FILL, _WAY = "#30507a", "#eaf1fa", "#fdf3e3"
+
+
+def index() -> str:
+    """A line a module: its name and the first sentence of its docstring."""
+    lines = []
+    for path in sorted((TOP / "rbd").rglob("*.py")):
+        name = path.relative_to(TOP).with_suffix("").as_posix().removesuffix("/__init__")
+        first = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n\n")[0].replace("\n", " ")
+        room = path.name == "__init__.py"
+        lines.append(f"\n### {name.replace('/', '.')}\n\n{first}\n" if room else f"- `{name.replace('/', '.')}`: {first}")
+    return "\n".join(_grouped(lines)) + "\n"
+
+
+def _grouped(lines: list[str]) -> list[str]:
+    """Loose modules of the package stand below its own heading: no line is moved, blank lines are put between lists."""
+    out: list[str] = []
+    for line in lines:
+        if line.startswith("\n") and out and not out[-1].startswith("\n"):
+            out.append("")
+        out.append(line.strip("\n") + ("\n" if line.startswith("\n") else ""))
+    return out
+
+
+def written() -> str:
+    """The page with the index of today's code."""
+    text = PAGE.read_text(encoding="utf-8")
+    return text[: text.index(BEGIN) + len(BEGIN)] + "\n" + index() + "\n" + text[text.index(END) :]
+
+
+def draw() -> Figure:
+    """The rooms, lower ones below; beside them the way of the data through `solve` and `simulate`."""
+    figure = Figure(figsize=(13.0, 8.6))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(xlim=(0, 13), ylim=(0, 8.6))
+    axes.axis("off")
+    axes.text(2.9, 8.3, "rooms: each imports only those below it", ha="center", fontsize=11, weight="bold")
+    height = 0.86
+    for layer, rooms in enumerate(ROOMS):
+        width, y = 5.5 / len(rooms), 0.25 + layer * height
+        for i, (name, words) in enumerate(rooms):
+            _box(axes, 0.15 + i * width, y, width - 0.1, height - 0.14, name, words, _FILL)
+    for i, (verb, stops) in enumerate(WAYS.items()):
+        x = 6.1 + 3.45 * i
+        axes.text(x + 1.65, 8.3, f"the data's way through {verb}", ha="center", fontsize=11, weight="bold")
+        for k, (record, module) in enumerate(stops):
+            y = 7.25 - k * 1.1
+            _box(axes, x, y, 3.3, 0.74, record, module, _WAY)
+            if k:
+                axes.annotate("", (x + 1.65, y + 0.76), (x + 1.65, y + 1.08), arrowprops={"arrowstyle": "-|>", "color": _EDGE})
+    axes.text(7.75, 0.18, "nobody writes back", ha="center", fontsize=9, style="italic")
+    axes.text(11.2, 0.18, "the next step begins at the top again", ha="center", fontsize=9, style="italic")
+    return figure
+
+
+def _box(axes: object, x: float, y: float, width: float, height: float, head: str, words: str, color: str) -> None:
+    shape = FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0,rounding_size=0.07", fc=color, ec=_EDGE, lw=1.0)
+    axes.add_patch(shape)  # type: ignore[attr-defined]
+    middle = x + width / 2
+    axes.text(middle, y + height - 0.16, head, ha="center", va="center", fontsize=9.5, weight="bold")  # type: ignore[attr-defined]
+    axes.text(middle, y + (height - 0.26) / 2, words, ha="center", va="center", fontsize=7.5, linespacing=1.05)  # type: ignore[attr-defined]
+
+
+def main() -> int:
+    """Write, or check."""
+    if "--check" in sys.argv:
+        return int(written() != PAGE.read_text(encoding="utf-8"))
+    PAGE.write_text(written(), encoding="utf-8")
+    draw().savefig(TOP / "docs" / "pictures" / "architecture.png", dpi=110, metadata={"Software": None})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
