@@ -84,7 +84,7 @@ def difference(one: Any, other: Any, where: str = "it") -> str:
         return "" if sorted(map(str, one)) == sorted(map(str, other)) else f"{where} differs"
     elif isinstance(one, rbd.State):
         pairs = [(name, getattr(one, name), getattr(other, name)) for name in ("robot", "q", "v", "M", "h", "com")]
-    elif isinstance(one, rbd.model.CheckedModel):
+    elif isinstance(one, rbd.model.checked_model.CheckedModel):
         names = ("model", "name", "passive", "sound", "effort_limit", "bases")
         pairs = [(name, getattr(one, name), getattr(other, name)) for name in names]
     elif isinstance(one, BaseException):

@@ -48,8 +48,7 @@ import pytest
 from mutants_drawn import Mutant, drawn
 
 ROOT = Path(__file__).resolve().parents[1]
-PLACES = """dynamics.py constraints solvers simulation mechanism planar problem.py residuals.py parts.py rays.py cones.py
-contact_force.py state.py equilibrium.py""".split()
+PLACES = "model/dynamics.py model/state.py problem constraints solvers mechanism simulation statics planar".split()
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.txt")
 LOADED_ONCE = """coverage hypothesis numpy scipy.linalg scipy.optimize scipy.spatial scipy.integrate scipy.sparse pinocchio coal
 meshcat sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()

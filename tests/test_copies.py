@@ -65,7 +65,7 @@ def contact_answers() -> Iterator[object]:
     yield rbd.agree(state, held.tau, soles)
     pair = rbd.combine(talos, box)
     yield from (pair, pair.at())
-    yield rbd.model.CheckedModel(talos.model)
+    yield rbd.model.checked_model.CheckedModel(talos.model)
     yield from rbd.joint_limits(talos)
     yield from rbd.joint_frictions(talos)
     ground = rbd.CollisionContacts("ground", talos)
@@ -197,7 +197,8 @@ def records(found: dict[type, list[Any]]) -> Iterator[Any]:
     for kind, some in found.items():
         if kind.__name__ in NEVER_COPIED:
             continue
-        if is_dataclass(kind) or kind in PUBLIC_CLASSES or issubclass(kind, BaseException | float | rbd.model.CheckedModel):
+        known = BaseException | float | rbd.model.checked_model.CheckedModel
+        if is_dataclass(kind) or kind in PUBLIC_CLASSES or issubclass(kind, known):
             yield from some[:KEPT]
 
 

@@ -23,7 +23,7 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("solution", "answer and proof"), ("least_constraint", "solve")],
     [("statics", "hold"), ("mechanism", "assemble, trace,\nmobility"), ("control", "torques over time")],
     [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
-    [("visual", "pages, plots"), ("testing", "checks of your own\nconstraints, solvers"), ("studies", "both laws,\nseveral solvers")],
+    [("visual", "pages, plots"), ("testing", "checks of your own\nkinds, solvers"), ("studies", "both laws,\nseveral solvers")],
     [("cli", "rbd stand, simulate, mechanism, plane")],
 ]
 WAYS = {

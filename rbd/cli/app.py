@@ -53,13 +53,14 @@ def _print_version(wanted: bool) -> None:
 
         from rbd import __version__
 
-        terminal().print(f"rbd {__version__} (Python {platform.python_version()}, pin {pinocchio.__version__})", highlight=False)
+        versions = f"rbd {__version__} (Python {platform.python_version()}, pin {pinocchio.__version__})"
+        terminal().print(versions, highlight=False)
         raise typer.Exit
 
 
 @app.callback()
 def rbd(
-    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")] = False,
 ) -> None:
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
 

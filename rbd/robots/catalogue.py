@@ -94,8 +94,8 @@ class Source:
 def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
     """The files, feet and postures of a robot.
 
-    A bare word is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data, then
-    a file here; anything with a folder or an ending in it is a path first, then a file of the robot data.
+    A bare word is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data,
+    then a file here; anything with a folder or an ending in it is a path first, then a file of the robot data.
 
     Args:
         name_or_path: `"talos"`, `"four_bar"`, `"tiago_dual"`, `"ur_description/urdf/ur5_robot.urdf"` or the path of any model
