@@ -3,12 +3,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 MARKER := $(VENV)/installed
+# One file of each room: layers, algebra, answers, constraints, solvers, statics, mechanisms, motion, a page's code.
+QUICK := $(addprefix tests/,test_layers.py test_cones.py test_problem.py test_residuals.py test_solution.py test_least_constraint.py \
+	test_state.py test_dynamics.py test_robot.py test_equilibrium.py test_rows.py test_errors.py solvers/test_kkt.py \
+	solvers/test_newton.py constraints/test_loop.py mechanism/test_assembly.py simulation/test_impacts.py test_readme.py)
 
-.PHONY: help demo test lint bench fuzz mutants coverage pictures clean
+.PHONY: help demo test quick exhaustive lint bench fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
 	@echo "make test      all tests"
+	@echo "make quick     what a change breaks first, in half a minute"
+	@echo "make exhaustive all tests, statistical ones with all their draws"
 	@echo "make bench     what an answer costs beside one constraintDynamics call"
 	@echo "make fuzz      robot files broken on purpose (N=20000 URDF, N_MJCF=4000 MJCF) and PROBLEMS=5000 random problems: refused by name, or right"
 	@echo "make mutants   small faults put into the code on purpose, N=300 of them by SEED=0: each noticed by a test"
@@ -28,10 +34,16 @@ demo: $(MARKER)
 	$(BIN)/rbd stand talos --push 0,80,0 --at torso_2_link --html talos.html
 
 # One worker a core, and one BLAS thread a worker: two threads on two busy cores cost more than they give.
-test: export OMP_NUM_THREADS = 1
-test: export OPENBLAS_NUM_THREADS = 1
+test quick exhaustive: export OMP_NUM_THREADS = 1
+test quick exhaustive: export OPENBLAS_NUM_THREADS = 1
 test: $(MARKER)
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+exhaustive: $(MARKER)
+	$(BIN)/python -m pytest -n auto --dist worksteal --exhaustive
+
+quick: $(MARKER)
+	$(BIN)/python -m pytest -n auto --dist worksteal $(QUICK)
 
 lint: $(MARKER)
 	$(BIN)/ruff check .

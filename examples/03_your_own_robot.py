@@ -7,13 +7,13 @@ configuration in which it stands, its soles, and a look at what the doctor says 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 import rbd
+from rbd.robots.catalogue import find
 
-URDF = Path(__file__).resolve().parent.parent / "urdf" / "walker.urdf"
+URDF = find("walker").urdf  # the path of a URDF: put yours here
 BEND = 0.5  # knees [rad]; hips and ankles take half of it each, so that torso and soles stay level
 
 

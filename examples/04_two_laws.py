@@ -12,7 +12,6 @@ import pinocchio as pin
 
 import rbd
 
-URDF = Path(__file__).resolve().parent.parent / "urdf"
 ROUGH, ICE = 0.7, 0.05
 
 
@@ -56,7 +55,7 @@ def main(show: bool = True) -> Result:
 
 def pushed_box(push_N: float) -> rbd.LawComparison:
     """The box of `urdf/box.urdf` on its floor."""
-    robot = rbd.load_robot(URDF / "box.urdf")
+    robot = rbd.load_robot("box")
     X = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=X, friction=0.6)
     state = rbd.State(robot, np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]))

@@ -15,7 +15,6 @@ import rbd
 GRAVITY, BELT_MU = 9.81, 0.4
 BELT_SPEED = 1.0  # [m/s], along x
 LEFT, RIGHT, FIST = "gripper_left_base_link", "gripper_right_base_link", (0.0, 0.0, -0.152)
-URDF = Path(__file__).resolve().parents[1] / "urdf" / "box.urdf"
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Result:
 
 def main(show: bool = True) -> Result:
     # A parcel of 10 kg. Rows and velocities of its contact are relative to the belt.
-    parcel = rbd.load_robot(URDF)
+    parcel = rbd.load_robot("box")
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
 
     def on_belt(speed: float, belt_gains: float = 0.0) -> rbd.Solution:

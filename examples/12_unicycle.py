@@ -14,7 +14,6 @@ import pinocchio as pin
 import rbd
 from rbd.mechanism import Integrability, integrability, mobility, velocity_partition
 
-URDF = Path(__file__).resolve().parent.parent / "urdf" / "unicycle.urdf"
 TORQUE = 2.0  # at the wheel [N m]
 
 
@@ -31,7 +30,7 @@ class Result:
 
 
 def main(show: bool = True) -> Result:
-    robot = rbd.load_robot(URDF)
+    robot = rbd.load_robot("unicycle")
     wheel = robot.wheels
     state = robot.at()
     freedoms = mobility(state, wheel).instantaneous

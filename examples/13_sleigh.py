@@ -13,8 +13,6 @@ import numpy as np
 import rbd
 from rbd.mechanism import Integrability, integrability
 
-URDF = Path(__file__).resolve().parent.parent / "urdf" / "chaplygin_sleigh.urdf"
-
 
 @dataclass(frozen=True)
 class Result:
@@ -30,7 +28,7 @@ class Result:
 
 
 def main(show: bool = True) -> Result:
-    sleigh = rbd.load_robot(URDF)
+    sleigh = rbd.load_robot("chaplygin_sleigh")
     blade = sleigh.wheels
     m, inertia, a = body(sleigh)
     v, w = (grid.ravel() for grid in np.meshgrid(np.linspace(-2.0, 2.0, 9), np.linspace(-3.0, 3.0, 9)))

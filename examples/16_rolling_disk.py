@@ -17,7 +17,6 @@ import numpy as np
 import rbd
 
 GRAVITY, LEAN, FRICTION, THROWN = 9.81, np.radians(1.0), 0.25, 3.0
-URDF = Path(__file__).resolve().parent.parent / "urdf" / "rolling_disk.urdf"
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Result:
 
 
 def main(show: bool = True) -> Result:
-    coin = rbd.load_robot(URDF)
+    coin = rbd.load_robot("rolling_disk")
     critical = np.sqrt(GRAVITY * (r := coin.wheels[0].radius) / 3.0)
     print(f"A coin of radius {r} m stays up above {critical:.4f} m/s.")
     print("  speed over that   lean after 0.2 s     0.4 s       0.6 s   linear:    0.2 s      0.4 s      0.6 s")

@@ -18,7 +18,6 @@ import rbd
 
 GRAVITY, V0, FRICTION = 9.81, 2.0, 0.4
 SENT = [V0, 0.0, 0.0, 0.0, 0.0, 0.0]
-URDF = Path(__file__).resolve().parent.parent / "urdf"
 LENGTH, HEIGHT = 0.2, {"box": 0.1, "crate": 0.5}  # halves [m]
 
 
@@ -33,7 +32,7 @@ class Result:
 
 
 def main(show: bool = True) -> Result:
-    box, crate = rbd.load_robot(URDF / "box.urdf"), rbd.load_robot(URDF / "crate.urdf")
+    box, crate = rbd.load_robot("box"), rbd.load_robot("crate")
     stopped = simulated(box, FRICTION, SENT, 0.6, 0.01)
     far, sticks = stopped.q[-1, 0], next(e.t for e in stopped.events if e.kind == "sticks")
     print(f"A flat box at {V0} m/s, mu = {FRICTION}: stops after {sticks:.6f} s and {far:.6f} m.")

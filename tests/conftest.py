@@ -8,6 +8,17 @@ import pytest
 import rbd
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What takes minutes is run by `make exhaustive`."""
+    parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
+
+
+@pytest.fixture(scope="session")
+def exhaustive(request: pytest.FixtureRequest) -> bool:
+    """Whether everything is to be run, however long it takes."""
+    return bool(request.config.getoption("--exhaustive"))
+
+
 @pytest.fixture(scope="session")
 def talos() -> rbd.Robot:
     """Talos, 32 motors; do not change it."""

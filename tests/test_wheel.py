@@ -1,0 +1,74 @@
+"""The wheel that is built from this tree: what is in it, and that it works away from the checkout."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import rbd
+
+TOP = Path(__file__).resolve().parents[1]
+EXAMPLES = sorted(path.stem for path in (TOP / "examples").glob("[0-9][0-9]_*.py"))
+FEW = ("01_stand", "10_four_bar", "12_unicycle")
+"""Examples that are run in every test; the others by `make exhaustive`."""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built without a network."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = "import sys; from hatchling.build import build_wheel; print(build_wheel(sys.argv[1]))"
+    run = subprocess.run([sys.executable, "-c", build, str(folder)], cwd=TOP, capture_output=True, text=True, check=True)
+    return folder / run.stdout.split()[-1]
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
+    """A folder with what the wheel installs, the examples beside it, and no checkout above it."""
+    folder = wheel.parent / "installed"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    (folder / "examples").symlink_to(TOP / "examples")
+    return folder
+
+
+def run(installed: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Python in a folder of its own, where only the wheel's `rbd` is found."""
+    own = installed / "work"
+    own.mkdir(exist_ok=True)
+    environment = os.environ | {"PYTHONPATH": str(installed), "COLUMNS": "120"}
+    return subprocess.run([sys.executable, *command], cwd=own, env=environment, capture_output=True, text=True)
+
+
+def test_the_wheel_holds_the_package_and_its_mechanisms(wheel: Path):
+    """And no tests, under the distribution's name; the version is that of the code."""
+    assert wheel.name.startswith(f"rbd_contact-{rbd.__version__}-py3-none-any")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert {"rbd/py.typed", "rbd/robots/data/robots.toml", "rbd/robots/urdf/four_bar.urdf"} <= names
+    assert {f"rbd/robots/urdf/{path.name}" for path in (TOP / "urdf").iterdir() if path.is_file()} <= names
+    assert not [name for name in names if not re.match(r"rbd(_contact-[^/]*)?/", name)]
+
+
+def test_mechanisms_load_by_name_from_the_wheel(installed: Path):
+    """From the wheel's own folder."""
+    code = "import rbd; r = rbd.load_robot('four_bar'); print(rbd.__file__, r.urdf, len(r.loops), sep='\\n')"
+    found = run(installed, "-c", code)
+    package, urdf, loops = found.stdout.split("\n")[:3]
+    assert Path(package).is_relative_to(installed) and Path(urdf).is_relative_to(installed) and loops == "1", found.stderr
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_an_example_runs_away_from_the_checkout(example: str, installed: Path, exhaustive: bool):
+    """It prints something and ends well."""
+    if example not in FEW and not exhaustive:
+        pytest.skip("run by `make exhaustive`")
+    code = f"import sys; sys.path.insert(0, {str(installed / 'examples')!r}); import importlib; "
+    code += f"m = importlib.import_module({example!r}); m.check(m.main(show=False))"
+    found = run(installed, "-W", "ignore", "-c", code)
+    assert found.returncode == 0 and found.stdout.strip(), found.stderr
