@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from rbd.model import installation as _installation  # noqa: F401  another Pinocchio than ours is named before anything breaks
 
 if _TYPE_CHECKING:
-    from rbd.analysis.contradiction import Contradiction as Contradiction, contradiction as contradiction
+    from rbd.analysis.infeasibility import Contradiction as Contradiction, contradiction as contradiction
     from rbd.analysis.nearest import NearestMotion as NearestMotion, nearest_motion as nearest_motion
     from rbd.analysis.sensitivity import Derivatives as Derivatives
     from rbd.analysis.uniqueness import Uniqueness as Uniqueness
@@ -111,7 +111,7 @@ if _TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _NAMES = {
-    "rbd.analysis.contradiction": "Contradiction contradiction",
+    "rbd.analysis.infeasibility": "Contradiction contradiction",
     "rbd.analysis.nearest": "NearestMotion nearest_motion",
     "rbd.analysis.sensitivity": "Derivatives",
     "rbd.analysis.uniqueness": "Uniqueness",

@@ -32,7 +32,7 @@ from rbd.model.state import State
 from rbd.problem.openings import opening_words
 from rbd.problem.parts import REST_SPEED
 from rbd.problem.problem import GaussProblem, MomentumBalance
-from rbd.problem.rays import rays
+from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
@@ -204,7 +204,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         assert r.patch is not None
         within = r.patch.within
         far = np.abs(gaps) > within
-        if below_only and not rays(r.cone).all_lines:
+        if below_only and not rays_of(r.cone).all_lines:
             far = gaps < -within
         if far.any():
             worst = float(gaps[np.argmax(np.abs(gaps) * far)])

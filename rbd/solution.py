@@ -11,19 +11,19 @@ import numpy as np
 
 from rbd.analysis.admissible import Admissible
 from rbd.analysis.complementary import admissible
-from rbd.analysis.contradiction import Contradiction, contradiction
 from rbd.analysis.family import motion_freedom
 from rbd.analysis.feedback import feedback_acceleration
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
-from rbd.analysis.uniqueness import Uniqueness, uniqueness
+from rbd.analysis.infeasibility import Contradiction, contradiction
+from rbd.analysis.uniqueness import Uniqueness, uniqueness_of
 from rbd.arrays import Array, lazy
 from rbd.errors import NoSolution, Unsupported
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
-from rbd.problem.contact_force import ContactForce, contact_force, corner_split
+from rbd.problem.contact_force import ContactForce, corner_split
 from rbd.problem.openings import opening_words
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rays import rays
-from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals
+from rbd.problem.rays import rays_of
+from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 from rbd.problem.rows import Patch, Rows
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class Solution:
     @lazy
     def residuals(self) -> Residuals:
         """How far a and f are from the equations of the law; see `Residuals`."""
-        return residuals(self.problem, self.a, self.multipliers, self.weights, self.law)
+        return residuals_of(self.problem, self.a, self.multipliers, self.weights, self.law)
 
     @lazy
     def status(self) -> Status:
@@ -242,7 +242,7 @@ class Solution:
             NoSolution: if this is no answer.
         """
         self._must_be_one("its uniqueness was asked for")
-        return uniqueness(
+        return uniqueness_of(
             self._admissible, self.a, self.law, self.corner_forces, self.force_choice, self.multipliers, motion_freedom(self)
         )
 
@@ -252,7 +252,7 @@ class Solution:
 
     def _corners(self, i: int, rows: Rows) -> Array:
         P = self.problem
-        if self.weights is not None and len(rows) and "facets" not in self.law and not rays(rows.cone).all_lines:
+        if self.weights is not None and len(rows) and "facets" not in self.law and not rays_of(rows.cone).all_lines:
             assert rows.patch is not None
             return P.parts.at_points(self.weights, P.parts.slices[i]) @ rows.patch.axes.T
         weights = None if self.weights is None else self.weights[P.ray_slices[i]]
@@ -274,7 +274,7 @@ class Solution:
     @lazy
     def contacts(self) -> dict[str, ContactForce]:
         """Normal and tangential parts, friction used and centre of pressure of each contact."""
-        return {r.name: contact_force(r.patch, self.forces[r.name]) for r in self.problem.rows if r.patch is not None}
+        return {r.name: ContactForce.of(r.patch, self.forces[r.name]) for r in self.problem.rows if r.patch is not None}
 
     @lazy
     def accelerations(self) -> dict[str, Array]:

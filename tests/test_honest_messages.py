@@ -14,7 +14,7 @@ import pytest
 import rbd
 from rbd.errors import SeveralMotions
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.residuals import residuals
+from rbd.problem.residuals import residuals_of
 from rbd.statics.least_friction import BRACKET
 from rbd.testing import ConstraintWrong, box, check_constraint
 
@@ -277,7 +277,7 @@ class TestSeveralMotions:
         assert motions == pytest.approx([-G, 0.0], abs=1e-9)
         for each in (s, *s.others):
             assert each.residuals.within(1e-9)
-            assert residuals(s.problem, each.a, each.multipliers, each.weights, "coulomb").within(1e-9)
+            assert residuals_of(s.problem, each.a, each.multipliers, each.weights, "coulomb").within(1e-9)
         assert "one of several motions" in str(s)
 
     def test_compare_laws_says_it_too(self):
@@ -320,7 +320,7 @@ class TestSeveralMotions:
             size = max(1.0, np.abs(coulomb.a).max())
             if np.abs(convex.a - coulomb.a).max() > 1e-6 * size:
                 differ += 1
-                both = residuals(P, convex.a, convex.multipliers, convex.weights, "coulomb").within(1e-9)
+                both = residuals_of(P, convex.a, convex.multipliers, convex.weights, "coulomb").within(1e-9)
                 found = any(np.abs(o.a - convex.a).max() < 1e-6 * size for o in coulomb.others)
                 assert found or not both
                 several += found

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.problem.residuals import SOLVED, USABLE, residuals
+from rbd.problem.residuals import SOLVED, USABLE, residuals_of
 from rbd.problem.rows import Rows
 from rbd.solution import Solution
 from rbd.testing import law_residuals, reference_problems
@@ -141,7 +141,7 @@ def test_the_centroidal_residual_holds_for_external_forces_and_motion(talos, rng
 def test_residuals_can_be_asked_of_any_answer():
     """The function behind `Solution.residuals`, on arrays."""
     s = _by_hand(0.0, 6.0)
-    r = residuals(s.problem, s.a, s.multipliers, s.weights)
+    r = residuals_of(s.problem, s.a, s.multipliers, s.weights)
     assert set(r.scaled) == set(EQUATIONS) and r.worst == 0.0
 
 
@@ -154,7 +154,7 @@ def test_forces_of_moving_rows_are_judged_by_the_bound_against_the_motion():
     for f, off in (([-2.0, 0.0, 1.0], 0.0), ([-1.5, 0.0, 1.0], 0.5), ([-2.0, 3.0, 1.0], 3.0)):
         a = P.rhs + np.array(f)
         for law in ("convex", "convex, 4 facets"):
-            found = residuals(P, a, np.array(f), None, law)
+            found = residuals_of(P, a, np.array(f), None, law)
             assert found.cone == pytest.approx(off) and found.stationarity == 0.0
             assert found.feasibility == pytest.approx(0.0) and found.complementarity == pytest.approx(0.0, abs=1e-9)
 

@@ -75,7 +75,7 @@ def test_accelerations_are_those_of_the_contacts(pushed, talos, turning):
     for rows in pushed.problem.rows:
         c = pushed.accelerations[rows.name]
         assert c == pytest.approx(rows.J @ pushed.a + rows.bias, abs=1e-9)
-        assert (rbd.problem.rays.rays(rows.cone).G.T @ c).min() > -1e-9
+        assert (rbd.problem.rays.rays_of(rows.cone).G.T @ c).min() > -1e-9
     assert max(np.abs(c).max() for c in pushed.accelerations.values()) > 0.1
 
 

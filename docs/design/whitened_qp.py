@@ -10,7 +10,7 @@ import numpy as np
 import proxsuite
 
 import rbd
-from rbd.problem.residuals import SOLVED, residuals
+from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.solvers import qp
 
 ROBOTS = ("talos", "talos_full", "g1", "g1_hands")
@@ -44,7 +44,7 @@ def in_a(P, *, precondition, infeasibility):
     weights = np.maximum(-np.array(problem.results.z), 0.0)
     f = P.rays.G @ weights
     answers = (np.array(problem.results.x), P.a_free + P.solve_M(P.J.T @ f))  # its own x, or a from its forces
-    return min(residuals(P, a, f, weights).worst for a in answers)
+    return min(residuals_of(P, a, f, weights).worst for a in answers)
 
 
 WAYS = {

@@ -24,7 +24,7 @@ from rbd.problem.cones import LineCone, NonNegative, Product, SecondOrderCone, W
 from rbd.problem.contact_force import corner_map
 from rbd.problem.parts import bounded_weights, project_cones
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rays import rays
+from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED, Scales
 from rbd.problem.rows import Rows
 
@@ -146,7 +146,7 @@ class _Collector:
         return np.array(D).reshape(len(d), n), np.array(d)
 
     def _add_rows(self, rows: Rows, columns: slice) -> None:
-        held = rays(rows.cone).all_lines
+        held = rays_of(rows.cone).all_lines
         kind = corner_kind(rows, held)
         if kind == "expanded":
             self._add_held_patch(rows, columns)

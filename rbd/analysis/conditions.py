@@ -123,7 +123,7 @@ class Conditions:
         return self.with_rays(rays)
 
 
-def conditions(problem: GaussProblem, law: str) -> Conditions:
+def conditions_of(problem: GaussProblem, law: str) -> Conditions:
     """What a law asks of the rows of a problem.
 
     Args:

@@ -18,7 +18,7 @@ from rbd.analysis.extent import End, Reach
 from rbd.arrays import Array
 from rbd.problem.contact_force import CARRIES_NOTHING_N
 from rbd.problem.limits import ENDS_WORK, Work
-from rbd.problem.residuals import SOLVED, residuals
+from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
 
 
@@ -173,7 +173,7 @@ class Uniqueness:
         return own + [r for ranges in self.others.values() for r in ranges]
 
 
-def uniqueness(
+def uniqueness_of(
     adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
 ) -> Uniqueness:
     """See `rbd.Solution.uniqueness`.
@@ -315,7 +315,7 @@ class _Asker:
         if x is None:
             return None
         f, w = self.adm.forces(x), self.adm.law_weights(x)
-        given = residuals(self.adm.problem, self.a, f, w, self.law)
+        given = residuals_of(self.adm.problem, self.a, f, w, self.law)
         return Attained(f, w, self.adm.corner_forces(x)) if given.within(SOLVED) else None
 
 

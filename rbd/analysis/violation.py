@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.analysis.conditions import Conditions, Round, conditions
+from rbd.analysis.conditions import Conditions, Round, conditions_of
 from rbd.arrays import Array, largest
 from rbd.problem.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem.problem import GaussProblem
@@ -41,7 +41,7 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
         weights: Diagonal of W, shape (m,); ones if not given.
     """
     W = np.ones(P.m) if weights is None else weights
-    asked = conditions(P, law).fan()
+    asked = conditions_of(P, law).fan()
     best, stuck, work = None, 0, Work(QP_WORK)
     for _ in range(VIOLATION_CUTS if asked.rounds else 1):
         found = _LeastSquares(asked, W).solved(work)

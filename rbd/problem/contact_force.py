@@ -35,26 +35,26 @@ class ContactForce:
     friction_used: float | None
     centre_of_pressure: Array | None
 
+    @classmethod
+    def of(cls, patch: Patch, force: Array) -> ContactForce:
+        """Parts of a contact's force (3,) or wrench (6,), given at the patch's point in world axes."""
+        f = patch.axes.T @ force[:3]
+        normal, tangential = float(f[2]), math.hypot(f[0], f[1])
+        if normal < CARRIES_NOTHING_N:
+            return cls(force[:3], normal, tangential, None, None)
+        used = None if not patch.friction else tangential / (patch.friction * normal)
+        cop = patch.point
+        if len(force) == 6:
+            t = patch.axes.T @ force[3:]
+            cop = patch.point + patch.axes @ np.array([-t[1] / normal, t[0] / normal, 0.0])
+        return cls(force[:3], normal, tangential, used, cop)
+
     def __str__(self) -> str:
         used = "-" if self.friction_used is None else f"{100 * self.friction_used:.1f} %"
         cop = self.centre_of_pressure
         # + 0.0 turns the -0.000 of rounding into 0.000
         where = "-" if cop is None else "(" + ", ".join(f"{x + 0.0:.3f}" for x in np.round(cop, 3)) + ") m"
         return f"{self.normal:>9.3f} N{self.tangential:>11.3f} N{used:>15}  {where}"
-
-
-def contact_force(patch: Patch, force: Array) -> ContactForce:
-    """Parts of a contact's force (3,) or wrench (6,), given at the patch's point in world axes."""
-    f = patch.axes.T @ force[:3]
-    normal, tangential = float(f[2]), math.hypot(f[0], f[1])
-    if normal < CARRIES_NOTHING_N:
-        return ContactForce(force[:3], normal, tangential, None, None)
-    used = None if not patch.friction else tangential / (patch.friction * normal)
-    cop = patch.point
-    if len(force) == 6:
-        t = patch.axes.T @ force[3:]
-        cop = patch.point + patch.axes @ np.array([-t[1] / normal, t[0] / normal, 0.0])
-    return ContactForce(force[:3], normal, tangential, used, cop)
 
 
 def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool = False) -> Array:

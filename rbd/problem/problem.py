@@ -16,7 +16,7 @@ from rbd.errors import DuplicateName, InputError
 from rbd.problem.cones import Cone, Interval, Line, Product, SecondOrderCone
 from rbd.problem.openings import Opening
 from rbd.problem.parts import REST_SPEED, Parts, parts_of
-from rbd.problem.rays import Rays, rays, stacked_rays
+from rbd.problem.rays import Rays, rays_of, stacked_rays
 from rbd.problem.rows import Rows
 
 
@@ -149,7 +149,7 @@ class GaussProblem:
     @lazy
     def ray_slices(self) -> list[slice]:
         """Where each constraint's rays stand among the columns of `rays`, in the order of `rows`."""
-        ends = list(accumulate((rays(r.cone).G.shape[1] for r in self.rows), initial=0))
+        ends = list(accumulate((rays_of(r.cone).G.shape[1] for r in self.rows), initial=0))
         return [slice(i, j) for i, j in pairwise(ends)]
 
     @lazy
@@ -206,7 +206,7 @@ class GaussProblem:
             return ()
         rest = self.rest_speed
         faster = [r for r in self.rows if not np.vdot(r.velocity, r.velocity) <= rest**2]  # a norm: a tenth of `speed`
-        return tuple([r for r in faster if not r.speed <= rest and not rays(r.cone).all_lines])
+        return tuple([r for r in faster if not r.speed <= rest and not rays_of(r.cone).all_lines])
 
     @lazy
     def slipping(self) -> tuple[Rows, ...]:

@@ -109,11 +109,11 @@ def column_reach(H: Array, normals: Array) -> tuple[float, float]:
 @lru_cache(maxsize=512)
 def stacked_rays(cones: tuple[Cone, ...]) -> Rays:
     """The rays of several sets side by side, G block-diagonal; kept, as a robot's contacts keep their cones."""
-    return rays(Product(cones)) if cones else Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0, int))
+    return rays_of(Product(cones)) if cones else Rays(np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0, int))
 
 
 @lru_cache(maxsize=512)  # contacts keep one cone for life: computed once a contact
-def rays(cone: Cone, *, inscribed: bool = False) -> Rays:
+def rays_of(cone: Cone, *, inscribed: bool = False) -> Rays:
     """The set with every second-order cone replaced by its pyramid, as weights on columns.
 
     Args:

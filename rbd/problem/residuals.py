@@ -195,7 +195,7 @@ class Residuals:
         return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
 
 
-def residuals(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> Residuals:
+def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> Residuals:
     """The certificate of acceleration a and row forces f under a law.
 
     Args:

@@ -19,7 +19,7 @@ from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers import qp
-from rbd.solvers.interior_point import interior_point
+from rbd.solvers.interior_point import solve_interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
 from rbd.solvers.newton import Scaled, leaves_motion_open, scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
@@ -188,7 +188,10 @@ class _Search:
     def _try_convex(self, S: Scaled, first: Array) -> None:
         """Keep the convex law's motion if it satisfies Coulomb's law too."""
         kept, T = len(self.answers), self.P.parts
-        for guess in (lambda: self._by_admm(S, first, False, 1000), lambda: interior_point(S, extra=np.zeros(len(first)))[0]):
+        for guess in (
+            lambda: self._by_admm(S, first, False, 1000),
+            lambda: solve_interior_point(S, extra=np.zeros(len(first)))[0],
+        ):
             w, merit, steps = steps_from(S, guess(), coulomb=False, iterations=40)
             self.iterations += steps
             if merit < _FOUND:
@@ -226,7 +229,7 @@ class _Search:
             return
         extra = np.zeros(len(first))
         for _ in range(_FIXED_POINT_STEPS if self.coulomb else 1):
-            w, n = interior_point(S, extra=extra)
+            w, n = solve_interior_point(S, extra=extra)
             self.iterations += n
             self.work.spend(n * self.step)
             yield w, 1e-6

@@ -34,7 +34,7 @@ class _Sides:
 
 
 @np.errstate(all="ignore")  # where there is no answer, iterates run off to infinity; that ends it
-def interior_point(problem: Scaled, *, extra: Array | float = 0.0, iterations: int = 60) -> tuple[Array, int]:
+def solve_interior_point(problem: Scaled, *, extra: Array | float = 0.0, iterations: int = 60) -> tuple[Array, int]:
     """(weights, iterations) of the convex law, in the problem's own units and order; judged by nobody here.
 
     Args:

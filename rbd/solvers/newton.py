@@ -123,7 +123,7 @@ def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
     return Scaled(D * s * s[:, None], q / rate, order, lower / rate, upper / rate, s * rate, rate)
 
 
-def newton(
+def solve_newton(
     D: Array, y_free: Array, parts: Parts, w0: Array, *, coulomb: bool, iterations: int = 50
 ) -> tuple[Array, float, int]:
     """Weights that answer y = D w + y_free, by damped semismooth Newton steps from a guess.
@@ -148,7 +148,7 @@ def newton(
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
 ) -> tuple[Array, float, int]:
-    """`newton` in the problem's own units and order."""
+    """`solve_newton` in the problem's own units and order."""
     D, q = problem.D, problem.q
     shifted = D + (proximal - 1.0) * identity(len(w))  # Newton's matrix I - V + V D is I + V (D - I)
     gap, edges = _gap(problem, w, D @ w + q, coulomb)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.analysis.contradiction import contradiction
+from rbd.analysis.infeasibility import contradiction
 from rbd.analysis.violation import relaxed, smallest_violation
 from rbd.arrays import Array, identity, largest, zeros
 from rbd.problem.problem import GaussProblem, checked

@@ -21,7 +21,7 @@ from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
-from rbd.solvers.newton import newton, scaled
+from rbd.solvers.newton import scaled, solve_newton
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
 STARTS = 64
@@ -117,7 +117,7 @@ class _Search:
         new: list[Array] = []
         V = self.mixed.V
         for w0 in self._starts(stuck):
-            w = newton(self.mixed.A, self.mixed.b, self.T, w0, coulomb=True)[0]
+            w = solve_newton(self.mixed.A, self.mixed.b, self.T, w0, coulomb=True)[0]
             size = max(1.0, float(np.linalg.norm(V @ w)))
             if all(np.linalg.norm(V @ (u - w)) > SAME * size for u in known + new) and self._holds(w):
                 new.append(self.T.project(w))

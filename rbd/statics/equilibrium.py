@@ -22,11 +22,11 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import checked, free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
-from rbd.problem.contact_force import ContactForce, contact_force, corner_split
+from rbd.problem.contact_force import ContactForce, corner_split
 from rbd.problem.limits import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS
 from rbd.problem.parts import parts_of
 from rbd.problem.programs import Outcome, linear_program
-from rbd.problem.rays import rays
+from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows
 from rbd.solvers import qp
@@ -76,7 +76,7 @@ class Hold:
     @lazy
     def contacts(self) -> dict[str, ContactForce]:
         """Normal and tangential parts, friction used and centre of pressure of each contact."""
-        return {r.name: contact_force(r.patch, self.forces[r.name]) for r in self.rows if r.patch is not None}
+        return {r.name: ContactForce.of(r.patch, self.forces[r.name]) for r in self.rows if r.patch is not None}
 
     @lazy
     def margins(self) -> Margins:
@@ -160,7 +160,7 @@ class _Statics:
     def __init__(self, state: State, contacts: Sequence[Constraint], rows: tuple[Rows, ...], rhs: Array) -> None:
         robot = state.robot
         self.state, self.contacts, self.rows, self.rhs = state, contacts, rows, rhs
-        self.rays = [rays(r.cone, inscribed=True) for r in rows]
+        self.rays = [rays_of(r.cone, inscribed=True) for r in rows]
         self.J = np.concatenate([r.J for r in rows]) if rows else np.zeros((0, robot.nv))
         self.G = block_diagonal([R.G for R in self.rays])
         none = np.zeros(0)

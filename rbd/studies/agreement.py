@@ -15,7 +15,7 @@ from rbd.model.state import State
 from rbd.problem.cones import NonNegative
 from rbd.problem.parts import REST_SPEED
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rays import rays
+from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
@@ -173,7 +173,7 @@ def _pyramidal(problem: GaussProblem) -> GaussProblem:
     """
     rows = []
     for r, at in zip(problem.rows, problem.ray_slices, strict=True):
-        R = rays(r.cone)
+        R = rays_of(r.cone)
         if R.facets and not (R.has_lines or R.has_intervals):
             G = R.G[:, problem.rays.upper[at] > 0.0]
             bent = None if r.resultant is None else r.resultant @ G
@@ -188,7 +188,7 @@ def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array)
     if solution.problem is not problem:
         P = solution.problem
         kept = [
-            f[part] if posed is own else rays(own.cone).G[:, problem.rays.upper[at] > 0.0] @ f[part]
+            f[part] if posed is own else rays_of(own.cone).G[:, problem.rays.upper[at] > 0.0] @ f[part]
             for posed, own, part, at in zip(P.rows, problem.rows, P.slices.values(), problem.ray_slices, strict=True)
         ]
         f, law = np.concatenate(kept), law_name(problem)

@@ -13,7 +13,7 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.contact_force import CARRIES_NOTHING_N
 from rbd.problem.parts import REST_SPEED
-from rbd.problem.rays import rays
+from rbd.problem.rays import rays_of
 from rbd.solution import Solution
 from rbd.solvers.admm import ADMM
 
@@ -138,7 +138,7 @@ def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
         if rows.patch is None:
             continue
         f = solution.corner_forces[rows.name] @ rows.patch.axes
-        motion = np.zeros_like(f) if rays(rows.cone).all_lines else parts.at_points(y, columns)  # what holds keeps still
+        motion = np.zeros_like(f) if rays_of(rows.cone).all_lines else parts.at_points(y, columns)  # what holds keeps still
         loaded = f[:, 2] > CARRIES_NOTHING_N
         out[rows.name] = ContactUnderLaw(
             normal=float(f[:, 2].sum()),

@@ -10,9 +10,9 @@ forms.
 """
 
 from rbd.testing.constraint_check import ConstraintReport, check_constraint
-from rbd.testing.contracts import ConstraintWrong, ContractBroken, SolverWrong
-from rbd.testing.reference_problems import ReferenceProblem, box, reference_problems
-from rbd.testing.solver_check import SolverReport, check_solver, law_residuals
+from rbd.testing.contracts import ConstraintWrong, ContractBroken, SolverReport, SolverWrong
+from rbd.testing.reference import ReferenceProblem, box, reference_problems
+from rbd.testing.solver_check import check_solver, law_residuals
 
 __all__ = [
     "ConstraintReport",

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from rbd.errors import RbdError
-
-if TYPE_CHECKING:
-    from rbd.testing.solver_check import SolverReport
 
 
 class ContractBroken(RbdError):
@@ -16,6 +13,21 @@ class ContractBroken(RbdError):
 
 class ConstraintWrong(ContractBroken):
     """Rows that do not describe the motion they claim."""
+
+
+@dataclass(frozen=True)
+class SolverReport:
+    """What `check_solver` ran.
+
+    Attributes:
+        ran: {problem: largest residual, scaled as `Solution.residuals`}.
+        skipped: {problem: why the solver does not take it}.
+        failed: {problem: what is wrong}.
+    """
+
+    ran: dict[str, float]
+    skipped: dict[str, str]
+    failed: dict[str, str]
 
 
 class SolverWrong(ContractBroken):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
@@ -14,23 +13,8 @@ from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegati
 from rbd.problem.problem import GaussProblem
 from rbd.solution import Solution, Status
 from rbd.solvers import Solver
-from rbd.testing.contracts import SolverWrong
-from rbd.testing.reference_problems import ReferenceProblem, reference_problems
-
-
-@dataclass(frozen=True)
-class SolverReport:
-    """What `check_solver` ran.
-
-    Attributes:
-        ran: {problem: largest residual, scaled as `Solution.residuals`}.
-        skipped: {problem: why the solver does not take it}.
-        failed: {problem: what is wrong}.
-    """
-
-    ran: dict[str, float]
-    skipped: dict[str, str]
-    failed: dict[str, str]
+from rbd.testing.contracts import SolverReport, SolverWrong
+from rbd.testing.reference import ReferenceProblem, reference_problems
 
 
 def check_solver(

@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
 from rbd.errors import InputError
-from rbd.problem.contact_force import contact_force
+from rbd.problem.contact_force import ContactForce
 
 if TYPE_CHECKING:
     from rbd.model.state import State
@@ -92,7 +92,7 @@ def acting_point(patch: Patch, wrench: Array) -> Array:
         patch: The contact.
         wrench: Force [N] and, for a surface, moment [N m] at the patch's point, in W, shape (3,) or (6,).
     """
-    point = contact_force(patch, wrench).centre_of_pressure
+    point = ContactForce.of(patch, wrench).centre_of_pressure
     if point is None or inside_distance((patch.axes.T @ (point - patch.point))[:2], _outline(patch)) < -SLACK_M:
         return np.array(patch.point, float)
     return point
@@ -115,7 +115,7 @@ def shown_forces(solution: Solution | Hold) -> list[ShownForce]:
         wrench = np.asarray(forces[rows.name], float)
         at_corners = np.asarray(split.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3)
         start = acting_point(rows.patch, wrench)
-        used = contact_force(rows.patch, wrench).friction_used
+        used = ContactForce.of(rows.patch, wrench).friction_used
         out.append(ShownForce(rows.name, rows.patch, wrench[:3], start, at_corners, used))
     return out
 

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 import rbd
 from rbd.analysis.family import motion_freedom
 from rbd.analysis.modes import modes_of
-from rbd.problem.residuals import SOLVED, residuals
+from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.testing import box
 
 
@@ -71,7 +71,7 @@ def test_a_neighbour_in_the_family_satisfies_the_law_too():
     found = least_squares(equations, np.concatenate([s.a, loads]), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     a, N = found[:6], found[6:]
     w, _ = weights(a, N)
-    assert N.min() > 1.0 and residuals(P, a, T.G @ w, w, "coulomb").within(SOLVED)
+    assert N.min() > 1.0 and residuals_of(P, a, T.G @ w, w, "coulomb").within(SOLVED)
     assert np.abs(a - s.a).max() > 1e-4  # and it is another motion
 
 

@@ -11,8 +11,8 @@ from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product, Wre
 from rbd.problem.parts import Parts, parts_of
 from rbd.problem.rows import Rows
 from rbd.solvers.admm import de_saxce
-from rbd.solvers.interior_point import interior_point
-from rbd.solvers.newton import _gap, _matrix, newton, order_of, scaled, steps_from, yielding_steps
+from rbd.solvers.interior_point import solve_interior_point
+from rbd.solvers.newton import _gap, _matrix, order_of, scaled, solve_newton, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 BOX = Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
@@ -48,13 +48,13 @@ def test_every_kind_of_part_at_once(coulomb, rank, rng):
         D = spd(rng, T.size, rank)
         w_any = T.project(rng.normal(size=T.size))
         y_free = D @ rng.normal(size=T.size) if rank is None else -D @ w_any  # singular: w_any answers it, y = 0
-        w, merit, steps = newton(D, y_free, T, np.zeros(T.size), coulomb=coulomb)
+        w, merit, steps = solve_newton(D, y_free, T, np.zeros(T.size), coulomb=coulomb)
         found = missed(D, y_free, T, w, coulomb=coulomb)
         assert (found < 1e-9) == (merit < 1e-10)  # the merit knows
         assert steps <= 50
         failed += merit > 1e-10
     assert failed <= (0 if rank is None else 6)
-    w, merit, _ = newton(np.eye(T.size), -w_any, T, np.zeros(T.size), coulomb=coulomb)
+    w, merit, _ = solve_newton(np.eye(T.size), -w_any, T, np.zeros(T.size), coulomb=coulomb)
     assert merit < 1e-13 and np.abs(w - w_any).max() < 1e-13
 
 
@@ -64,12 +64,12 @@ def test_with_the_identity_the_convex_answer_is_the_projection(rng):
     for _ in range(20):
         y_free = 2.0 * rng.normal(size=T.size)
         nearest, start = T.project(-y_free), np.zeros(T.size)
-        w, merit, _ = newton(np.eye(T.size), y_free, T, start, coulomb=False)
+        w, merit, _ = solve_newton(np.eye(T.size), y_free, T, start, coulomb=False)
         assert merit < 1e-13 and np.abs(w - nearest).max() < 1e-12
         S = scaled(np.eye(T.size), y_free, T)
         theirs, _ = admm(S, S.guess(start), coulomb=False, iterations=2000, tolerance=1e-11)
         assert np.abs(S.weights(theirs) - nearest).max() < 1e-8
-        inner, _ = interior_point(S)
+        inner, _ = solve_interior_point(S)
         assert np.abs(S.weights(inner) - nearest).max() < 1e-6
 
 
@@ -83,7 +83,7 @@ def test_three_methods_agree_on_the_convex_law(rng):
         start = S.guess(np.zeros(3 * k))
         w, merit, _ = steps_from(S, start, coulomb=False)
         assert merit < 1e-12
-        inner, _ = interior_point(S)
+        inner, _ = solve_interior_point(S)
         assert np.abs(S.D @ (inner - w)).max() < 1e-5  # it stops at a duality gap of 1e-13, which is a distance squared
         theirs, n = admm(S, start, coulomb=False, iterations=3000, tolerance=1e-10)
         if n <= 3000:
@@ -105,7 +105,7 @@ def test_three_methods_agree_on_the_convex_law(rng):
 )
 def test_one_point_on_a_unit_mass(y_free, law, expected):
     """D = 1, mu = 0.5: sticks, slides or opens in closed form."""
-    w, merit, _ = newton(np.eye(3), np.array(y_free), parts(FrictionCone(0.5)), np.zeros(3), coulomb=law)
+    w, merit, _ = solve_newton(np.eye(3), np.array(y_free), parts(FrictionCone(0.5)), np.zeros(3), coulomb=law)
     assert merit < 1e-14 and w == pytest.approx(expected, abs=1e-12)
 
 
@@ -117,7 +117,7 @@ def test_a_nonsymmetric_matrix_is_taken(rng):
         skew = rng.normal(size=(5, 5))
         D = D + skew - skew.T  # symmetric part positive definite: exactly one answer
         y_free = 3.0 * rng.normal(size=5)
-        w, merit, _ = newton(D, y_free, T, np.zeros(5), coulomb=True)
+        w, merit, _ = solve_newton(D, y_free, T, np.zeros(5), coulomb=True)
         answers = []
         for presses in product([False, True], repeat=5):
             at = np.flatnonzero(presses)
@@ -136,9 +136,9 @@ def test_units_change_nothing(rng):
     y_free[[2, 6]] = -np.abs(y_free[[2, 6]])
     units = np.array([1e3, 1e3, 1e3, 1e-3, 1.0, 1.0, 1.0])
     for coulomb in (True, False):
-        w, merit, steps = newton(D, y_free, T, np.zeros(7), coulomb=coulomb)
+        w, merit, steps = solve_newton(D, y_free, T, np.zeros(7), coulomb=coulomb)
         scaled_D = 1e-6 * D * units * units[:, None]
-        other, same, again = newton(scaled_D, 1e-2 * y_free * units, T, np.zeros(7), coulomb=coulomb)
+        other, same, again = solve_newton(scaled_D, 1e-2 * y_free * units, T, np.zeros(7), coulomb=coulomb)
         assert merit < 1e-13 and same < 1e-13 and again == steps
         assert D @ (other * units * 1e-4) == pytest.approx(D @ w, abs=1e-10)
 
@@ -150,7 +150,7 @@ def test_four_corners_share_rows_of_rank_six(rng):
         for _ in range(20):
             A = spd(rng, 6)
             D, y_free = T.H.T @ A @ T.G, T.H.T @ (rng.normal(size=6) - [0, 0, 3, 0, 0, 0])
-            w, merit, _ = newton(D, y_free, T, np.zeros(12), coulomb=coulomb)
+            w, merit, _ = solve_newton(D, y_free, T, np.zeros(12), coulomb=coulomb)
             assert merit < 1e-12 and missed(D, y_free, T, w, coulomb=coulomb) < 1e-8
 
 
@@ -160,7 +160,7 @@ def test_no_more_steps_than_asked_and_the_best_is_returned(rng):
     D, y_free, guess = spd(rng, 12), rng.normal(size=12), rng.normal(size=12)
     merits = []
     for n in range(8):
-        w, merit, steps = newton(D, y_free, T, guess, coulomb=True, iterations=n)
+        w, merit, steps = solve_newton(D, y_free, T, guess, coulomb=True, iterations=n)
         merits.append(merit)
         assert steps <= n
         if n == 0:
@@ -173,10 +173,10 @@ def test_what_has_no_answer_ends():
     T = parts(Product([Free(1), FrictionCone(0.5)]))
     D = np.diag([0.0, 1.0, 1.0, 1.0])
     for coulomb in (True, False):
-        w, merit, steps = newton(D, np.array([1.0, 0.0, 0.0, -1.0]), T, np.zeros(4), coulomb=coulomb)
+        w, merit, steps = solve_newton(D, np.array([1.0, 0.0, 0.0, -1.0]), T, np.zeros(4), coulomb=coulomb)
         assert merit > 0.1 and steps <= 50 and np.isfinite(w).all()
     S = scaled(D, np.array([1.0, 0.0, 0.0, -1.0]), T)
-    assert interior_point(S)[1] <= 60 and np.isfinite(interior_point(S)[0]).all()
+    assert solve_interior_point(S)[1] <= 60 and np.isfinite(solve_interior_point(S)[0]).all()
 
 
 def test_the_order_of_columns_is_put_back(rng):

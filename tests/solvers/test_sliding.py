@@ -9,7 +9,7 @@ from scipy.optimize import linprog, minimize_scalar
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.residuals import residuals
+from rbd.problem.residuals import residuals_of
 from rbd.solvers.complementarity import Mixed, all_solutions
 from rbd.solvers.sliding import sliding_answers
 from rbd.testing import box
@@ -282,7 +282,7 @@ class TestSlidingBox:
         for share in (0.25, 0.5, 0.75):
             w = share * corners[1] + (1 - share) * corners[2]
             f = P.parts.G @ w
-            assert residuals(P, P.a_free + P.solve_M(P.J.T @ f), f, w, "coulomb").within(1e-9)
+            assert residuals_of(P, P.a_free + P.solve_M(P.J.T @ f), f, w, "coulomb").within(1e-9)
 
     def test_the_door_warns_of_an_undecided_split(self):
         """`SeveralMotions`, with the ends in `others`."""
@@ -520,7 +520,7 @@ class TestTalos:
         assert len(answers.found) > 1 and not answers.complete
         assert "nothing decides how the points of 'left_sole' and 'right_sole' share the load" in answers.reason
         for a, f, w in answers.found:
-            assert residuals(P, a, f, w, "coulomb").within(1e-9)
+            assert residuals_of(P, a, f, w, "coulomb").within(1e-9)
             assert P.rows[1].J @ a + P.rows[1].bias == pytest.approx(np.zeros(6), abs=1e-8)
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rbd.problem.contact_force import contact_force
+from rbd.problem.contact_force import ContactForce
 from rbd.problem.rows import Patch
 from rbd.visual import shapes
 from rbd.visual.forces import acting_point, shown_forces, support_polygon
@@ -46,7 +46,7 @@ def test_a_sole_that_pulls_is_drawn_at_its_own_point():
     outside = np.concatenate([wrench[:3], [0.0, -100.0, 0.0]])
     assert np.allclose(acting_point(patch, outside), patch.point)
     assert np.allclose(acting_point(patch, -wrench), patch.point)
-    assert contact_force(patch, outside).centre_of_pressure is not None
+    assert ContactForce.of(patch, outside).centre_of_pressure is not None
 
 
 def test_two_soles_side_by_side_span_one_rectangle():

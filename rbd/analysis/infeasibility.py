@@ -19,13 +19,13 @@ from itertools import combinations
 
 import numpy as np
 
-from rbd.analysis.conditions import Conditions, conditions
+from rbd.analysis.conditions import Conditions, conditions_of
 from rbd.arrays import Array, largest
 from rbd.errors import InputError
 from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import linear_program
-from rbd.problem.rays import rays
+from rbd.problem.rays import rays_of
 
 CONTRADICTS = 1e-8
 """Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
@@ -123,7 +123,7 @@ def contradiction(problem: GaussProblem, law: str = "convex") -> Contradiction |
     """
     if not isinstance(law, str) or not (law in ("bilateral", "convex", "coulomb") or _says_facets(law)):
         raise InputError(f"law is {law!r:.80}; expected 'bilateral', 'convex', 'convex, 4 facets' or 'coulomb'.")
-    search = _Search(conditions(checked(problem), law))
+    search = _Search(conditions_of(checked(problem), law))
     found = search.farkas(frozenset(range(len(search.asked.members))))
     if found is None:
         return None
@@ -151,7 +151,7 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
 
     By least squares over all rows that hold, in their own units. Shapes (m,) each; met + unmet = -offset.
     """
-    held = [r for r in problem.rows if rays(r.cone).all_lines and len(r)]
+    held = [r for r in problem.rows if rays_of(r.cone).all_lines and len(r)]
     if not held:
         return {}, {}
     at = np.concatenate([np.arange(problem.m)[problem.slices[r.name]] for r in held])

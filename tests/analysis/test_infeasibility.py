@@ -13,11 +13,11 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.contradiction import Contradiction, contradiction, split
+from rbd.analysis.infeasibility import Contradiction, contradiction, split
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.problem.rows import Rows
-from rbd.testing.reference_problems import box
+from rbd.testing.reference import box
 
 MU = 0.5
 RUB = rbd.Box([-1.0], [2.0])  # type: ignore[arg-type]
