@@ -11,7 +11,6 @@ from rbd.model import installation as _installation  # noqa: F401  another Pinoc
 
 if _TYPE_CHECKING:
     from rbd.analysis.infeasibility import Contradiction as Contradiction, contradiction as contradiction
-    from rbd.analysis.nearest import NearestMotion as NearestMotion, nearest_motion as nearest_motion
     from rbd.analysis.sensitivity import Derivatives as Derivatives
     from rbd.analysis.uniqueness import Uniqueness as Uniqueness
     from rbd.constraints import (
@@ -65,11 +64,12 @@ if _TYPE_CHECKING:
         Unsupported as Unsupported,
         WrongPinocchio as WrongPinocchio,
     )
-    from rbd.least_constraint import gauss_problem as gauss_problem, solve as solve
+    from rbd.least_constraint import gauss_problem as gauss_problem, solve as solve, solve_problem as solve_problem
     from rbd.model import dynamics as dynamics
     from rbd.model.external_force import ExternalForce as ExternalForce
     from rbd.model.state import State as State
     from rbd.model.xml import FileLimits as FileLimits
+    from rbd.problem.answer import Answer as Answer, Status as Status
     from rbd.problem.cones import (
         Box as Box,
         Free as Free,
@@ -100,7 +100,7 @@ if _TYPE_CHECKING:
         Trajectory as Trajectory,
         simulate as simulate,
     )
-    from rbd.solution import Solution as Solution, Status as Status
+    from rbd.solution import NearestMotion as NearestMotion, Solution as Solution, nearest_motion as nearest_motion
     from rbd.solvers.admm import ADMM as ADMM
     from rbd.solvers.kkt import KKT as KKT
     from rbd.solvers.proxqp import ProxQP as ProxQP
@@ -112,7 +112,6 @@ __version__ = "0.1.0"
 
 _NAMES = {
     "rbd.analysis.infeasibility": "Contradiction contradiction",
-    "rbd.analysis.nearest": "NearestMotion nearest_motion",
     "rbd.analysis.sensitivity": "Derivatives",
     "rbd.analysis.uniqueness": "Uniqueness",
     "rbd.constraints": """
@@ -126,10 +125,11 @@ _NAMES = {
         OpenLoop OpeningContactWarning RbdError RbdWarning SeveralMotions SimulationStopped SingularInertia SingularPose
         UnknownName UnknownRobot Unsupported WrongPinocchio
     """,
-    "rbd.least_constraint": "gauss_problem solve",
+    "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.model.external_force": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.model.xml": "FileLimits",
+    "rbd.problem.answer": "Answer Status",
     "rbd.problem.cones": "Box Free FrictionCone LineCone NonNegative Product WrenchCone",
     "rbd.problem.ground": "Ground",
     "rbd.problem.problem": "GaussProblem",
@@ -142,7 +142,7 @@ _NAMES = {
         Adaptive Event HoldPosture Projection Push Pushes RungeKutta4 Sampled TimeStepping TorqueScript Trajectory
         simulate
     """,
-    "rbd.solution": "Solution Status",
+    "rbd.solution": "NearestMotion Solution nearest_motion",
     "rbd.solvers.admm": "ADMM",
     "rbd.solvers.kkt": "KKT",
     "rbd.solvers.proxqp": "ProxQP",

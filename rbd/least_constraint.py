@@ -9,7 +9,6 @@ from typing import Protocol
 
 import numpy as np
 
-from rbd.analysis.nearest import nearest_motion
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, largest
 from rbd.constraints.loop import LoopClosure
@@ -29,13 +28,14 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
+from rbd.problem.answer import Status
 from rbd.problem.openings import opening_words
 from rbd.problem.parts import REST_SPEED
-from rbd.problem.problem import GaussProblem, MomentumBalance
+from rbd.problem.problem import GaussProblem, MomentumBalance, checked
 from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
-from rbd.solution import Solution, Status
-from rbd.solvers import Solver
+from rbd.solution import Solution, nearest_motion, solution_of
+from rbd.solvers import Solver, checked_solver
 from rbd.solvers.proxqp import ProxQP
 
 OPEN = 1e-3
@@ -93,30 +93,58 @@ def solve(
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
-    if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
-        raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
+    checked_solver(solver)
     problem = assembled(state, tau, constraints, external, rest_speed)
-    return answered(state, problem, solver, check=check)
+    return answered(problem, solver, check=check)
 
 
-def answered(state: State, problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
-    """The checked answer to an assembled problem; errors and warnings as `solve`, which calls it."""
+def solve_problem(
+    problem: GaussProblem,
+    *,
+    solver: Solver = ProxQP(),  # noqa: B008
+    check: bool = True,
+) -> Solution:
+    """Acceleration and constraint forces of a problem in arrays: built by hand, or by `gauss_problem`.
+
+    Args:
+        problem: The arrays; no robot is needed.
+        solver: As in `solve`.
+        check: As in `solve`.
+
+    Returns:
+        The answer with its certificate, `solution.residuals`; warnings as `solve`.
+
+    Raises:
+        InputError: if it is no problem, or no solver.
+        ContactMoves: as `solve`.
+        Unsupported: as `solve`.
+        NoSolution: as `solve`.
+    """
+    return answered(checked(problem), checked_solver(solver), check=check)
+
+
+def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
+    """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
     if problem.moving:
         _refuse_moving(problem, solver.law)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
-    solution = solver.solve(problem)
+    solution = solution_of(problem, solver)
     if solution.status is not Status.SOLVED and check:
-        _complain(state, solution, solver)
+        _complain(solution, solver)
     if solution.others:
         warnings.warn(
-            f"{state.robot.name} has no one motion: {solution.reason or f'{1 + len(solution.others)} were found'}. "
+            f"{_name(problem)} has no one motion: {solution.reason or f'{1 + len(solution.others)} were found'}. "
             "`solution.others` has all but the first.",
             SeveralMotions,
             stacklevel=3,
         )
     return solution
+
+
+def _name(problem: GaussProblem) -> str:
+    return problem.origin.state.robot.name if isinstance(problem.origin, StateOrigin) else "the problem"
 
 
 def gauss_problem(
@@ -300,12 +328,12 @@ def _refuse_moving(problem: GaussProblem, law: str) -> None:
     )
 
 
-def _complain(state: State, solution: Solution, solver: Solver) -> None:
+def _complain(solution: Solution, solver: Solver) -> None:
     res = solution.residuals
     scaled = ", ".join(f"{name} {value:.1e}" for name, value in res.scaled.items())
     if solution.status is Status.INACCURATE:
         warnings.warn(
-            f"{solution.solver} is inaccurate on {state.robot.name}: scaled residuals {scaled} (solved is 1e-9).",
+            f"{solution.solver} is inaccurate on {_name(solution.problem)}: scaled residuals {scaled} (solved is 1e-9).",
             InaccurateWarning,
             stacklevel=4,
         )

@@ -1,142 +1,86 @@
-"""The answer and its proof: residuals recomputed from the problem, never taken from a solver."""
+"""The answer and all that can be said of it: chosen forces, what is unique, why there is none, derivatives, in words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.analysis.admissible import Admissible
 from rbd.analysis.complementary import admissible
-from rbd.analysis.family import motion_freedom
 from rbd.analysis.feedback import feedback_acceleration
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.analysis.infeasibility import Contradiction, contradiction
-from rbd.analysis.uniqueness import Uniqueness, uniqueness_of
-from rbd.arrays import Array, lazy
-from rbd.errors import NoSolution, Unsupported
+from rbd.analysis.sensitivity import Derivatives
+from rbd.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
+from rbd.analysis.violation import relaxed, row_weights, smallest_violation
+from rbd.arrays import Array, largest, lazy
+from rbd.errors import InputError, NoSolution, Unsupported
+from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
-from rbd.problem.contact_force import ContactForce, corner_split
+from rbd.problem.contact_force import corner_split
 from rbd.problem.openings import opening_words
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.rays import rays_of
-from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
+from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
-
-if TYPE_CHECKING:
-    from rbd.analysis.sensitivity import Derivatives
-
-RANK_TOLERANCE = 1e-9
-"""Singular values of J below this, times the largest, count as zero in `Solution.rank`."""
-
-
-class Status(StrEnum):
-    """What the residuals of a solution amount to."""
-
-    SOLVED = "solved"
-    """Every scaled residual is at most 1e-9."""
-    INACCURATE = "inaccurate"
-    """Every scaled residual is at most 1e-7; said aloud by a warning."""
-    FAILED = "failed"
-    """A scaled residual is above 1e-7, or a contact approaches, which is an impact: not an answer."""
-    INFEASIBLE = "infeasible"
-    """Not an answer, and a certificate proves that there is none (`Solution.contradiction`)."""
-
-
-class Gauss(float):
-    """Gauss's function 1/2 |a - a_free|_M^2 [N m/s2], the sum of the constraints' shares.
-
-    A float that also carries `shares`: {name: 1/2 f_i . J_i (a - a_free)}. A share may be negative: one constraint
-    can push where another already pulls.
-    """
-
-    shares: dict[str, float]
-
-    def __new__(cls, total: float, shares: dict[str, float]) -> Gauss:
-        """A total with its shares."""
-        self = super().__new__(cls, total)
-        self.shares = shares
-        return self
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return Gauss, (float(self), self.shares)
+from rbd.solvers import Solver, checked_solver
+from rbd.solvers.proxqp import ProxQP, law_name
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution:
-    """Acceleration and constraint forces of one `GaussProblem`, with what proves them.
+class Solution(Answer):
+    """Acceleration and constraint forces of one `GaussProblem`, with what proves them: an `Answer`, and what analysis adds.
+
+    `Solution.of(answer)` makes one of what a solver returned. Its attributes are those of `Answer` (`problem`, `a`,
+    `multipliers`, `weights`, `law`, `solver`, ...), and:
 
     Attributes:
-        problem: What was solved.
-        a: Acceleration, shape (nv,) [m/s2, rad/s2]; on a floating base, linear then angular in the base's axes.
-        multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
-        weights: What adds up to f: of the rays (`problem.rays`) where the law speaks of facets, else of the true parts
-            (`problem.parts`), shape (r,); None where all rows hold.
-        law: The law whose residuals are given: "bilateral", "convex", "convex, 4 facets" or "coulomb".
-        solver: Name of the solver.
-        iterations: What the solver needed.
-        seconds: Time in the solver [s].
-        infeasible: Whether the solver knows that no acceleration satisfies the rows; see `contradiction` for the proof.
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
-        reason: Why there is no answer, or what the several are, in the solver's words; else empty.
         chosen_corners: Corner forces that were chosen together with the multipliers; None: chosen when asked for.
         choice: What they are, `force_choice`, where they were chosen.
     """
 
-    problem: GaussProblem
-    a: Array
-    multipliers: Array
-    weights: Array | None
-    law: str
-    solver: str
-    iterations: int
-    seconds: float
-    infeasible: bool = False
     others: tuple[Solution, ...] = ()
-    reason: str = ""
     chosen_corners: Mapping[str, Array] | None = None
     choice: str = ""
 
-    @property
-    def a_free(self) -> Array:
-        """Acceleration without the constraints, shape (nv,)."""
-        return self.problem.a_free
+    @classmethod
+    def of(cls, answer: Answer) -> Solution:
+        """All that can be said of a solver's answer; where rows depend on each other, with the forces of least norm.
 
-    @lazy
-    def residuals(self) -> Residuals:
-        """How far a and f are from the equations of the law; see `Residuals`."""
-        return residuals_of(self.problem, self.a, self.multipliers, self.weights, self.law)
+        So all solvers give the same forces, `with_forces()`, where they agree on the motion.
+
+        Raises:
+            InputError: if it is no answer.
+        """
+        if isinstance(answer, Solution):
+            return answer
+        if not isinstance(answer, Answer):
+            raise InputError(f"a solver gave {answer!r:.80}; expected an rbd.Answer.")
+        out = cls._copied(answer)
+        return out.settled() if answer.redundant else out
+
+    @classmethod
+    def _copied(cls, answer: Answer) -> Solution:
+        out = cls.__new__(cls)
+        out.__dict__.update(vars(answer))  # with what was computed of it, above all its residuals
+        if answer.others:
+            out.__dict__["others"] = tuple([cls._copied(other) for other in answer.others])
+        return out
 
     @lazy
     def status(self) -> Status:
-        """What the residuals amount to."""
-        if self.impact:
-            return Status.FAILED
-        if self.residuals.within(SOLVED):
-            return Status.SOLVED
-        if self.residuals.within(USABLE):
-            return Status.INACCURATE
-        return Status.INFEASIBLE if self.infeasible or self.contradiction is not None else Status.FAILED
+        """What the residuals amount to, and whether there is a proof that no motion has smaller ones."""
+        told = super().status
+        proved = told is Status.FAILED and not self.impact and self.contradiction is not None
+        return Status.INFEASIBLE if proved else told
 
     @lazy
     def contradiction(self) -> Contradiction | None:
         """The rows that contradict each other under this law, with the proof; None where they do not."""
         return contradiction(self.problem, self.law)
-
-    @lazy
-    def forces(self) -> dict[str, Array]:
-        """Force (3,) of a point, wrench (6,) of a surface at its centre: on the robot, world axes [N, N m].
-
-        A constraint without a resultant (a function, a joint) gives its row forces (m,).
-        """
-        f, out = self.multipliers, {}
-        for rows in self.problem.rows:
-            part = f[self.problem.slices[rows.name]]
-            out[rows.name] = part.copy() if rows.resultant is None else rows.resultant @ part
-        return out
 
     @lazy
     def corner_forces(self) -> dict[str, Array]:
@@ -210,10 +154,7 @@ class Solution:
         return self._with(self._admissible, weight)
 
     def settled(self) -> Solution:
-        """The same with forces of minimum norm, `with_forces()`; itself where it is no answer.
-
-        For solvers to call where rows depend on each other, so that all of them return the same forces.
-        """
+        """The same with forces of minimum norm, `with_forces()`; itself where it is no answer."""
         return self._with(self._admissible, None) if self.residuals.within(USABLE) else self
 
     def _with(self, found: Admissible, weight: Mapping[str, object] | None) -> Solution:
@@ -258,30 +199,6 @@ class Solution:
         weights = None if self.weights is None else self.weights[P.ray_slices[i]]
         return corner_split(rows, self.multipliers[P.slices[rows.name]], weights)
 
-    @property
-    def opening(self) -> tuple[str, ...]:
-        """Names of the contacts, and stops, that carry nothing as they, or some of their points, already move away.
-
-        Faster than `GaussProblem.rest_speed`; `problem.openings` has their points and speeds.
-        """
-        return tuple(dict.fromkeys(point.rows for point in self.problem.openings))
-
-    @property
-    def impact(self) -> str:
-        """Which contact approaches, in words: no acceleration answers that. Empty where none does; `rbd.solve` refuses it."""
-        return self.problem.parts.impact if self.problem.moving else ""
-
-    @lazy
-    def contacts(self) -> dict[str, ContactForce]:
-        """Normal and tangential parts, friction used and centre of pressure of each contact."""
-        return {r.name: ContactForce.of(r.patch, self.forces[r.name]) for r in self.problem.rows if r.patch is not None}
-
-    @lazy
-    def accelerations(self) -> dict[str, Array]:
-        """J a + J_dot v of each constraint, shape (m,), in its own axes, feedback left out [m/s2, rad/s2]."""
-        c = self.problem.J @ self.a + self.problem.bias
-        return {name: c[part] for name, part in self.problem.slices.items()}
-
     @lazy
     def feedback_acceleration(self) -> Array:
         """The part of a that the rows' feedback makes, shape (nv,): zero without stabilisation; see `rbd.analysis.feedback`.
@@ -300,34 +217,9 @@ class Solution:
         if self.problem.origin is None:
             raise Unsupported(
                 "a problem built by hand has no state to differentiate by. Use rbd.solve(state, ...), or "
-                "solver.solve(rbd.gauss_problem(state, ...))."
+                "rbd.solve_problem(rbd.gauss_problem(state, ...))."
             )
         return self.problem.origin.derivatives(self)
-
-    @lazy
-    def gauss(self) -> Gauss:
-        """Gauss's function and each constraint's share of it."""
-        P = self.problem
-        moved = self.a - P.a_free
-        work = self.multipliers * (P.J @ moved)
-        shares = {name: 0.5 * float(work[part].sum()) for name, part in P.slices.items()}
-        return Gauss(0.5 * float(moved @ P.M @ moved), shares)
-
-    @lazy
-    def rank(self) -> int:
-        """Rank of J, at singular values above `RANK_TOLERANCE` times the largest."""
-        if not self.problem.m:
-            return 0
-        s = np.linalg.svd(self.problem.J, compute_uv=False)
-        return int((s > RANK_TOLERANCE * s[0]).sum())
-
-    @property
-    def worst(self) -> str:
-        """The constraint that misses its equations most, and by how much, in words."""
-        return blame(self.problem, self.a, self.multipliers, self.weights, self.law)
-
-    def __repr__(self) -> str:
-        return f"Solution({self.status}, law {self.law!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"
 
     def __str__(self) -> str:
         lines = [f"{self.status} by {self.solver}, law: {self.law}; {self.problem.m} rows of rank {self.rank}"]
@@ -349,3 +241,97 @@ class Solution:
 
 def _has_points(rows: Rows) -> bool:
     return isinstance(rows.cone, FrictionCone | LineCone | WrenchCone)
+
+
+def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
+    """A solver's answer with all that can be said of it; of rows that contradict each other the motion of least violation.
+
+    That motion, with bounded forces, is found by the solver from rows that give way. A solver that tells itself why there is
+    no answer (`Answer.infeasible`, `Answer.reason`) is taken at its word.
+    """
+    found = Solution.of(solver.solve(problem))
+    if found.residuals.within(SOLVED) or found.residuals.within(USABLE) or found.infeasible or found.reason:
+        return found
+    if found.contradiction is None:
+        return found
+    near = solver.solve(relaxed(problem, smallest_violation(problem, found.law)[0]))
+    seconds = found.seconds + near.seconds
+    return Solution.of(replace(near, problem=problem, infeasible=True, redundant=False, seconds=seconds))
+
+
+@dataclass(frozen=True, eq=False)
+class NearestMotion:
+    """The motion that violates the constraints least, and of these the one nearest to free motion.
+
+    Attributes:
+        a: Acceleration, shape (nv,) [m/s2, rad/s2].
+        violation: {constraint: s, shape (m,)}: what would have to be added to its row accelerations [m/s2, rad/s2]; zero
+            where it is satisfied.
+        optimality: Largest scaled residual of the least violation's own conditions: J^T f = 0, J a + offset + s in K*, and
+            f . (J a + offset + s) = 0, with f = W^2 s.
+        solution: The answer of the relaxed problem, rows with s added to their feedback, with its own certificate.
+    """
+
+    a: Array
+    violation: Mapping[str, Array]
+    optimality: float
+    solution: Solution
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """Forces of the relaxed problem, as `Solution.forces` [N, N m]."""
+        return self.solution.forces
+
+    @property
+    def worst(self) -> float:
+        """Largest entry of the violation [m/s2, rad/s2]."""
+        return max((largest(s) for s in self.violation.values()), default=0.0)
+
+    def __repr__(self) -> str:
+        return f"NearestMotion(violation {self.worst:.3g} m/s2, {self.solution.status}, law {self.solution.law!r})"
+
+    def __str__(self) -> str:
+        lines = [f"nearest motion: rows are missed by up to {self.worst:.3g} m/s2 (rad/s2), least squares"]
+        for name, s in self.violation.items():
+            if largest(s) > 0.0:
+                lines.append(f"  {name:<16} by {np.array2string(np.round(s, 4) + 0.0, precision=4)}")
+        return "\n".join([*lines, str(self.solution)])
+
+
+def nearest_motion(
+    problem: GaussProblem,
+    *,
+    weights: Mapping[str, float | Array] | None = None,
+    solver: Solver = ProxQP(),  # noqa: B008
+) -> NearestMotion:
+    """The motion of least violation, and of these the nearest to free motion in the metric of inertia.
+
+    Of a problem that has an answer it is that answer, with no violation. Else the least violation comes first
+    (`rbd.analysis.violation`); then, among all accelerations with that violation, Gauss's problem: the rows with s added to
+    their feedback can be met together.
+
+    Args:
+        problem: Constraints that may contradict each other.
+        weights: {constraint: weight w > 0 of its rows, one number or shape (m,)}: sum (w s)^2 is minimised. 1 if not given,
+            so that 1 rad/s2 counts as 1 m/s2.
+        solver: Solves the relaxed problem; its law is the law of the violation, too.
+
+    Raises:
+        InputError: unknown constraints, weights that are not positive.
+        Unsupported: the solver cannot take the problem.
+        NoSolution: one of the two programs was not solved within tolerance.
+    """
+    P, reason = checked(problem), checked_solver(solver).reason_unsupported(problem)
+    if reason is not None:
+        raise Unsupported(reason)
+    law = law_name(P) if isinstance(solver, ProxQP) else solver.law
+    s, optimality = smallest_violation(P, law, row_weights(P, weights))
+    solution = solution_of(relaxed(P, s) if s.any() else P, solver)
+    if optimality > USABLE or solution.status not in (Status.SOLVED, Status.INACCURATE):
+        raise NoSolution(
+            f"the nearest motion was not found: least violation to {optimality:.1e}, scaled (usable is 1e-7), relaxed problem "
+            f"{solution.status}: {solution.worst}.",
+            problem=solution.problem,
+            result=solution,
+        )
+    return NearestMotion(solution.a, {name: s[part].copy() for name, part in P.slices.items()}, optimality, solution)

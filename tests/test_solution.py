@@ -10,8 +10,9 @@ import pytest
 
 import rbd
 from rbd.errors import InaccurateWarning, NoSolution
+from rbd.problem.answer import RANK_TOLERANCE, Status
 from rbd.problem.rows import Rows
-from rbd.solution import RANK_TOLERANCE, Solution, Status
+from rbd.solution import Solution
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
 

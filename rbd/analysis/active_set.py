@@ -12,7 +12,6 @@ its tangential rows, as its friction turns with its acceleration.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -20,12 +19,10 @@ from scipy.linalg import blas, lapack
 from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
 from rbd.arrays import Array, block_diagonal
 from rbd.errors import NotDifferentiable
+from rbd.problem.answer import Answer
 from rbd.problem.parts import centripetal
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
-
-if TYPE_CHECKING:
-    from rbd.solution import Solution
 
 RANK_TOLERANCE = 1e-9
 """Singular values up to this, of columns of unit length, count as zero."""
@@ -37,7 +34,7 @@ class ActiveSet:
     """The equations that an answer satisfies, factorised once.
 
     Args:
-        solution: A solved answer.
+        answer: A solved answer.
 
     Attributes:
         words: {constraint: what each of its parts does}, as `rbd.analysis.modes` has them.
@@ -47,9 +44,9 @@ class ActiveSet:
         NotDifferentiable: at a change of contact mode.
     """
 
-    def __init__(self, solution: Solution) -> None:
-        P = self._problem = solution.problem
-        self._solution, self._modes = solution, modes_of(solution)
+    def __init__(self, answer: Answer) -> None:
+        P = self._problem = answer.problem
+        self._modes = modes_of(answer)
         C, k = self._modes.generators, len(self._modes.start)
         self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((len(C.w), 0))
         self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((len(C.w), 0))
@@ -58,7 +55,7 @@ class ActiveSet:
             r.name: tuple(word for part, word in self._modes.words.items() if part.rows == i) for i, r in enumerate(P.rows)
         }
         self._factorise()
-        _check_room(solution, self._modes, self._kernel)
+        _check_room(answer, self._modes, self._kernel)
         forces = C.G @ self._Phi @ self._kernel
         self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK_TOLERANCE] if P.m else forces
 
@@ -189,7 +186,7 @@ def _centripetal_change(rows: Rows, u: Array) -> Array:
     return np.column_stack([0.5 * (centripetal(cone, v + du) - centripetal(cone, v - du)) for du in u.T])
 
 
-def _check_room(solution: Solution, modes: Modes, kernel: Array) -> None:
+def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
     """Refuse unless some weights, with the same motion, leave room on all sides that the modes rely on.
 
     A linear program, with planes around circular cones added where they are passed.
@@ -221,7 +218,7 @@ def _check_room(solution: Solution, modes: Modes, kernel: Array) -> None:
             worst = planes[int(np.argmin(found.lower))].need
             break
         planes += [_plane(need, s) for need, r in zip(modes.needs, room, strict=True) if need.cone and r < most]
-    _refuse(solution, modes, worst)
+    _refuse(answer, modes, worst)
 
 
 def _room(needs: list[Need], s: Array) -> Array:
@@ -254,8 +251,8 @@ def _plane(need: Need, s: Array) -> _Plane:
     return _Plane(row / need.unit, need.level / need.unit, need)
 
 
-def _refuse(solution: Solution, modes: Modes, need: Need) -> None:
-    rows, y = solution.problem.rows[need.part.rows], modes.generators.y[list(need.part.columns)]
+def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
+    rows, y = answer.problem.rows[need.part.rows], modes.generators.y[list(need.part.columns)]
     raise NotDifferentiable(
         f"{rows.name!r} is at a change of contact mode: its part {need.part.number} {modes.words[need.part]} (acceleration "
         f"{np.abs(y).max():.1e} m/s2), and no forces with this motion keep more than {RESOLUTION * need.unit:.1e} N from the "

@@ -16,16 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.problem.answer import Answer
 from rbd.problem.cones import Interval, SecondOrderCone
-
-if TYPE_CHECKING:
-    from rbd.problem.problem import GaussProblem
-    from rbd.solution import Solution
+from rbd.problem.problem import GaussProblem
 
 RESOLUTION = 1e-6
 """Accelerations and forces up to this count as zero, scaled as the residuals are."""
@@ -152,13 +149,13 @@ class Modes:
         return out
 
 
-def modes_of(solution: Solution) -> Modes:
+def modes_of(answer: Answer) -> Modes:
     """The active columns of an answer; whether its forces have room is left to be checked."""
-    P = solution.problem
-    true_parts = not (solution.weights is None or P.bilateral or "facets" in solution.law)
-    modes = Modes(_generators(solution, true_parts), true_parts)
-    along, push = solution.residuals.scales.of_columns(solution.weights, solution.law)
-    still, coulomb = RESOLUTION * along, solution.law == "coulomb"
+    P = answer.problem
+    true_parts = not (answer.weights is None or P.bilateral or "facets" in answer.law)
+    modes = Modes(_generators(answer, true_parts), true_parts)
+    along, push = answer.residuals.scales.of_columns(answer.weights, answer.law)
+    still, coulomb = RESOLUTION * along, answer.law == "coulomb"
     sliding = {s.column for s in P.parts.sliding} if true_parts else set()
     for part in modes.generators.parts:
         if part.columns[0] in modes.generators.cone_at:
@@ -212,13 +209,13 @@ def _cone(modes: Modes, part: Part, still: Array, unit: float, coulomb: bool) ->
     return "slips"
 
 
-def _generators(solution: Solution, true_parts: bool) -> Generators:
+def _generators(answer: Answer, true_parts: bool) -> Generators:
     """The sets that the answer's weights belong to."""
-    P, w = solution.problem, solution.weights
-    c = P.J @ solution.a + P.offset
+    P, w = answer.problem, answer.weights
+    c = P.J @ answer.a + P.offset
     if w is None or P.bilateral:
         free = np.full(P.m, np.inf)
-        return Generators(np.eye(P.m), np.eye(P.m), -free, free, solution.multipliers, c, tuple(_parts(P, "rows")), frozenset())
+        return Generators(np.eye(P.m), np.eye(P.m), -free, free, answer.multipliers, c, tuple(_parts(P, "rows")), frozenset())
     if not true_parts:
         R = P.rays
         return Generators(R.G, R.G, R.lower, R.upper, w, R.G.T @ c, tuple(_parts(P, "rays")), frozenset())

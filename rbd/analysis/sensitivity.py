@@ -19,9 +19,9 @@ from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import HasRows
 from rbd.model.external_force import External, generalised
 from rbd.model.state import State
+from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone
 from rbd.problem.rows import Rows
-from rbd.solution import Solution, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +108,17 @@ class StateOrigin:
     constraints: tuple[HasRows, ...]
     external: External
 
-    def derivatives(self, solution: Solution) -> Derivatives:
+    def derivatives(self, answer: Answer) -> Derivatives:
         """Derivatives of an answer to the problem; see `Derivatives`.
 
         Raises:
             NotDifferentiable: at a change of contact mode, of something that is no answer, or where the answer jumps.
         """
-        if solution.status not in (Status.SOLVED, Status.INACCURATE):
+        if answer.status not in (Status.SOLVED, Status.INACCURATE):
             raise NotDifferentiable(
-                f"this is no answer ({solution.status}: {solution.worst}), so it has no derivatives. Solve it first."
+                f"this is no answer ({answer.status}: {answer.worst}), so it has no derivatives. Solve it first."
             )
-        return _Chain(self, solution).derivatives()
+        return _Chain(self, answer).derivatives()
 
     def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
         return LeftBehind, ()
@@ -134,7 +134,7 @@ class StateOrigin:
 class LeftBehind:
     """In place of a `StateOrigin` in another process: with its state an answer would bring the whole robot each time."""
 
-    def derivatives(self, solution: Solution) -> Derivatives:
+    def derivatives(self, answer: Answer) -> Derivatives:
         """None to be had.
 
         Raises:
@@ -149,10 +149,10 @@ class LeftBehind:
 class _Chain:
     """From changes of the state to changes of the answer."""
 
-    def __init__(self, origin: StateOrigin, solution: Solution) -> None:
-        self.origin, self.solution, self.active = origin, solution, ActiveSet(solution)
-        self.robot, self.nv, self.m = origin.state.robot, origin.state.robot.nv, solution.problem.m
-        self.acting = [(c, r) for c, r in zip(origin.constraints, solution.problem.rows, strict=True) if len(r)]
+    def __init__(self, origin: StateOrigin, answer: Answer) -> None:
+        self.origin, self.answer, self.active = origin, answer, ActiveSet(answer)
+        self.robot, self.nv, self.m = origin.state.robot, origin.state.robot.nv, answer.problem.m
+        self.acting = [(c, r) for c, r in zip(origin.constraints, answer.problem.rows, strict=True) if len(r)]
 
     def derivatives(self) -> Derivatives:
         """All of them."""
@@ -169,8 +169,8 @@ class _Chain:
         found = [self.active.derivative(change.force, change.c, change.u) for change in changes]
         lost = self._not_unique()
         forces = {}
-        for r in self.solution.problem.rows:
-            span = self.solution.problem.slices[r.name]
+        for r in self.answer.problem.rows:
+            span = self.answer.problem.slices[r.name]
             each = [_world(r, change.resultants[r.name], df[span]) for change, (_, df) in zip(changes, found, strict=True)]
             forces[r.name] = None if r.name in lost else ForceDerivatives(*each)
         (a_q, f_q), (a_v, f_v), (a_tau, f_tau), (a_external, f_external) = found
@@ -184,7 +184,7 @@ class _Chain:
         state, robot = self.origin.state, self.robot
         with robot.pool.lock:
             slot, ticket = robot.pool.take(
-                lambda data: pin.computeRNEADerivatives(robot.model, data, state.q, state.v, self.solution.a)
+                lambda data: pin.computeRNEADerivatives(robot.model, data, state.q, state.v, self.answer.a)
             )
             out = slot.data.dtau_dq.copy(), slot.data.dtau_dv.copy()
             robot.pool.give_back(slot, ticket)
@@ -204,7 +204,7 @@ class _Chain:
         Raises:
             NotDifferentiable: if a constraint has another set of forces there.
         """
-        P, a, f = self.solution.problem, self.solution.a, self.solution.multipliers
+        P, a, f = self.answer.problem, self.answer.a, self.answer.multipliers
         force, _ = generalised(state, self.origin.external)
         internal = np.zeros((self.nv, self.active.internal.shape[1]))
         c, u, resultants = [], [], []
@@ -227,7 +227,7 @@ class _Chain:
         """(internal, c, u, resultants) of what follows the forces in samples, shapes (nv, d, n), (m, n), (m, n), (k, n)."""
         d, n, m = self.active.internal.shape[1], tail.shape[1], self.m
         internal, c, u, rest = np.split(tail, np.cumsum([self.nv * d, m, m]))
-        out = {r.name: np.zeros((0, n)) for r in self.solution.problem.rows}
+        out = {r.name: np.zeros((0, n)) for r in self.answer.problem.rows}
         for _, r in self.acting:
             k = len(r) if r.resultant is None else len(r.resultant)
             out[r.name], rest = rest[:k], rest[k:]
@@ -251,9 +251,9 @@ class _Chain:
 
     def _check_internal(self, by_q: _Change) -> None:
         """Refuse if forces that do nothing here would move the robot next door: rows lose their redundancy there."""
-        scale = float(np.abs(self.solution.multipliers).max(initial=0.0))
+        scale = float(np.abs(self.answer.multipliers).max(initial=0.0))
         for force in by_q.internal.transpose(1, 0, 2):
-            if np.abs(self.active.response(force)).max() * scale > CONSISTENT * max(1.0, np.abs(self.solution.a).max()):
+            if np.abs(self.active.response(force)).max() * scale > CONSISTENT * max(1.0, np.abs(self.answer.a).max()):
                 raise NotDifferentiable(
                     "rows repeat each other in this configuration and not in those around it (it is singular), so the motion "
                     "jumps. Move q a little, or leave out the rows that repeat others."
@@ -261,7 +261,7 @@ class _Chain:
 
     def _not_unique(self) -> tuple[str, ...]:
         """Constraints whose force an internal force can change."""
-        P, internal, lost = self.solution.problem, self.active.internal, []
+        P, internal, lost = self.answer.problem, self.active.internal, []
         for _, r in self.acting:
             part = internal[P.slices[r.name]]
             if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK_TOLERANCE:

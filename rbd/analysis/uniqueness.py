@@ -12,10 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import blas
 
+from rbd.analysis.active_set import RANK_TOLERANCE
 from rbd.analysis.admissible import Admissible
 from rbd.analysis.extent import End, Reach
+from rbd.analysis.modes import modes_of
 from rbd.arrays import Array
+from rbd.problem.answer import Answer
 from rbd.problem.contact_force import CARRIES_NOTHING_N
 from rbd.problem.limits import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
@@ -317,6 +321,31 @@ class _Asker:
         f, w = self.adm.forces(x), self.adm.law_weights(x)
         given = residuals_of(self.adm.problem, self.a, f, w, self.law)
         return Attained(f, w, self.adm.corner_forces(x)) if given.within(SOLVED) else None
+
+
+def motion_freedom(answer: Answer) -> int:
+    """Dimension of the family of motions with the same contact modes; zero where the motion stands alone among them.
+
+    Under the convex law and where all rows hold the motion is the minimum of a strictly convex function: unique. Under
+    Coulomb's law friction follows the load of each point. Where a patch slips and turns on more than three corners statics
+    leaves the loads open, each share of them turns the friction another way, and a whole family of motions satisfies the law.
+
+    With the forces that may change, J^T Phi, and the accelerations that must stay zero, Psi^T J, it is the rank of the first
+    less that of the second (see `rbd.analysis.modes`), in the metric of inertia. Motions with other modes are not looked for.
+    """
+    if answer.law != "coulomb":
+        return 0
+    P, modes = answer.problem, modes_of(answer)
+    if not modes.phi:
+        return 0
+    C = modes.generators
+    return _rank(P.factor, P.J.T @ (C.G @ np.array(modes.phi).T)) - _rank(P.factor, P.J.T @ (C.H @ np.array(modes.psi).T))
+
+
+def _rank(L: Array, X: Array) -> int:
+    X = blas.dtrsm(1.0, L, X, lower=1)
+    length = np.linalg.norm(X, axis=0)
+    return int((np.linalg.svd(X / np.where(length > 0.0, length, 1.0), compute_uv=False) > RANK_TOLERANCE).sum())
 
 
 def _short(value: float, digits: int = 2) -> str:

@@ -12,12 +12,14 @@ f . (c + s) = 0 together prove that no violation is less. An answer is judged by
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from rbd.analysis.conditions import Conditions, Round, conditions_of
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, largest, numbers
+from rbd.errors import InputError, nearest
 from rbd.problem.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem.problem import GaussProblem
 from rbd.problem.programs import nonnegative
@@ -59,6 +61,28 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
     if largest(best.s) <= ROUNDING * best.rate:
         return np.zeros(P.m), best.miss
     return np.where(np.abs(best.s) > 1e-15 * best.rate, best.s, 0.0), best.miss
+
+
+def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> Array:
+    """Diagonal of W, shape (m,), from {constraint: weight of its rows}; ones of what is not named.
+
+    Raises:
+        InputError: unknown constraints, weights that are not positive.
+    """
+    out = np.ones(P.m)
+    if given is None:
+        return out
+    if not isinstance(given, Mapping):
+        raise InputError(f"weights are {given!r:.80}; expected {{constraint: weight}}.")
+    for name, value in given.items():
+        if name not in P.slices:
+            raise InputError(f"weights: no constraint {name!r:.80}; {nearest(name, P.slices)}.")
+        w = numbers(f"weight of {name!r}", value)
+        m = len(out[P.slices[name]])
+        if w.shape not in ((), (m,)) or not ((w > 1e-100) & (w < 1e100)).all():
+            raise InputError(f"weight of {name!r} is {value!r:.80}; expected one number > 0, or {m} of them.")
+        out[P.slices[name]] = w
+    return out
 
 
 def relaxed(P: GaussProblem, s: Array) -> GaussProblem:

@@ -30,6 +30,7 @@ from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
 from rbd.simulation.redundant_rows import RedundantRows
 from rbd.simulation.snapshot import Layout, Snapshot
+from rbd.solution import Solution
 from rbd.solvers.admm import ADMM, holding
 from rbd.solvers.contact_solve import Stillness
 from rbd.solvers.kkt import independent_factor
@@ -216,7 +217,7 @@ class VelocitySolver:
 
     def _searched(self, P: GaussProblem) -> tuple[Array, float]:
         """The long way: all that `rbd.ADMM` tries."""
-        found = ADMM(law=self.law).solve(P)
+        found = Solution.of(ADMM(law=self.law).solve(P))
         if not found.residuals.within(USABLE):
             names = ", ".join(r.name for r in P.rows)
             raise NoSolution(

@@ -1,9 +1,10 @@
-"""Solvers: each takes a `GaussProblem` and gives a `Solution`. They know no robot, and raise nothing about answers."""
+"""Solvers: each takes a `GaussProblem` and gives an `Answer`. They know no robot, and raise nothing about answers."""
 
 from typing import Protocol
 
+from rbd.errors import InputError
+from rbd.problem.answer import Answer
 from rbd.problem.problem import GaussProblem
-from rbd.solution import Solution
 
 
 class Solver(Protocol):
@@ -16,5 +17,16 @@ class Solver(Protocol):
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Why this problem cannot be taken, in words, or None."""
 
-    def solve(self, problem: GaussProblem) -> Solution:
+    def solve(self, problem: GaussProblem) -> Answer:
         """The best answer found; its residuals tell how good it is."""
+
+
+def checked_solver(solver: Solver) -> Solver:
+    """The solver, if it is one.
+
+    Raises:
+        InputError: if it is something else, such as the class of a solver.
+    """
+    if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
+        raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
+    return solver

@@ -12,12 +12,12 @@ from scipy.linalg import lapack
 
 from rbd.arrays import Array, largest, lazy
 from rbd.errors import InputError
+from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import SEARCH_WORK, Work
 from rbd.problem.parts import Parts
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
-from rbd.solution import Solution
 from rbd.solvers import qp
 from rbd.solvers.interior_point import solve_interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
@@ -104,7 +104,7 @@ class ADMM:
             )
         return None
 
-    def solve(self, problem: GaussProblem) -> Solution:
+    def solve(self, problem: GaussProblem) -> Answer:
         """The first answer that is `solved`, else the best that was found, with words in `reason`.
 
         Points that already slide have no cone left: `rbd.solvers.sliding` searches their modes.
@@ -115,18 +115,17 @@ class ADMM:
             return replace(KKT().solve(P), solver="ADMM")
         if P.parts.sliding:
             return _of_sliding(P, start)
-        found = _Search(P, self.law, start).run(self.starts if self.law == "coulomb" else 1)
-        return found.settled() if independent_factor(P.delassus) is None else found
+        return _Search(P, self.law, start).run(self.starts if self.law == "coulomb" else 1)
 
 
-def _of_sliding(P: GaussProblem, start: float) -> Solution:
+def _of_sliding(P: GaussProblem, start: float) -> Answer:
     """The first motion of a problem with sliding points, the rest in `others`; no force where there is none."""
     from rbd.solvers.sliding import sliding_answers  # read only where something slides
 
     answers = sliding_answers(P)
     found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.parts.size)),)
     solutions = [
-        Solution(P, a, f, w, "coulomb", "ADMM", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
+        Answer(P, a, f, w, "coulomb", "ADMM", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
     ]
     return replace(solutions[0], others=tuple(solutions[1:]))
 
@@ -137,13 +136,14 @@ class _Search:
     def __init__(self, P: GaussProblem, law: str, start: float) -> None:
         self.P, self.law, self.start = P, law, start
         self.coulomb = law == "coulomb"
+        self.redundant = independent_factor(P.delassus) is None
         self.iterations = 0
         self.work, self.step = Work(SEARCH_WORK), float(P.parts.size) ** 3 + 1e4
         self.infeasible = False
-        self.best: Solution | None = None
-        self.answers: list[Solution] = []
+        self.best: Answer | None = None
+        self.answers: list[Answer] = []
 
-    def run(self, wanted: int) -> Solution:
+    def run(self, wanted: int) -> Answer:
         """The answer, after `wanted` starts or the first answer, whichever comes later."""
         T = self.P.parts
         w = holding(self.P)
@@ -168,7 +168,7 @@ class _Search:
             self._try_convex(S, S.guess(first))
         return self._result()
 
-    def _might_hold(self, found: Solution) -> bool:
+    def _might_hold(self, found: Answer) -> bool:
         """Whether another motion, in which every loaded point sticks, may satisfy Coulomb's law.
 
         Let that motion have forces f' and accelerations c', and the found one f and c. |a' - a|_M^2 = -f'.c - f.c' + f.c, and
@@ -183,7 +183,7 @@ class _Search:
         slip, still = np.hypot(y[:, 0], y[:, 1]), SOLVED * terms[at].max(axis=1)
         slides = (slip > still) & (y[:, 2] < T.mu * slip - still)
         loaded = w[at][:, 2] > SOLVED * push[at][:, 2]
-        return bool(slides.any()) and (not (slides & loaded).any() or independent_factor(P.delassus) is None)
+        return bool(slides.any()) and (not (slides & loaded).any() or self.redundant)
 
     def _try_convex(self, S: Scaled, first: Array) -> None:
         """Keep the convex law's motion if it satisfies Coulomb's law too."""
@@ -272,7 +272,8 @@ class _Search:
         """Keep what weights give; whether it is an answer."""
         f = self.P.parts.G @ w
         a = constrained(self.P, f)
-        found = Solution(self.P, a, f, w, self.law, "ADMM", self.iterations, time.perf_counter() - self.start, reason=reason)
+        seconds, redundant = time.perf_counter() - self.start, self.redundant
+        found = Answer(self.P, a, f, w, self.law, "ADMM", self.iterations, seconds, reason=reason, redundant=redundant)
         if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
             found = refined(found, by_newton(self.S, self.P.parts, coulomb=self.coulomb), self.P.parts)
         if not found.residuals.within(SOLVED):
@@ -288,7 +289,7 @@ class _Search:
         A, b, C, l = _conditions(S, W, coulomb=self.coulomb)
         return bool(len(b) + len(l)) and qp.least_violation(A, b, C, l) > 1e-6
 
-    def _result(self) -> Solution:
+    def _result(self) -> Answer:
         if len(self.answers) == 1:
             return self.answers[0]  # it carries its certificate
         seconds = time.perf_counter() - self.start

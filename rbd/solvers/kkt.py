@@ -9,10 +9,10 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
+from rbd.problem.answer import RANK_TOLERANCE, Answer
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED
-from rbd.solution import RANK_TOLERANCE, Solution
 from rbd.solvers.refinement import refined
 
 
@@ -20,8 +20,8 @@ from rbd.solvers.refinement import refined
 class KKT:
     """Lagrange's closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
 
-    For constraints that hold. Where rows are redundant f is the one of least corner forces (`Solution.force_choice`), and where
-    they contradict each other a is the least-squares one, whose residuals say so.
+    For constraints that hold. Where rows are redundant f is the shortest, and where they contradict each other a is
+    the least-squares one, whose residuals say so.
 
     Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
     """
@@ -38,7 +38,7 @@ class KKT:
             "Use rbd.ProxQP(), or friction=None for a contact that holds."
         )
 
-    def solve(self, problem: GaussProblem) -> Solution:
+    def solve(self, problem: GaussProblem) -> Answer:
         """The closed form; by Cholesky where the rows are independent, else by singular values."""
         start = time.perf_counter()
         P = checked(problem)
@@ -55,13 +55,14 @@ class KKT:
                 f, missed = _minimum_norm(P.whitened, c)
                 infeasible = missed > 1e-6 * max(1.0, float(np.abs(c).max()))
             a = constrained(P, f)
-        found = Solution(P, a, f, None, "bilateral", "KKT", 1, time.perf_counter() - start, infeasible)
+        seconds = time.perf_counter() - start
+        found = Answer(P, a, f, None, "bilateral", "KKT", 1, seconds, infeasible, redundant=repeats)
         if not (infeasible or found.residuals.within(SOLVED)):
             found = replace(held_refined(found), seconds=time.perf_counter() - start)
-        return found.settled() if repeats else found
+        return found
 
 
-def held_refined(found: Solution) -> Solution:
+def held_refined(found: Answer) -> Answer:
     """`refined`, of rows that hold, in rows of one size: those of light bodies are felt as those of heavy ones."""
     P = found.problem
     size = np.sqrt(np.maximum(P.delassus.diagonal(), 1e-300))

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.infeasibility import contradiction
-from rbd.analysis.violation import relaxed, smallest_violation
 from rbd.arrays import Array, identity, largest, zeros
+from rbd.problem.answer import Answer
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.rays import Rays
-from rbd.problem.residuals import SOLVED, USABLE
-from rbd.solution import Solution
+from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, held_refined, independent_factor
 from rbd.solvers.refinement import rays_refined
@@ -57,25 +55,28 @@ class ProxQP:
             "Use rbd.ADMM()."
         )
 
-    def solve(self, problem: GaussProblem) -> Solution:
+    def solve(self, problem: GaussProblem) -> Answer:
         """The best of the attempts; the first that is `solved`, most often the first of all.
 
-        Of rows that contradict each other it is the motion of least violation, with bounded forces: `infeasible`.
+        That rows contradict each other, and what comes nearest then, it leaves to `rbd.solve_problem`.
         """
         start = time.perf_counter()
         P = checked(problem)
         if not P.m:
-            return Solution(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
+            return Answer(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
         independent = independent_factor(P.delassus)
         # R^T R = J M^-1 J^T, m x m where the rows are independent, else (k, m) from W = Q R.
         R = np.asarray(np.linalg.qr(P.whitened, mode="r")) if independent is None else independent
 
-        found, solved = self._best(P, R, start)
-        if not (solved or found.residuals.within(USABLE)):
-            return _in_spite(lambda P, start: self._best(P, R, start)[0], found, start)
-        return found.settled() if independent is None else found
+        def answer(weights: Array, iterations: int) -> Answer:
+            f, kept = (weights, None) if P.bilateral else (P.rays.G @ weights, weights)
+            a, seconds = constrained(P, f), time.perf_counter() - start
+            return Answer(P, a, f, kept, law_name(P), "ProxQP", iterations, seconds, redundant=independent is None)
 
-    def _best(self, P: GaussProblem, R: Array, start: float) -> tuple[Solution, bool]:
+        return self._best(P, R, answer)
+
+    def _best(self, P: GaussProblem, R: Array, answer: Callable[[Array, int], Answer]) -> Answer:
+        """The best of the attempts; `answer` takes weights and iterations."""
         along, opening, holds = _ray_rows(P, R)
         bounded = _Bounded(P.rays, along, opening) if P.rays.has_intervals else None
         if bounded is not None:
@@ -94,7 +95,7 @@ class ProxQP:
         H, g = identity(n), zeros(n)
         if bounded is not None and bounded.gives and C is not None and l is not None:
             H, g, A, C, l = bounded.softened(A, C, l, length**2 / rate)
-        best: Solution | None = None
+        best: Answer | None = None
         for attempt in qp.attempts(H, g, A, b, C, l, None, policy=self.policy):
             weights = np.maximum(attempt.z, 0.0) if A is None else attempt.y
             if bounded is not None:
@@ -105,26 +106,17 @@ class ProxQP:
                 weights[~holds] = np.maximum(attempt.z, 0.0)
             if bounded is None and (length != 1.0 or rate != 1.0):
                 weights = weights * (rate / length**2)
-            found = _solution(P, weights, attempt.iterations, start)
+            found = answer(weights, attempt.iterations)
             if not _exact(found):
                 polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
-                found = _better(found, _solution(P, polished, attempt.iterations, start))
+                found = _better(found, answer(polished, attempt.iterations))
                 if not found.residuals.within(SOLVED):
                     found = held_refined(found) if P.bilateral else rays_refined(found)
             best = found if best is None else _better(best, found)
             if best.residuals.within(SOLVED):
-                return best, True
+                return best
         assert best is not None
-        return best, False
-
-
-def _in_spite(best: Callable[[GaussProblem, float], Solution], failed: Solution, start: float) -> Solution:
-    """What satisfies the rows as nearly as can be where they contradict each other; else the attempt that failed."""
-    P = failed.problem
-    if contradiction(P, failed.law) is None:
-        return replace(failed, seconds=time.perf_counter() - start)
-    found = best(relaxed(P, smallest_violation(P, failed.law)[0]), start)
-    return replace(found, problem=P, infeasible=True, seconds=time.perf_counter() - start)
+        return best
 
 
 class _Bounded:
@@ -195,14 +187,7 @@ def _size(top: float) -> float:
     return 1.0 if top == 0.0 or 1e-3 <= top <= 1e6 else top
 
 
-def _solution(P: GaussProblem, weights: Array, iterations: int, start: float) -> Solution:
-    f = weights if P.bilateral else P.rays.G @ weights
-    a = constrained(P, f)
-    kept = None if P.bilateral else weights
-    return Solution(P, a, f, kept, law_name(P), "ProxQP", iterations, time.perf_counter() - start)
-
-
-def _exact(found: Solution) -> bool:
+def _exact(found: Answer) -> bool:
     """Whether residuals are at most `POLISH` times the largest numbers of the problem, and solved."""
     P, (momentum, gap, off_cone, slack, _) = found.problem, found.residuals.values
     force = POLISH * max(1.0, largest(P.rhs), largest(found.multipliers))
@@ -211,7 +196,7 @@ def _exact(found: Solution) -> bool:
     return near and found.residuals.within(SOLVED)
 
 
-def _better(one: Solution, other: Solution) -> Solution:
+def _better(one: Answer, other: Answer) -> Answer:
     return other if not other.residuals.worst >= one.residuals.worst else one
 
 

@@ -21,10 +21,10 @@ from typing import TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, is_finite
+from rbd.problem.answer import Answer
 from rbd.problem.parts import Parts
 from rbd.problem.rays import Rays
 from rbd.problem.residuals import SOLVED
-from rbd.solution import Solution
 from rbd.solvers.newton import Scaled, last_step, scaled, steps_from
 
 ROUNDS = 4
@@ -39,7 +39,7 @@ Correction: TypeAlias = Callable[[Array, Array], Array]
 
 
 @np.errstate(all="ignore")  # numbers near the largest that there are overflow; that ends it
-def refined(found: Solution, correct: Correction, parts: Parts | None = None) -> Solution:
+def refined(found: Answer, correct: Correction, parts: Parts | None = None) -> Answer:
     """The same answer with smaller residuals, or itself where that does not succeed.
 
     Args:
@@ -90,7 +90,7 @@ def by_newton(S: Scaled, T: Parts, *, coulomb: bool) -> Correction:
     return correct
 
 
-def rays_refined(found: Solution) -> Solution:
+def rays_refined(found: Answer) -> Answer:
     """`refined`, of an answer with weights of rays."""
     P, T = found.problem, _parts_of(found.problem.rays)
     S = scaled(T.G.T @ P.delassus @ T.G, T.G.T @ P.free_row_acceleration, T)

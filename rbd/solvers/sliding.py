@@ -15,10 +15,10 @@ from itertools import combinations, islice, product
 import numpy as np
 
 from rbd.arrays import Array, largest
+from rbd.problem.answer import Answer
 from rbd.problem.parts import Sliding
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
-from rbd.solution import Solution
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
 from rbd.solvers.newton import scaled, solve_newton
@@ -98,11 +98,11 @@ class _Search:
     def _holds(self, w: Array) -> bool:
         return self._certified(w).residuals.within(SOLVED)
 
-    def _certified(self, w: Array) -> Solution:
+    def _certified(self, w: Array) -> Answer:
         """What weights give, refined where they are near an answer."""
         w = self.T.project(w)
         f = self.T.G @ w
-        found = Solution(self.P, constrained(self.P, f), f, w, "coulomb", "ADMM", 1, 0.0)
+        found = Answer(self.P, constrained(self.P, f), f, w, "coulomb", "ADMM", 1, 0.0)
         if found.residuals.within(SOLVED) or not found.residuals.within(NEAR):
             return found
         S = scaled(self.mixed.A, self.mixed.b, self.T)

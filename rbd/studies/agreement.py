@@ -12,12 +12,13 @@ from rbd.errors import NoSolution
 from rbd.least_constraint import Constraint, assembled
 from rbd.model.external_force import External
 from rbd.model.state import State
+from rbd.problem.answer import Status
 from rbd.problem.cones import NonNegative
 from rbd.problem.parts import REST_SPEED
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
-from rbd.solution import Solution, Status
+from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT
@@ -28,7 +29,7 @@ SAME = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SolverAnswer:
     """One solver's answer.
 
     Attributes:
@@ -60,7 +61,7 @@ class Agreement:
         differences: (one, other, in a, in what is unique of the forces) for each pair, over max(1, largest entry).
     """
 
-    answers: tuple[Answer, ...]
+    answers: tuple[SolverAnswer, ...]
     refused: dict[str, str]
     differences: tuple[tuple[str, str, float, float], ...]
 
@@ -136,7 +137,7 @@ def agree(
         if reason is not None:
             refused[name] = reason
             continue
-        answers.append(_answer(name, solver.solve(posed), problem, unique))
+        answers.append(_answer(name, solution_of(posed, solver), problem, unique))
     if not any(x.status is Status.SOLVED for x in answers):
         tried = "; ".join(
             [f"{x.solver}: {x.status}, worst residual {x.worst:.1e}" for x in answers]
@@ -146,7 +147,7 @@ def agree(
     return Agreement(tuple(answers), refused, tuple(_differences(answers)))
 
 
-def _differences(answers: Sequence[Answer]) -> list[tuple[str, str, float, float]]:
+def _differences(answers: Sequence[SolverAnswer]) -> list[tuple[str, str, float, float]]:
     solved = [x for x in answers if x.status is Status.SOLVED]
     return [
         (one.solver, other.solver, _relative(one.a, other.a), _relative(one.unique_forces, other.unique_forces))
@@ -182,7 +183,7 @@ def _pyramidal(problem: GaussProblem) -> GaussProblem:
     return replace(problem, rows=rows, balance=None)
 
 
-def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array) -> Answer:
+def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array) -> SolverAnswer:
     f = solution.multipliers
     law = solution.law
     if solution.problem is not problem:
@@ -192,4 +193,4 @@ def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array)
             for posed, own, part, at in zip(P.rows, problem.rows, P.slices.values(), problem.ray_slices, strict=True)
         ]
         f, law = np.concatenate(kept), law_name(problem)
-    return Answer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)
+    return SolverAnswer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)

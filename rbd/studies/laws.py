@@ -124,8 +124,8 @@ def compare_laws(
         NoSolution, ContactMoves, InputError: as `rbd.solve`; a contact that already slides has no convex law.
     """
     problem = assembled(state, tau, constraints, external, rest_speed)
-    convex = answered(state, problem, ADMM(law="convex"))
-    coulomb = answered(state, problem, ADMM(law="coulomb"))
+    convex = answered(problem, ADMM(law="convex"))
+    coulomb = answered(problem, ADMM(law="coulomb"))
     return LawComparison(convex, coulomb, _under(convex), _under(coulomb))
 
 

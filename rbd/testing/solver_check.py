@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import nnls
 
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem
-from rbd.solution import Solution, Status
+from rbd.solution import Solution
 from rbd.solvers import Solver
 from rbd.testing.contracts import SolverReport, SolverWrong
 from rbd.testing.reference import ReferenceProblem, reference_problems
@@ -45,13 +47,13 @@ def check_solver(
         if reason is not None:
             report.skipped[reference.name] = reason
             continue
-        solution = solver.solve(reference.problem)
-        found = law_residuals(reference.problem, solution, solver.law)
+        answer = solver.solve(reference.problem)
+        found = law_residuals(reference.problem, answer, solver.law)
         report.ran[reference.name] = max(found.values())
         wrong = [f"{what} {value:.2e} > {tolerance:g}" for what, value in found.items() if not value <= tolerance]
-        wrong += _against_closed_form(reference, solution, solver.law, accuracy)
-        if not wrong and solution.status is not Status.SOLVED:
-            wrong = [f"its status is {solution.status}, though its residuals are small"]
+        wrong += _against_closed_form(reference, answer, solver.law, accuracy)
+        if not wrong and answer.status is not Status.SOLVED:
+            wrong = [f"its status is {answer.status}, though its residuals are small"]
         if wrong:
             report.failed[reference.name] = "; ".join(wrong)
     if report.failed or not report.ran:
@@ -61,14 +63,14 @@ def check_solver(
     return report
 
 
-def _against_closed_form(reference: ReferenceProblem, solution: Solution, law: str, accuracy: float) -> list[str]:
+def _against_closed_form(reference: ReferenceProblem, answer: Answer, law: str, accuracy: float) -> list[str]:
     pairs = []
     a = reference.a.get(law, reference.a.get("any"))
     if a is not None:
-        pairs.append(("a", solution.a, a))
-    pairs += [(f"force of {name!r}", solution.forces[name], f) for name, f in reference.forces.items()]
+        pairs.append(("a", answer.a, a))
+    pairs += [(f"force of {name!r}", answer.forces[name], f) for name, f in reference.forces.items()]
     if reference.net_force is not None:
-        total = np.sum([f[:3] for f in solution.forces.values()], axis=0)
+        total = np.sum([f[:3] for f in answer.forces.values()], axis=0)
         pairs.append(("sum of the forces", total, reference.net_force))
     wrong = []
     for what, given, expected in pairs:
@@ -78,20 +80,21 @@ def _against_closed_form(reference: ReferenceProblem, solution: Solution, law: s
     return wrong
 
 
-def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[str, float]:
+def law_residuals(problem: GaussProblem, answer: Answer, law: str) -> dict[str, float]:
     """Scaled residuals of an answer's law, computed without `rbd.problem.residuals` and without the answer's weights.
 
     Args:
         problem: What is answered.
-        solution: The answer; "facets" in its law says that pyramids stand for the cones.
+        answer: The answer; "facets" in its law says that pyramids stand for the cones.
         law: The solver's law.
 
     Returns:
         stationarity, feasibility, cone and complementarity, each row and each point over its own terms as in
         `rbd.problem.scales`; NaN becomes inf.
     """
-    a, f, M = solution.a, solution.multipliers, problem.M
+    a, f, M = answer.a, answer.multipliers, problem.M
     worst = {"stationarity": 0.0, "feasibility": 0.0, "cone": 0.0, "complementarity": 0.0}
+    as_given = Solution.of(replace(answer, redundant=False))
     at, left, force_scale = 0, M @ a - problem.rhs, np.abs(M) @ np.abs(a)
     carried = np.zeros(len(a))
     for rows in problem.rows:
@@ -101,15 +104,15 @@ def law_residuals(problem: GaussProblem, solution: Solution, law: str) -> dict[s
         if not len(rows):
             continue
         corners = None
-        if "facets" not in solution.law and isinstance(rows.cone, WrenchCone | LineCone):
+        if "facets" not in answer.law and isinstance(rows.cone, WrenchCone | LineCone):
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
-            corners = solution.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
+            corners = as_given.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
         cone = _against_motion(rows.cone, rows.velocity, problem.rest_speed)
         terms = np.maximum(np.abs(rows.J) @ np.abs(a) + np.abs(rows.bias) + np.abs(rows.feedback), 1.0)
         mobility = np.einsum("ij,ji->i", rows.J, np.linalg.solve(M, rows.J.T))
         sizes = terms, np.array([1.0 if x <= 1.0 else 1.0 / x for x in mobility])
-        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in solution.law else law, corners, sizes)
+        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in answer.law else law, corners, sizes)
         for what, value in zip(("feasibility", "cone", "complementarity"), gaps, strict=True):
             worst[what] = max(worst[what], value)
     least = np.minimum(np.diag(M), 1.0)

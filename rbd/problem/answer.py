@@ -1,0 +1,170 @@
+"""What a solver returns: acceleration and constraint forces of one problem, and what arithmetic tells of them.
+
+Residuals are recomputed from the problem, never taken from the solver. What needs analysis (which forces are chosen, what is
+unique, why there is no answer, derivatives) is told by `rbd.Solution`, which is made of an answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from rbd.arrays import Array, lazy
+from rbd.problem.contact_force import ContactForce
+from rbd.problem.problem import GaussProblem
+from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
+
+RANK_TOLERANCE = 1e-9
+"""Singular values of J below this, times the largest, count as zero in `Answer.rank`."""
+
+
+class Status(StrEnum):
+    """What the residuals of an answer amount to."""
+
+    SOLVED = "solved"
+    """Every scaled residual is at most 1e-9."""
+    INACCURATE = "inaccurate"
+    """Every scaled residual is at most 1e-7; said aloud by a warning."""
+    FAILED = "failed"
+    """A scaled residual is above 1e-7, or a contact approaches, which is an impact: not an answer."""
+    INFEASIBLE = "infeasible"
+    """Not an answer, and there is none: the solver found that out, or a certificate proves it (`Solution.contradiction`)."""
+
+
+class Gauss(float):
+    """Gauss's function 1/2 |a - a_free|_M^2 [N m/s2], the sum of the constraints' shares.
+
+    A float that also carries `shares`: {name: 1/2 f_i . J_i (a - a_free)}. A share may be negative: one constraint
+    can push where another already pulls.
+    """
+
+    shares: dict[str, float]
+
+    def __new__(cls, total: float, shares: dict[str, float]) -> Gauss:
+        """A total with its shares."""
+        self = super().__new__(cls, total)
+        self.shares = shares
+        return self
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Gauss, (float(self), self.shares)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Answer:
+    """Acceleration and constraint forces of one `GaussProblem`, as a solver found them.
+
+    Attributes:
+        problem: What was solved.
+        a: Acceleration, shape (nv,) [m/s2, rad/s2]; on a floating base, linear then angular in the base's axes.
+        multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
+        weights: What adds up to f: of the rays (`problem.rays`) where the law speaks of facets, else of the true parts
+            (`problem.parts`), shape (r,); None where all rows hold.
+        law: The law whose residuals are given: "bilateral", "convex", "convex, 4 facets" or "coulomb".
+        solver: Name of the solver.
+        iterations: What the solver needed.
+        seconds: Time in the solver [s].
+        infeasible: Whether the solver knows that no acceleration satisfies the rows; see `Solution.contradiction` for the
+            proof.
+        others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
+        reason: Why there is no answer, or what the several are, in the solver's words; else empty.
+        redundant: Whether rows depend on each other, so that the solver's f is one of many; a `Solution` takes the shortest.
+    """
+
+    problem: GaussProblem
+    a: Array
+    multipliers: Array
+    weights: Array | None
+    law: str
+    solver: str
+    iterations: int
+    seconds: float
+    infeasible: bool = False
+    others: tuple[Answer, ...] = ()
+    reason: str = ""
+    redundant: bool = False
+
+    @property
+    def a_free(self) -> Array:
+        """Acceleration without the constraints, shape (nv,)."""
+        return self.problem.a_free
+
+    @lazy
+    def residuals(self) -> Residuals:
+        """How far a and f are from the equations of the law; see `Residuals`."""
+        return residuals_of(self.problem, self.a, self.multipliers, self.weights, self.law)
+
+    @property
+    def status(self) -> Status:
+        """What the residuals amount to."""
+        if self.impact:
+            return Status.FAILED
+        if self.residuals.within(SOLVED):
+            return Status.SOLVED
+        if self.residuals.within(USABLE):
+            return Status.INACCURATE
+        return Status.INFEASIBLE if self.infeasible else Status.FAILED
+
+    @property
+    def worst(self) -> str:
+        """The constraint that misses its equations most, and by how much, in words."""
+        return blame(self.problem, self.a, self.multipliers, self.weights, self.law)
+
+    @lazy
+    def forces(self) -> dict[str, Array]:
+        """Force (3,) of a point, wrench (6,) of a surface at its centre: on the robot, world axes [N, N m].
+
+        A constraint without a resultant (a function, a joint) gives its row forces (m,).
+        """
+        f, out = self.multipliers, {}
+        for rows in self.problem.rows:
+            part = f[self.problem.slices[rows.name]]
+            out[rows.name] = part.copy() if rows.resultant is None else rows.resultant @ part
+        return out
+
+    @lazy
+    def contacts(self) -> dict[str, ContactForce]:
+        """Normal and tangential parts, friction used and centre of pressure of each contact."""
+        return {r.name: ContactForce.of(r.patch, self.forces[r.name]) for r in self.problem.rows if r.patch is not None}
+
+    @lazy
+    def accelerations(self) -> dict[str, Array]:
+        """J a + J_dot v of each constraint, shape (m,), in its own axes, feedback left out [m/s2, rad/s2]."""
+        c = self.problem.J @ self.a + self.problem.bias
+        return {name: c[part] for name, part in self.problem.slices.items()}
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """Names of the contacts, and stops, that carry nothing as they, or some of their points, already move away.
+
+        Faster than `GaussProblem.rest_speed`; `problem.openings` has their points and speeds.
+        """
+        return tuple(dict.fromkeys(point.rows for point in self.problem.openings))
+
+    @property
+    def impact(self) -> str:
+        """Which contact approaches, in words: no acceleration answers that. Empty where none does; `rbd.solve` refuses it."""
+        return self.problem.parts.impact if self.problem.moving else ""
+
+    @lazy
+    def gauss(self) -> Gauss:
+        """Gauss's function and each constraint's share of it."""
+        P = self.problem
+        moved = self.a - P.a_free
+        work = self.multipliers * (P.J @ moved)
+        shares = {name: 0.5 * float(work[part].sum()) for name, part in P.slices.items()}
+        return Gauss(0.5 * float(moved @ P.M @ moved), shares)
+
+    @lazy
+    def rank(self) -> int:
+        """Rank of J, at singular values above `RANK_TOLERANCE` times the largest."""
+        if not self.problem.m:
+            return 0
+        s = np.linalg.svd(self.problem.J, compute_uv=False)
+        return int((s > RANK_TOLERANCE * s[0]).sum())
+
+    def __repr__(self) -> str:
+        kind = type(self).__name__
+        return f"{kind}({self.status}, law {self.law!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"
