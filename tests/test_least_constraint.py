@@ -216,11 +216,11 @@ class Off:
         """It takes anything."""
         return None
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Solution:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
         """The right answer, less so."""
         right = rbd.KKT().solve(problem)
         wrong = right.a + self.share * np.linalg.norm(right.a)
-        return rbd.Solution(problem, wrong, right.multipliers, None, "bilateral", "Off", 1, 0.0)
+        return rbd.Answer(problem, wrong, right.multipliers, None, "bilateral", "Off", 1, 0.0)
 
 
 def test_an_answer_is_judged_by_its_residuals_not_by_its_solver(talos: rbd.Robot) -> None:

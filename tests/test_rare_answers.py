@@ -49,7 +49,7 @@ class Lame:
         """Takes all."""
         return None
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Solution:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
         """Free motion."""
         answer = rbd.KKT().solve(rbd.GaussProblem(problem.M, problem.rhs))
         return replace(answer, problem=problem, multipliers=np.zeros(problem.m))
@@ -71,7 +71,7 @@ class Rough:
         """Takes what `KKT` takes."""
         return rbd.KKT().reason_unsupported(problem)
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Solution:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
         """Nearly right."""
         answer = rbd.KKT().solve(problem)
         return replace(answer, a=answer.a + 1e-8 * np.abs(answer.a).max(initial=1.0))

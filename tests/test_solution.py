@@ -270,11 +270,11 @@ def test_rows_made_by_hand_have_corner_forces_too(solver):
     """A point and a patch without a robot: corner forces lie in their cones and make the row forces."""
     corners = np.array([[0.2, 0.1, 0.0], [-0.2, 0.1, 0.0], [-0.2, -0.1, 0.0], [0.2, -0.1, 0.0]])
     patch = rbd.Rows("patch", np.eye(6), np.zeros(6), rbd.WrenchCone(corners, 0.5))
-    s = solver.solve(rbd.GaussProblem(np.eye(6), np.array([2.0, 1.0, -10.0, 0.2, -0.1, 0.0]), [patch]))
+    s = rbd.solve_problem(rbd.GaussProblem(np.eye(6), np.array([2.0, 1.0, -10.0, 0.2, -0.1, 0.0]), [patch]), solver=solver)
     f = s.corner_forces["patch"]
     total = np.concatenate([f.sum(axis=0), np.cross(corners, f).sum(axis=0)])
     assert s.status == "solved" and f.shape == (4, 3) and np.abs(total - s.multipliers).max() < 1e-9
     assert (np.hypot(f[:, 0], f[:, 1]) <= 0.5 * np.sqrt(2.0) * f[:, 2] + 1e-9).all()
     point = rbd.Rows("point", np.eye(3), np.zeros(3), rbd.FrictionCone(0.5))
-    s = solver.solve(rbd.GaussProblem(np.eye(3), np.array([1.0, 0.0, -10.0]), [point]))
+    s = rbd.solve_problem(rbd.GaussProblem(np.eye(3), np.array([1.0, 0.0, -10.0]), [point]), solver=solver)
     assert s.corner_forces["point"] == pytest.approx(np.array([[-1.0, 0.0, 10.0]]))

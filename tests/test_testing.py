@@ -12,7 +12,6 @@ import pytest
 import rbd
 from rbd.problem.cones import Free
 from rbd.problem.rows import Rows
-from rbd.solution import Solution
 from rbd.testing import (
     ConstraintWrong,
     ContractBroken,
@@ -155,7 +154,7 @@ class Broken:
     """A solver that answers another problem, or spoils the answer."""
 
     before: Callable[[rbd.GaussProblem], rbd.GaussProblem] = lambda problem: problem
-    after: Callable[[Solution], Solution] = lambda solution: solution
+    after: Callable[[rbd.Answer], rbd.Answer] = lambda answer: answer
     inner: rbd.ProxQP | rbd.KKT = rbd.ProxQP()
     refuses: str | None = None
 
@@ -168,7 +167,7 @@ class Broken:
         """The inner solver's, or its own."""
         return self.refuses or self.inner.reason_unsupported(problem)
 
-    def solve(self, problem: rbd.GaussProblem) -> Solution:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
         """The inner solver's answer to the changed problem, put forward as the answer to this one."""
         return self.after(replace(self.inner.solve(self.before(problem)), problem=problem))
 
@@ -231,7 +230,7 @@ def test_what_was_skipped_is_listed_with_the_reason():
 
 
 def test_the_residuals_are_those_of_the_certificate(rng):
-    """Two codes, one definition: stationarity and feasibility agree with `Solution.residuals` on spoilt answers."""
+    """Two codes, one definition: stationarity and feasibility agree with `Answer.residuals` on spoilt answers."""
     for reference in reference_problems():
         P = reference.problem
         if rbd.ProxQP().reason_unsupported(P) is not None or not P.bilateral:
@@ -252,7 +251,7 @@ def test_true_cones_and_coulombs_law_are_judged_by_their_own_equations():
     lifts = rbd.ProxQP().solve(problem)
     for f, passes in ((slides, "coulomb"), (lifts.multipliers, "convex")):
         a = (problem.rhs + f) / 10.0
-        answer = Solution(problem, a, f, None, "true cones", "by hand", 1, 0.0)
+        answer = rbd.Answer(problem, a, f, None, "true cones", "by hand", 1, 0.0)
         for law in ("coulomb", "convex"):
             assert (max(law_residuals(problem, answer, law).values()) < 1e-9) == (law == passes)
 
