@@ -123,7 +123,7 @@ def arrays(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
     if (reason := solver.reason_unsupported(P)) is not None:
         yield "refused", f"Unsupported: {reason:.40}", math.nan
         return
-    s = solver.solve(P)
+    s = rbd.Solution.of(solver.solve(P))
     if s.status in ("solved", "inaccurate"):
         for other in s.others:
             _judged(_of_arrays(P, other), other.status, "another motion")

@@ -38,7 +38,7 @@ def test_known_answers_have_a_clean_certificate(solver) -> None:
     for reference in reference_problems():
         if solver.reason_unsupported(reference.problem):
             continue
-        s = solver.solve(reference.problem)
+        s = rbd.Solution.of(solver.solve(reference.problem))
         if s.status == "solved":
             taken += 1
             assert _of(s).worst <= LIMIT, f"{reference.name}: {_of(s)}"
@@ -161,7 +161,7 @@ def test_rows_that_are_wrong_and_used_consistently_are_seen_on_the_robot(what: s
     """The arrays agree with themselves; the forces on the bodies and the motion of the points do not."""
     for made, given, state, tau, s in _answers(7, moving=True):
         rows = [replace(r, **{what: getattr(r, what) * (1.0 + WRONG)}) for r in s.problem.rows]
-        wrong = rbd.KKT().solve(rbd.GaussProblem(s.problem.M, s.problem.rhs, rows))
+        wrong = rbd.Solution.of(rbd.KKT().solve(rbd.GaussProblem(s.problem.M, s.problem.rhs, rows)))
         if wrong.residuals.within(1e-9):  # rows that repeat each other contradict each other then
             assert _of(wrong).worst <= LIMIT
             assert _of_robot(made, given, state, tau, wrong).worst > LIMIT
@@ -172,7 +172,7 @@ def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
     rng, tried = np.random.default_rng(11), 0
     for _ in range(40):
         _, P = R.arrays(rng)
-        s = rbd.ADMM(law="convex").solve(P)
+        s = rbd.Solution.of(rbd.ADMM(law="convex").solve(P))
         if s.status != "solved" or P.m > 60 or _of(s).worst > LIMIT:
             continue
         terms = _terms(s)
@@ -194,7 +194,7 @@ def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
 
 def test_what_is_not_a_number_is_never_clean() -> None:
     """NaN and infinity in an answer."""
-    s = rbd.ProxQP().solve(next(p.problem for p in reference_problems() if "patch sticks" in p.name))
+    s = rbd.solve_problem(next(p.problem for p in reference_problems() if "patch sticks" in p.name))
     for bad in (np.nan, np.inf):
         a = s.a.copy()
         a[0] = bad

@@ -61,6 +61,7 @@ def contact_answers() -> Iterator[object]:
         assert str(solution)
         yield from (solver, solution, solution.uniqueness(), solution.derivatives())
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
+    yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
     yield rbd.compare_laws(state, held.tau, soles)
     yield rbd.agree(state, held.tau, soles)
     pair = rbd.combine(talos, box)

@@ -63,7 +63,7 @@ def test_a_wrong_answer_that_is_called_solved_is_a_failure(what: str, monkeypatc
     i = _first("arrays", "random", solver="ProxQP")
     right = rbd.ProxQP.solve
 
-    def wrong(self, problem) -> rbd.Solution:
+    def wrong(self, problem) -> rbd.Answer:
         s = right(self, problem)
         value = getattr(s, what)
         off = replace(s, **{what: value + 1e-5 * np.abs(value).max()})
@@ -111,14 +111,14 @@ def test_errors_that_are_not_ours_and_false_proofs_are_failures(monkeypatch: pyt
     i = _first("arrays", "random", solver="ProxQP")
     right = rbd.ProxQP.solve
 
-    def divides(self, problem) -> rbd.Solution:
+    def divides(self, problem) -> rbd.Answer:
         np.log(np.zeros(1))
         return right(self, problem)
 
-    def raises(self, problem) -> rbd.Solution:
+    def raises(self, problem) -> rbd.Answer:
         raise ValueError("zero-size array")
 
-    def denies(self, problem) -> rbd.Solution:
+    def denies(self, problem) -> rbd.Answer:
         s = right(self, problem)
         off = replace(s, a=s.a + 1.0 + np.abs(s.a).max())
         off.__dict__["contradiction"] = "rows that contradict each other"

@@ -123,7 +123,7 @@ def solved(problem: rbd.GaussProblem) -> rbd.Solution | None:
     """What ProxQP makes of a problem; a failure that says so is no answer."""
     if rbd.ProxQP().reason_unsupported(problem) is not None:
         return None
-    found = rbd.ProxQP().solve(problem)
+    found = rbd.solve_problem(problem, check=False)
     return None if found.status in (rbd.Status.FAILED, rbd.Status.INFEASIBLE) else found
 
 
@@ -321,6 +321,8 @@ CASES: dict[str, Case] = {
     "ADMM": Case(lambda law, problem: rbd.ADMM(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
     "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True, "rest_speed": 1e-6}, 200),
+    "solve_problem": Case(rbd.solve_problem, {"problem": PROBLEM, "solver": rbd.ProxQP(), "check": True}),
+    "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
     "compare_laws": Case(rbd.compare_laws, ASKED),
@@ -544,6 +546,7 @@ CASES: dict[str, Case] = {
     ),
 }
 MADE_BY_RBD = {
+    "Answer",
     "Trajectory",
     "Event",
     "ContactPoints",
@@ -636,7 +639,7 @@ def numbers_in(answer: Any) -> Iterator[np.ndarray]:
         yield from numbers_in([answer.mass, answer.nq])
     elif isinstance(answer, rbd.GaussProblem):
         yield from numbers_in([answer.M, answer.rhs, answer.a_free, answer.J, answer.offset])
-    elif isinstance(answer, rbd.Solution):
+    elif isinstance(answer, rbd.Answer):
         yield from numbers_in([answer.a, answer.forces])
     elif isinstance(answer, rbd.Rows):
         yield from numbers_in([answer.J, answer.bias, answer.velocity])
@@ -651,7 +654,7 @@ def numbers_in(answer: Any) -> Iterator[np.ndarray]:
 
 def certified(answer: Any) -> bool:
     """Whether every solution in an answer is one, and every inertia is positive definite."""
-    if isinstance(answer, rbd.Solution):
+    if isinstance(answer, rbd.Answer):
         return answer.status in (rbd.Status.SOLVED, rbd.Status.INACCURATE)
     if isinstance(answer, rbd.Hold):
         return answer.residual < 1e-6

@@ -147,7 +147,7 @@ def misses(P: rbd.GaussProblem, s: rbd.Solution) -> dict[str, float]:
 
 def judged(P: rbd.GaussProblem, solver: rbd.ProxQP | rbd.ADMM | rbd.KKT) -> tuple[rbd.Solution, float, str]:
     """(answer, largest miss, of what)."""
-    s = solver.solve(P)
+    s = rbd.Solution.of(solver.solve(P))
     found = misses(P, s)
     what = max(found, key=lambda name: found[name])
     return s, found[what], what

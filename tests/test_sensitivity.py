@@ -50,7 +50,7 @@ def whole_solve(state: rbd.State, tau: Any, constraints: Any, external: Any, sol
     if held:
         rows = [replace(r, velocity=np.zeros(len(r))) for r in problem.rows]
         problem = rbd.GaussProblem(problem.M, problem.rhs, rows)
-    solution = solver.solve(problem)
+    solution = rbd.Solution.of(solver.solve(problem))
     assert solution.status in (rbd.Status.SOLVED, rbd.Status.INACCURATE)
     return np.concatenate([solution.a, *solution.forces.values()])
 
@@ -440,7 +440,7 @@ class TestRefused:
 
     def test_a_problem_built_by_hand(self) -> None:
         """It has no state."""
-        solution = rbd.ProxQP().solve(rbd.GaussProblem(np.eye(2), np.ones(2)))
+        solution = rbd.solve_problem(rbd.GaussProblem(np.eye(2), np.ones(2)))
         with pytest.raises(rbd.Unsupported, match="built by hand has no state"):
             solution.derivatives()
 

@@ -174,10 +174,12 @@ class TestOtherDoors:
             return rbd.GaussProblem(2.0 * one, np.array([-6.0]), [rows], rest_speed=rest)
 
         for solver in SOLVERS:
-            kept, left = (solver.solve(problem(rbd.NonNegative(1), 1e-3, rest)) for rest in (1e-2, 1e-4))
+            kept, left = (rbd.solve_problem(problem(rbd.NonNegative(1), 1e-3, rest), solver=solver) for rest in (1e-2, 1e-4))
             assert kept.multipliers == pytest.approx([6.0]) and kept.opening == ()
             assert left.multipliers == pytest.approx([0.0]) and left.opening == ("it",) and "'it' at 0.001" in str(left)
-            sticks, rubs = (solver.solve(problem(rbd.Box([-8.0], [8.0]), 1e-3, rest)) for rest in (1e-2, 1e-4))
+            sticks, rubs = (
+                rbd.solve_problem(problem(rbd.Box([-8.0], [8.0]), 1e-3, rest), solver=solver) for rest in (1e-2, 1e-4)
+            )
             assert sticks.a == pytest.approx([0.0]) and rubs.a == pytest.approx([-7.0])
         assert rbd.contradiction(problem(rbd.NonNegative(1), 1e-3, 1e-4)) is None
 
@@ -185,7 +187,7 @@ class TestOtherDoors:
         """Solved directly, without `rbd.solve`, a contact that approaches is no answer either."""
         rows = rbd.Rows("toe", np.eye(3), np.zeros(3), rbd.FrictionCone(0.5), velocity=[0.0, 0.0, -1.0])
         for solver in SOLVERS:
-            s = solver.solve(rbd.GaussProblem(np.eye(3), [0.0, 0.0, -G], [rows]))
+            s = rbd.Solution.of(solver.solve(rbd.GaussProblem(np.eye(3), [0.0, 0.0, -G], [rows])))
             assert s.status is rbd.Status.FAILED and "'toe' approaches" in s.impact and "'toe' approaches" in str(s)
 
     def test_nearest_motion_and_derivatives_keep_the_limit(self, talos):
@@ -194,7 +196,7 @@ class TestOtherDoors:
         P = rbd.gauss_problem(state, tau, talos.soles(), rest_speed=1e-5)
         near = rbd.nearest_motion(P)
         assert np.abs(near.a).max() < 1e-9 and near.solution.opening == ()
-        words = rbd.ProxQP().solve(P).derivatives().active
+        words = rbd.solve_problem(P).derivatives().active
         assert set(words["left_sole"]) == {"sticks"}
 
     def test_at_rest_is_at_rest_in_any_company(self):
@@ -282,7 +284,7 @@ class TestProjectVelocity:
 def test_a_message_of_many_is_short():
     """Eight contacts: six are told, two are counted."""
     rows = [rbd.Rows(f"c{i}", np.eye(8)[i : i + 1], np.zeros(1), rbd.NonNegative(1), velocity=[1.0]) for i in range(8)]
-    s = rbd.ADMM().solve(rbd.GaussProblem(np.eye(8), np.zeros(8), rows))
+    s = rbd.solve_problem(rbd.GaussProblem(np.eye(8), np.zeros(8), rows), solver=rbd.ADMM())
     assert len(s.opening) == 8 and re.search(r"'c5' at 1 m/s and 2 more", str(s))
 
 

@@ -229,7 +229,7 @@ class TestWhatItDoesToTheMotion:
     def test_of_a_block_that_slips(self):
         """2 kg pushed with 30 N, mu = 0.5, its normal pushed out with 0.8 m/s2: Coulomb's law gives the push and mu of it."""
         P = rbd.GaussProblem(2.0 * np.eye(3), np.array([30.0, 0.0, -2.0 * G]), [block_rows(-0.8)])
-        s = rbd.ADMM(law="coulomb").solve(P)
+        s = rbd.solve_problem(P, solver=rbd.ADMM(law="coulomb"))
         assert s.a == pytest.approx([15.0 - 0.5 * (G + 0.8), 0.0, 0.8])
         assert s.feedback_acceleration == pytest.approx([-0.5 * 0.8, 0.0, 0.8])
 
@@ -237,7 +237,9 @@ class TestWhatItDoesToTheMotion:
     def test_of_a_block_that_slips_under_the_convex_law(self, solver):
         """The same block: along (-mu, 0, 1) alone, da = 0.8 / (1 + mu^2) (-mu, 0, 1); the difference without it."""
         push = np.array([30.0, 0.0, -2.0 * G])
-        fed, bare = (solver.solve(rbd.GaussProblem(2.0 * np.eye(3), push, [block_rows(x)])) for x in (-0.8, 0.0))
+        fed, bare = (
+            rbd.solve_problem(rbd.GaussProblem(2.0 * np.eye(3), push, [block_rows(x)]), solver=solver) for x in (-0.8, 0.0)
+        )
         assert fed.feedback_acceleration == pytest.approx(0.8 / 1.25 * np.array([-0.5, 0.0, 1.0]))
         assert fed.a - fed.feedback_acceleration == pytest.approx(bare.a)
 
@@ -245,7 +247,7 @@ class TestWhatItDoesToTheMotion:
         """No force, no feedback that could act."""
         P = rbd.GaussProblem(2.0 * np.eye(3), np.array([0.0, 0.0, 9.0]), [block_rows(-0.8)])
         for solver in (rbd.ProxQP(), rbd.ADMM(law="coulomb")):
-            assert not solver.solve(P).feedback_acceleration.any()
+            assert not rbd.solve_problem(P, solver=solver).feedback_acceleration.any()
 
     def test_rows_that_accelerate_leave_it_out(self):
         """`accelerations` are the motion's; the stabilised row's own is -feedback."""

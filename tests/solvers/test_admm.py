@@ -115,7 +115,7 @@ def test_pushed_robots_are_solved(name, contacts, noise, law):
     """
     slipping = 0
     for problem in pushed_states(name, 40, 11, contacts, noise):
-        s = rbd.ADMM(law=law).solve(problem)
+        s = rbd.Solution.of(rbd.ADMM(law=law).solve(problem))
         assert s.status == "solved" and s.law == law and s.reason in ("", OPEN if law == "coulomb" else ""), s
         assert max(law_residuals(problem, s, law).values()) < 1e-9
         slipping += max(np.abs(c).max() for c in s.accelerations.values()) > 1e-3
@@ -127,8 +127,8 @@ def test_pushed_robots_are_solved(name, contacts, noise, law):
 def test_the_outside_check_can_fail():
     """The convex answer of a slipping box lifts off while it pushes: no Signorini."""
     P = pushed_box(80.0, 0.6)
-    assert signorini_and_coulomb(rbd.ADMM().solve(P)) < 1e-12
-    assert signorini_and_coulomb(rbd.ADMM(law="convex").solve(P)) > 1e-3
+    assert signorini_and_coulomb(rbd.Solution.of(rbd.ADMM().solve(P))) < 1e-12
+    assert signorini_and_coulomb(rbd.Solution.of(rbd.ADMM(law="convex").solve(P))) > 1e-3
 
 
 def pushed_box(push_N, mu, contacts=None, moment=(0.0, 0.0, 0.0)):
@@ -401,7 +401,7 @@ def test_pinocchios_admm_answers_most_states_and_newton_makes_it_exact():
 def statistics(name: str, law: str, count: int, contacts=None, noise=(2.0, 60.0)) -> str:
     """One line: shares solved, residuals, how they were found."""
     problems = list(pushed_states(name, count, 1, contacts, noise))
-    answers = [rbd.ADMM(law=law).solve(P) for P in problems]
+    answers = [rbd.Solution.of(rbd.ADMM(law=law).solve(P)) for P in problems]
     worst = np.array([s.residuals.worst for s in answers])
     outside = [max(law_residuals(P, s, law).values()) for P, s in zip(problems, answers, strict=True)]
     if law == "coulomb":

@@ -40,7 +40,7 @@ def test_pushed_robots_are_solved(name):
     """
     solver, slipping = rbd.ProxQP(), 0
     for _, _, problem in pushed_problems(name, 80, seed=11):
-        s = solver.solve(problem)
+        s = rbd.Solution.of(solver.solve(problem))
         assert s.status == "solved", s
         assert max(law_residuals(problem, s, "convex").values()) < 1e-9
         slipping += max(np.abs(c).max() for c in s.accelerations.values()) > 1e-3
@@ -106,7 +106,7 @@ def test_mixed_kinds_in_one_problem(talos, rng):
         assert np.abs(s.accelerations["hand"]).max() < 1e-8
 
 
-def one_row(rhs: float, cone, *, velocity: float = 0.0, bias: float = 0.0) -> rbd.Solution:
+def one_row(rhs: float, cone, *, velocity: float = 0.0, bias: float = 0.0) -> rbd.Answer:
     """A mass of 2 kg under a force, on one row of a set."""
     rows = [Rows("row", np.eye(1), np.array([bias]), cone, velocity=np.array([velocity]))]
     return rbd.ProxQP().solve(rbd.GaussProblem(2.0 * np.eye(1), np.array([rhs]), rows))

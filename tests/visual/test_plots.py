@@ -23,7 +23,7 @@ def beam(friction: float | None, names: str = "ab") -> rbd.Uniqueness:
         cone = rbd.NonNegative(1) if friction is not None else rbd.Free(1)
         column = np.array([[0.0], [0.0], [1.0]])
         rows.append(Rows(name, np.array([[COLUMNS[name]]]), np.zeros(1), cone, resultant=column, patch=patch))
-    return rbd.ProxQP().solve(rbd.GaussProblem(np.eye(1), np.array([-6.0]), rows)).uniqueness()
+    return rbd.solve_problem(rbd.GaussProblem(np.eye(1), np.array([-6.0]), rows)).uniqueness()
 
 
 def test_a_bar_and_a_mark_for_each_contact():
