@@ -25,9 +25,9 @@ class Result:
 
     pushed: np.ndarray
     drawn: np.ndarray
-    one: rbd.Solution
-    two: rbd.Solution
-    none: rbd.Solution
+    one: rbd.Answer
+    two: rbd.Answer
+    none: rbd.Answer
 
 
 def main(show: bool = True) -> Result:

@@ -46,7 +46,7 @@ def table() -> rbd.Solution:
         patch = rbd.problem.rows.Patch(np.array([x, y, 0.0]), np.eye(3), np.zeros((1, 3)), friction=0.0)
         J = np.array([[1.0, y - COM[1], COM[0] - x]])  # of lift, roll and pitch about the centre of mass
         rows.append(rbd.Rows(name, J, np.zeros(1), rbd.NonNegative(1), resultant=np.eye(3)[:, 2:], patch=patch))
-    return rbd.ProxQP().solve(rbd.GaussProblem(np.eye(3), np.array([-WEIGHT_N, 0.0, 0.0]), rows))
+    return rbd.solve_problem(rbd.GaussProblem(np.eye(3), np.array([-WEIGHT_N, 0.0, 0.0]), rows))
 
 
 def main(show: bool = True) -> Result:
