@@ -66,7 +66,7 @@ def test_a_wrong_answer_that_is_called_solved_is_a_failure(what: str, monkeypatc
     def wrong(self, problem) -> rbd.Answer:
         s = right(self, problem)
         value = getattr(s, what)
-        off = replace(s, **{what: value + 1e-5 * np.abs(value).max()})
+        off = replace(s, redundant=False, **{what: value + 1e-5 * np.abs(value).max()})
         off.__dict__["residuals"] = s.residuals
         return off
 
