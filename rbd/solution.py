@@ -31,10 +31,10 @@ from rbd.solvers.proxqp import ProxQP, law_name
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Answer):
-    """Acceleration and constraint forces of one `GaussProblem`, with what proves them: an `Answer`, and what analysis adds.
+    """Acceleration and constraint forces of one `GaussProblem`, with what proves them: an `Answer`, and its analysis.
 
-    `Solution.of(answer)` makes one of what a solver returned. Its attributes are those of `Answer` (`problem`, `a`,
-    `multipliers`, `weights`, `law`, `solver`, ...), and:
+    `Solution.of(answer)` makes one of what a solver returned. It has the attributes of `Answer` (`problem`, `a`,
+    `multipliers`, `weights`, `law`, `solver`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
 
     Attributes:
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
@@ -48,9 +48,9 @@ class Solution(Answer):
 
     @classmethod
     def of(cls, answer: Answer) -> Solution:
-        """All that can be said of a solver's answer; where rows depend on each other, with the forces of least norm.
+        """A solver's answer with all that can be said of it; where rows depend on each other, with the forces of least norm.
 
-        So all solvers give the same forces, `with_forces()`, where they agree on the motion.
+        Those are the forces of `with_forces()`: the same from every solver that finds this motion.
 
         Raises:
             InputError: if it is no answer.
@@ -72,7 +72,7 @@ class Solution(Answer):
 
     @lazy
     def status(self) -> Status:
-        """What the residuals amount to, and whether there is a proof that no motion has smaller ones."""
+        """What the residuals amount to; `INFEASIBLE` too where `contradiction` proves that there is no answer."""
         told = super().status
         proved = told is Status.FAILED and not self.impact and self.contradiction is not None
         return Status.INFEASIBLE if proved else told
@@ -246,8 +246,8 @@ def _has_points(rows: Rows) -> bool:
 def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
     """A solver's answer with all that can be said of it; of rows that contradict each other the motion of least violation.
 
-    That motion, with bounded forces, is found by the solver from rows that give way. A solver that tells itself why there is
-    no answer (`Answer.infeasible`, `Answer.reason`) is taken at its word.
+    The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that says
+    itself why it is none (`Answer.infeasible`, `Answer.reason`) is left as it is.
     """
     found = Solution.of(solver.solve(problem))
     if found.residuals.within(SOLVED) or found.residuals.within(USABLE) or found.infeasible or found.reason:
