@@ -18,7 +18,7 @@ from rbd.problem.parts import project_cones
 from rbd.problem.problem import GaussProblem
 
 NULL = 1e-9
-"""Singular values below this, times the largest, count as zero; as in `Solution.rank`."""
+"""Singular values below this, times the largest, count as zero; as in `Answer.rank`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,8 +41,8 @@ def admissible(
         problem: What was solved.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: As `Solution.weights`.
-        law: As `Solution.law`.
+        weights: As `Answer.weights`.
+        law: As `Answer.law`.
         tolerance: Accelerations up to this, scaled, count as zero.
     """
     return _Collector(problem, a, f, weights, law, tolerance).collected()

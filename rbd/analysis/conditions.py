@@ -128,7 +128,7 @@ def conditions_of(problem: GaussProblem, law: str) -> Conditions:
 
     Args:
         problem: The rows, with their velocities.
-        law: "bilateral", "convex", "convex, n facets" or "coulomb", as `Solution.law`.
+        law: "bilateral", "convex", "convex, n facets" or "coulomb", as `Answer.law`.
     """
     builder = _Builder(problem)
     if "facets" in law:

@@ -47,8 +47,8 @@ def minimum_norm(
         problem: What was solved.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: As `rbd.Solution.weights`.
-        law: As `rbd.Solution.law`.
+        weights: As `rbd.Answer.weights`.
+        law: As `rbd.Answer.law`.
         weight: As `rbd.Solution.with_forces` takes it.
 
     Raises:

@@ -180,7 +180,7 @@ class Uniqueness:
 def uniqueness_of(
     adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
 ) -> Uniqueness:
-    """See `rbd.Solution.uniqueness`.
+    """What is unique of the forces of one motion; `rbd.Solution.uniqueness` asks it.
 
     Args:
         adm: The forces that give the same motion under the same law.

@@ -39,7 +39,7 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
 
     Args:
         P: Any problem; one that can be answered has s = 0.
-        law: As `Solution.law`.
+        law: As `Answer.law`.
         weights: Diagonal of W, shape (m,); ones if not given.
     """
     W = np.ones(P.m) if weights is None else weights

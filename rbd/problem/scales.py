@@ -83,8 +83,8 @@ class Scales:
         """(accelerations, weights) of the columns that the law's weights belong to: of rows that hold, rays, or parts.
 
         Args:
-            weights: As `Solution.weights`; None where all rows hold.
-            law: As `Solution.law`.
+            weights: As `Answer.weights`; None where all rows hold.
+            law: As `Answer.law`.
         """
         P = self._given[0]
         if P.bilateral or weights is None:
