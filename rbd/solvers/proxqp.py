@@ -25,6 +25,8 @@ POLISH = 1e-12
 """An answer whose residuals are above this, over the largest numbers of its problem, gets a step on its active rays."""
 
 _ROUNDING = float(np.finfo(float).eps)
+_POLISHED = 4
+"""Rounds of that step at most: more than one where little weights would turn negative."""
 _STEEP = 1e4
 """Friction up to this loses no more than 1e-12 of a normal force."""
 
@@ -277,12 +279,17 @@ def _polished(
         few: Let as few rays as can carry the same before.
     """
     moved = _on_few(weights, along, holds, room) if few else weights.copy()
-    small = 1e-8 * max(1.0, float(np.abs(moved).max(initial=0.0)))
-    active = holds | ((moved > small) & (moved < room - small))
-    B = along[active]
-    miss = B @ (along.T @ moved) + opening[active]
-    moved[active] -= np.linalg.lstsq(B.T, np.linalg.lstsq(B, miss, rcond=1e-12)[0], rcond=1e-12)[0]
-    return np.where(holds, moved, np.maximum(moved, 0.0))
+    for _ in range(_POLISHED):
+        small = 1e-8 * max(1.0, float(np.abs(moved).max(initial=0.0)))
+        active = holds | ((moved > small) & (moved < room - small))
+        B = along[active]
+        miss = B @ (along.T @ moved) + opening[active]
+        moved[active] -= np.linalg.lstsq(B.T, np.linalg.lstsq(B, miss, rcond=1e-12)[0], rcond=1e-12)[0]
+        pulls = ~holds & (moved < 0.0)
+        if not pulls.any():
+            break
+        moved[pulls] = 0.0  # those that carried least of all; without them once more
+    return moved
 
 
 def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> Array:

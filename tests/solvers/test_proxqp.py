@@ -11,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.rows import Rows
-from rbd.solvers import qp
+from rbd.solvers import proxqp, qp
 from rbd.testing import law_residuals
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
@@ -119,6 +119,13 @@ def test_a_light_body_that_contacts_squeeze_is_as_still_as_they_hold_it(seed):
     s = rbd.ProxQP().solve(rbd.GaussProblem(5e-4 * np.eye(1), np.array([5e-4]), rows))
     assert s.status == "solved" and abs(s.a[0]) < 1e-11
     assert np.abs(s.multipliers).max() < 1e-3
+
+
+def test_little_weights_that_the_last_step_turns_negative_take_no_part_in_it():
+    """Two rays of one direction that are to carry 0.9 together, a guess of 1 and 2e-8: not 0.95 and 0, but 0.9 and 0."""
+    guess, along = np.array([1.0, 2e-8]), np.ones((2, 1))
+    found = proxqp._polished(guess, along, np.full(2, -0.9), np.zeros(2, bool))
+    assert found.tolist() == pytest.approx([0.9, 0.0], abs=1e-15)
 
 
 def test_more_facets_leave_less_freedom(talos, rng):
