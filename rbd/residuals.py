@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, add_wrench, largest, lazy
+from rbd.arrays import Array, add_wrench, is_finite, largest, lazy
 from rbd.parts import bounded_weights
 from rbd.problem import GaussProblem
 from rbd.scales import Scales
 
 SOLVED = 1e-9
 """Scaled residuals up to this are `solved`."""
+ENOUGH = 0.1 * SOLVED
+"""Scaled residuals that are improved no further."""
 USABLE = 1e-7
 """Scaled residuals up to this are `inaccurate`; above, there is no answer."""
 
@@ -107,6 +109,11 @@ class Residuals:
         """The largest scaled residual; NaN if any is."""
         found = list(self.scaled.values())
         return math.nan if any(x != x for x in found) else max(found)
+
+    def less_than(self, other: Residuals) -> bool:
+        """Whether the worst is smaller than another's; NaN is larger than any number."""
+        mine, theirs = self.worst, other.worst
+        return mine < theirs or (math.isnan(theirs) and not math.isnan(mine))
 
     def within(self, tolerance: float) -> bool:
         """Whether every scaled residual is at most `tolerance`; False if any is NaN."""
@@ -323,10 +330,19 @@ def _over(miss: Array, scales: Array) -> float:
     return float((np.abs(miss) / scales).max(initial=0.0))
 
 
+@np.errstate(all="ignore")  # of numbers that overflow, the words say so
 def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> str:
-    """The constraint that misses its equations most, over their own terms, and by how much, in words."""
+    """The constraint that misses its equations most, over their own terms, and by how much, in words.
+
+    Where numbers are NaN or infinite, or their squares are, the first constraint whose force is, else the whole motion.
+    """
     if not problem.m:
         return "no constraint"
+    for rows in problem.rows:
+        if not is_finite(f[problem.slices[rows.name]]):
+            return f"{rows.name} was given no finite force"
+    if not is_finite(a):
+        return "the constraints were given no finite acceleration"
     terms, scales = _terms(problem, a, f, weights, law), Scales(problem, a, f)
     gaps, slacks = terms.over(scales)
     off = np.abs(terms.off_cone) / scales.row_forces
@@ -338,7 +354,8 @@ def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law:
             (off[own], terms.off_cone[own], "leaves its cone: by {:.2g} N"),
             (slacks[columns], terms.slack[columns], "pushes while it opens: by {:.2g} N m/s2"),
         ):
-            found.append((float(quotient.max(initial=-1.0)), f"{rows.name} {words.format(largest(value))}"))
+            most = float(quotient.max(initial=-1.0))
+            found.append((math.inf if math.isnan(most) else most, f"{rows.name} {words.format(largest(value))}"))
     return max(found)[1]
 
 

@@ -193,6 +193,14 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
         assert held.residual < 1e-7 * talos.mass * 9.81
 
 
+def test_torques_that_are_no_numbers_are_none(monkeypatch):
+    """A program whose numbers are lost: no torques, of an arm too, whose motors balance whatever its contacts do."""
+    arm = rbd.load_robot("ur5", root="fixed")
+    monkeypatch.setattr(equilibrium.qp, "attempts", off_by(np.nan))
+    with pytest.raises(CannotHold, match="no torques were found within tolerance"):
+        rbd.hold(rbd.State(arm, arm.neutral()), [rbd.PointContact("hand", "tool0", friction=0.5)])
+
+
 def test_a_posture_held_by_a_lock_and_soles_has_margins_of_the_soles(talos):
     """A locked joint carries, and is no contact: torques, friction and centres of pressure are those of the soles."""
     held = rbd.hold(talos.standing(), [*talos.soles(0.7), rbd.JointLock("brake", "arm_left_4_joint")])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +12,7 @@ from scipy.optimize import linprog, minimize_scalar
 import rbd
 from rbd.model import CheckedModel
 from rbd.residuals import residuals
+from rbd.solvers import qp, sliding
 from rbd.solvers.complementarity import Mixed, all_solutions
 from rbd.solvers.sliding import sliding_answers
 from rbd.testing import box
@@ -593,3 +596,43 @@ def test_random_sliding_points_have_the_motions_of_brute_force(seed):
         assert gauss == sorted(gauss)
         counts.add(min(expected, 2))
     assert counts == {0, 1, 2}
+
+
+class TestAHundred:
+    """Points of one body that slide together: more than its motion can tell apart."""
+
+    @staticmethod
+    def problem() -> rbd.GaussProblem:
+        """A body of 2 kg on points at all heights, friction 0.3."""
+        rng, rows = np.random.default_rng(0), []
+        for k in range(100):
+            x, y, z = rng.normal(size=3) * [0.1, 0.1, 0.05]
+            J = np.hstack([np.eye(3), -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])])
+            rows.append(rbd.Rows(f"p{k}", J, np.zeros(3), rbd.FrictionCone(0.3), np.array([0.2, 0.1, 0.0])))
+        M = np.diag([2.0, 2.0, 2.0, 0.01, 0.02, 0.015])
+        return rbd.GaussProblem(M, np.array([1.0, 2.0, -2.0 * G, 0.1, 0.2, 0.1]), rows)
+
+    def test_the_search_ends_by_its_work(self, monkeypatch):
+        """5000 nodes of the tree took 40 s: now it ends after some linear programs, with a motion, and not as complete."""
+        programs = []
+
+        def counted(*given):
+            programs.append(1)
+            return least_violation(*given)
+
+        least_violation = qp.least_violation
+        monkeypatch.setattr(qp, "least_violation", counted)
+        answers = sliding_answers(self.problem())
+        assert answers.found and not answers.complete and len(programs) <= 50
+        a, f, w = answers.found[0]
+        assert residuals(self.problem(), a, f, w, "coulomb").worst < 1e-9
+
+    def test_where_the_tree_finds_nothing_points_that_yield_lead_to_a_motion(self, monkeypatch):
+        """Cut at its root, it leaves the search to Newton's method on points that yield less and less; the reason says so."""
+        monkeypatch.setattr(sliding, "all_solutions", lambda problem: all_solutions(replace(problem, work=0.0)))
+        problem = self.problem()
+        answers = sliding_answers(problem)
+        assert len(answers.found) == 1 and not answers.complete and "not all motions were searched" in answers.reason
+        a, f, w = answers.found[0]
+        assert residuals(problem, a, f, w, "coulomb").worst < 1e-9
+        assert (w >= 0.0).all() and (problem.J @ a)[2::3].min() > -1e-9
