@@ -59,8 +59,9 @@ def _swings(swing, t):
         (rbd.TimeStepping(), rbd.Projection(), 2, (0.01, 0.005)),
         (rbd.TimeStepping(extrapolate=True), rbd.Projection(), 2, (0.01, 0.005)),
         (rbd.TimeStepping(), rbd.Baumgarte(10.0), 2, (0.01, 0.005)),
+        (rbd.TimeStepping(extrapolate=True), rbd.Baumgarte(10.0), 2, (0.01, 0.005)),
     ],
-    ids=["RK4", "RK4 Baumgarte", "TimeStepping", "extrapolated", "TimeStepping Baumgarte"],
+    ids=["RK4", "RK4 Baumgarte", "TimeStepping", "extrapolated", "TimeStepping Baumgarte", "extrapolated Baumgarte"],
 )
 def test_a_hinged_parallelogram_swings_as_the_elliptic_functions_at_two_steps(integrator, stabilisation, order, steps):
     """IFToMM A02 with N = 1, hanging, its pin a hinge (rank 2 of 5): (6/5) g in place of g; the error falls by 2^order."""
