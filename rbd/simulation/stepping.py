@@ -128,11 +128,9 @@ class _Run:
         if not self.settings.extrapolate or before is None or not np.array_equal(self._touching(), before.active):
             return self._begin(t, h)
         part = 0.5 * h / before.h
-        v, u = at.state.v, at.velocity
-        if self.feedback is not None and self.told is not None:
-            u = np.where(at.layout.held, self.told, u)
+        v, u = at.state.v, self._rates(before.active)
         v_h = v + part * (v - before.at.state.v) + 0.5 * h * self.bases.spin(v)
-        u_h = u + part * (u - before.at.velocity)
+        u_h = u + part * (at.velocity - before.at.velocity)
         return Begun(at, before.active, None, VelocityAnswer(v_h, part * before.answer.impulse, u_h, 0.0), h, u)
 
     def _begin(self, t: float, h: float, more: Array | None = None) -> Begun:
@@ -141,8 +139,7 @@ class _Run:
         active = self._touching() if more is None else self._touching() | more
         tau, force = self.motion.forces(at.state, t)
         v, spin = at.state.v, self.bases.spin(at.state.v)
-        # The law knows that what is closed is still; J v is so to O(h^2) only, which half a step would make O(h) of a force.
-        u = at.velocity if self.told is None else np.where(np.repeat(active, at.layout.widths), self.told, at.velocity)
+        u = self._rates(active)
         turned = v + half * spin
         offset = u - at.J @ turned + half * at.bias
         rhs = at.state.M @ turned + half * force
@@ -155,6 +152,14 @@ class _Run:
             if shift is not None:
                 answer = self.solver.solve(at, active, rhs, offset, half, answer.impulse, shift)
         return Begun(at, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+
+    def _rates(self, active: Array) -> Array:
+        """Velocities of the points where we are, shape (p,): of those that act as the law of the step before has them.
+
+        It knows that what is closed is still; J v is so to O(h^2) only, which half a step would make O(h) of a force.
+        """
+        at = self.at
+        return at.velocity if self.told is None else np.where(np.repeat(active, at.layout.widths), self.told, at.velocity)
 
     def _touching(self) -> Array:
         """Which points touch where we are, shape (k,): those at no gap, and those that were closed and have not gone far.
@@ -300,22 +305,28 @@ class _Run:
                     answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
         same = begun.at.layout is end.layout
         self.before = Begun(begun.at, begun.active, None, answer, h, begun.u) if same else None
-        self.told = answer.velocity if end.layout is layout else None
-        self.force = self.force if end.layout is layout else np.zeros(len(end.velocity))
         self.at = end
         if end.layout is layout:
-            self.closed = then.active
+            self.told, self.closed = answer.velocity, then.active
         else:
-            self.closed = Carry(layout, end.layout).points(then.active, False)
-        self._strike(t + h, then.active if end.layout is layout else None)
+            carry = Carry(layout, end.layout)
+            known = np.repeat(carry.known, end.layout.widths)
+            self.told = np.where(known, carry.rows(answer.velocity), end.velocity)
+            self.force, self.closed = carry.rows(self.force), carry.points(then.active, False)
+        self._strike(t + h, self.closed)
 
     def _strike(self, t: float, closed: Array | None = None) -> None:
-        """Impacts of the points that touch and approach: of those that were not closed before, however slowly they come."""
+        """Impacts of the points that touch and approach: of those that were not closed before, however slowly they come.
+
+        Args:
+            t: When [s].
+            closed: Which points were closed before, shape (k,); None at the start.
+        """
         at, layout = self.at, self.at.layout
         self.away = np.zeros(len(at.gap), bool)
         touches, approach = self._touching(), at.approach
         slow = -self.settings.impact_speed
-        limit = np.where(closed, slow, -_STILL) if closed is not None and len(closed) == len(touches) else -_STILL
+        limit = -_STILL if closed is None else np.where(closed, slow, -_STILL)
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (closed is not None or at.drift_rate <= _STILL):
             if closed is None:

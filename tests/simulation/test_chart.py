@@ -22,7 +22,7 @@ JOINTS = {
 @pytest.mark.parametrize("size", [0.3, 0.9, 1.1, 2.5, 4.0])
 @pytest.mark.parametrize("joints", [tuple(JOINTS), ("slider", "circle")], ids=["every kind", "none that turns in space"])
 def test_the_rate_moves_the_configuration_as_the_velocity_does(joints: tuple[str, ...], size: float):
-    """Q0 (+) (xi + e xi') is (q0 (+) xi) (+) e v, near and far: beyond 1 rad, where T itself is inverted, and beyond half a turn."""
+    """Q0 (+) (xi + e xi') is (q0 (+) xi) (+) e v, near, beyond 1 rad, where T itself is inverted, and beyond half a turn."""
     model, at = pin.Model(), 0
     for name in joints:
         at = model.addJoint(at, JOINTS[name], pin.SE3.Random(), name)

@@ -166,7 +166,7 @@ def test_a_sole_that_stands_on_its_rim_has_axes_of_its_plane():
 
 
 def test_a_box_falls_about_the_edge_that_it_stands_on():
-    """An inverted pendulum, I phi'' = m g r sin phi about the edge, which does not slip: of second order, and so are its forces."""
+    """An inverted pendulum, I phi'' = m g r sin phi about the edge, which does not slip: of second order, as its forces are."""
     m, half, low, g = 10.0, 0.2, 0.1, 9.81
     inertia, r = m * (0.4**2 + 0.2**2) / 12.0, math.hypot(half, low)
     about = inertia + m * r * r

@@ -41,7 +41,7 @@ def _falling_mass(height, speed=0.0, name="mass"):
 @BY
 @pytest.mark.parametrize(("e", "step", "flights"), [(0.9, 0.13, 4), (0.5, 0.06, 10), (0.5, 0.15, 10), (0.7, 0.3, 12)])
 def test_bounces_that_last_less_than_a_step_are_those_of_the_series_too(e, step, flights, extrapolate):
-    """Where the mass turns round, and comes down again, in the step in which it struck: each bounce at its time, none caught."""
+    """Where the mass turns round and comes down again in the step in which it struck: each bounce at its time, none caught."""
     start, floor = _falling_mass(0.05)
     by = rbd.TimeStepping(extrapolate=extrapolate)
     found = rbd.simulate(start, floor, duration=0.6, step=step, restitution=e, integrator=by, progress=False)
@@ -90,7 +90,7 @@ def test_a_strike_at_the_very_end_of_a_step_is_one_strike(early, extrapolate):
 @BY
 @pytest.mark.parametrize("e", [0.0, 0.5])
 def test_what_dips_below_the_floor_while_something_else_stops_is_struck(e, extrapolate):
-    """A mass that rubs stops in the middle of a step, while another is below the floor and would be above it again at the end."""
+    """A mass that rubs stops in the middle of a step, while another is below the floor, and above it again at the end."""
     joints = [("x", pin.JointModelPX(), 1.0, [0.1] * 3), ("z", pin.JointModelPZ(), 1.0, [0.1] * 3)]
     robot = chain(joints, names=("rubs", "dips"), name="two")
     robot.model.gravity.linear = np.zeros(3)

@@ -18,6 +18,8 @@ from rbd.simulation.recording import Recording
 from rbd.simulation.sample import Sample
 from rbd.simulation.trajectory import Trajectory
 
+NAMES = ("floor", "stop", ODD_NAME)
+
 
 @pytest.fixture(scope="module")
 def fall() -> Trajectory:
@@ -180,8 +182,8 @@ def test_nobody_writes_into_it(fall: Trajectory):
         ("com", None, "expected real numbers"),
         ("residuals", {"law": np.zeros(11)}, "expected law, drift"),
         ("forces", {"floor": np.zeros((11, 3))}, "same constraints"),
-        ("modes", dict.fromkeys(("floor", "stop", ODD_NAME), np.array(["open"] * 10)), r"'floor' are <U4 of shape \(10,\); .* 11 words"),
-        ("modes", dict.fromkeys(("floor", "stop", ODD_NAME), np.zeros(11)), "'floor' are float64 of .* 11 words"),
+        ("modes", dict.fromkeys(NAMES, np.array(["open"] * 10)), r"'floor' are <U4 of shape \(10,\); expected 11 words"),
+        ("modes", dict.fromkeys(NAMES, np.zeros(11)), "'floor' are float64 of .* 11 words"),
         ("events", ("bounce",), "Events"),
         ("law", None, "expected text"),
         ("step", math.nan, "expected seconds"),
