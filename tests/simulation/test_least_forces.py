@@ -10,7 +10,9 @@ from contact_cases import sole
 from flat_bodies import flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
-from rbd.simulation.least_forces import _shortest
+from rbd.simulation.least_forces import _inside, _settled, _shortest
+from rbd.simulation.snapshot import Points
+from rbd.simulation.sources import sources_of
 
 G = 9.81
 STEPPING = pytest.mark.parametrize("integrator", [rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)])
@@ -172,3 +174,29 @@ def test_the_shortest_of_rows_that_repeat_each_other_is_the_pseudoinverses():
     found = _shortest(rows, g)
     assert found is not None
     assert np.abs(found - np.linalg.pinv(rows.T) @ g).max() < 1e-11
+
+
+@pytest.mark.parametrize("used", [1.0, 0.5])
+def test_a_slide_with_less_friction_than_its_own_is_left_to_the_long_way(used):
+    """Of four corners that slide the short way knows rays of mu N alone: half of that is none of their sums."""
+    start = free_state(_box(), (0.0, 0.0, DEPTH), v=(1.0, 0.0, 0.0))
+    at = Points(sources_of([sole("body", HALF, DEPTH, 0.4)], start)).at(start, 0.0)
+    force = np.tile([-0.4 * used, 0.0, 1.0], 4) * BOX_KG * G / 4.0
+    found = _inside(at, np.ones(4, bool), at.velocity, force, at.J.T @ force, "coulomb")
+    assert (found is None) == (used < 1.0)
+    if found is not None:
+        assert found == pytest.approx(force, abs=1e-9)  # alike at all corners: the shortest with that sum and moment
+
+
+def test_of_rows_that_all_hold_the_long_way_finds_the_shortest_too():
+    """A hinge that closes a four-bar, five rows of rank two: the pseudoinverse's forces, of any that do the same."""
+    robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
+    (loop,) = robot.loops
+    hinge = rbd.LoopClosure(loop.name, loop.frame_a, loop.frame_b, kind="revolute", axis=loop.axis)
+    state = robot.at("assembled")
+    at = Points(sources_of([hinge], state)).at(state, 0.0)
+    given = np.random.default_rng(1).normal(size=5)
+    found = _settled(at, np.ones(1, bool), state.v, at.velocity, given, "coulomb")
+    assert np.linalg.matrix_rank(at.J) == 2
+    assert np.abs(found - np.linalg.pinv(at.J.T) @ (at.J.T @ given)).max() < 1e-9
+    assert np.linalg.norm(found) < 0.99 * np.linalg.norm(given)
