@@ -13,7 +13,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.contradiction import Contradiction, contradiction, split
+from rbd.analysis.conditions import conditions
+from rbd.analysis.contradiction import Contradiction, _polished, contradiction, split
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.reference_problems import box
@@ -346,6 +347,53 @@ def test_dependence_to_rounding_is_needed_not_to_a_thousandth() -> None:
     for angle in (1e-2, 1e-4):
         P = problem(rows("one", [[1, 0]], [0], rbd.Free(1)), rows("other", [[1, angle]], [1], rbd.Free(1)))
         assert contradiction(P) is None
+
+
+def ladder_of_stops(n: int) -> rbd.GaussProblem:
+    """a_1 >= 1, each next one at least 1 above, and the last at most n / 2: n + 1 rows, none of which can be left out."""
+    steps = [rows(f"step {i}", np.eye(n)[i : i + 1] - (np.eye(n)[i - 1] if i else 0.0), [-1.0], rbd.NonNegative(1)) for i in range(n)]
+    return problem(*steps, rows("lid", -np.eye(n)[-1:], [0.5 * n], rbd.NonNegative(1)))
+
+
+def test_of_many_that_contradict_each_other_eight_are_named() -> None:
+    """Nine steps and a lid: each of ten rows missed by n / 2 / 10, seven are named and three counted; the table names all."""
+    P = ladder_of_stops(9)
+    found = contradiction(P)
+    assert_proved(P, found)
+    assert found is not None and len(found.rows) == 10 and found.violation == pytest.approx(0.45, abs=TINY)
+    assert found.who.endswith("'step 6' and 3 others") and "'step 7'" not in found.who
+    assert "  step 8 " in str(found) and "  lid " in str(found)
+
+
+def test_where_nothing_is_held_no_row_is_said_to_be_unmet() -> None:
+    """Two stops: the proof is listed, and least squares over rows that hold has nothing to say."""
+    found = contradiction(squeezed())
+    assert found is not None and found.unmet_most == "" and "least squares" not in str(found)
+    assert str(found).splitlines()[-1].split() == ["high", "[0.3333]"]
+
+
+@pytest.mark.parametrize("limit", ["CERTIFICATE_LEFT_OUT", "CERTIFICATE_PROGRAMS"])
+def test_a_search_that_ends_at_its_limit_does_not_claim_the_smallest(monkeypatch: pytest.MonkeyPatch, limit: str) -> None:
+    """The contradiction is proved as ever; that no smaller one exists is not said."""
+    monkeypatch.setattr(f"rbd.analysis.contradiction.{limit}", 0)
+    found = contradiction(ladder_of_stops(3))
+    assert_proved(ladder_of_stops(3), found)
+    assert found is not None and not found.smallest and "A smaller set was not excluded." in str(found)
+
+
+def test_a_linear_program_that_gives_up_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a pivot no certificate is found; None, not a wrong one."""
+    monkeypatch.setattr("rbd.limits.PROGRAM_PIVOTS", 0)
+    monkeypatch.setattr("rbd.limits.PROGRAM_SECONDS", 0.0)
+    assert contradiction(ladder_of_stops(3)) is None
+
+
+def test_forces_of_the_wrong_sign_leave_a_certificate() -> None:
+    """Three stops on one line, 1 + 1e-5, 1 and 1e-6: balance would make the third pull, so the first two are left, even."""
+    P = problem(*(rows(n, [[s]], [-1.0], rbd.NonNegative(1)) for n, s in (("a", 1.0), ("b", -1.0), ("c", 1.0))))
+    z = _polished(conditions(P, "convex").fan(), np.array([1.0 + 1e-5, 1.0, 1e-6]), 1.0)
+    assert z[2] == 0.0 and z[0] == pytest.approx(1.0 + 5e-6, abs=1e-12) and abs(z[0] - z[1]) < 1e-15
+    assert not _polished(conditions(P, "convex").fan(), np.array([1.0, 0.0, 0.0]), 1.0).any()  # one force cannot balance
 
 
 def test_a_law_that_is_none_is_refused() -> None:
