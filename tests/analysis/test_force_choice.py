@@ -358,7 +358,7 @@ class TestLeastDistance:
             if wedge:
                 A[-1] = -A[0] + 10.0 ** rng.uniform(-8, -5) * rng.normal(size=5)
             A /= np.linalg.norm(A, axis=1)[:, None]
-            b = A @ (rng.normal(size=5) * 10.0 ** rng.uniform(0, 3)) - rng.uniform(size=15) * (rng.random(15) < 0.5)
+            b = A @ (rng.normal(size=5) * 10.0 ** rng.uniform(0, 3 if wedge else 2)) - rng.uniform(size=15) * (rng.random(15) < 0.5)
             z = _least_distance(np.eye(5), c, A, b)
             if z is None:
                 missed += 1
