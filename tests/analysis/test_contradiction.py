@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import pickle
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,9 @@ from rbd.analysis.contradiction import Contradiction, _polished, contradiction, 
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.reference_problems import box
-from rbd.rows import Rows
+from rbd.rows import Patch, Rows
+from rbd.solvers.qp import QPResult
+from rbd.solvers.violation import smallest_violation
 
 MU = 0.5
 RUB = rbd.Box([-1.0], [2.0])  # type: ignore[arg-type]
@@ -227,6 +229,25 @@ def test_floor_and_ceiling_with_feedback(law: str) -> None:
     assert_proved(P, found, law)
     assert found is not None and dict(found.rows) == {"floor": ("normal",), "ceiling": ("normal",)}
     assert found.violation == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("law", ["convex", "coulomb", "convex, 4 facets"])
+def test_what_moves_away_takes_no_part(law: str) -> None:
+    """A floor that the point leaves at 1 m/s pushes nothing: of a lift and a lid the two are named, and never the floor."""
+    leaves = replace(rows("floor", np.eye(3), [0, 0, 3], rbd.FrictionCone(MU)), velocity=np.array([0.0, 0.0, 1.0]))
+    P = problem(leaves, rows("lift", [[0, 0, 1]], [-1], rbd.NonNegative(1)), rows("lid", [[0, 0, -1]], [0], rbd.NonNegative(1)))
+    found = contradiction(P, law)
+    assert found is not None and set(found.rows) == {"lift", "lid"} and found.smallest
+    assert found.violation == pytest.approx(0.5, abs=TINY) and not found.certificate["floor"].any()
+
+
+def test_rows_of_a_patch_that_are_no_wrench_are_counted() -> None:
+    """Two rows at a place, neither a force nor a wrench: rows 1 and 2, not axes."""
+    patch = Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), None)
+    P = problem(replace(rows("odd", [[1.0, 0.0], [1.0, 0.0]], [1.0, 2.0], rbd.Free(2)), patch=patch))
+    found = contradiction(P)
+    assert found is not None and dict(found.rows) == {"odd": ("row 1", "row 2")}
+    assert "'odd' (row 1, row 2) contradicts itself" in found.claim
 
 
 def test_a_sliding_point_counts_along_its_normal() -> None:
@@ -536,6 +557,51 @@ def test_true_cones_have_a_nearest_motion_too(law: str) -> None:
     apart = (slope * math.sqrt(2.0) - normal) / math.hypot(1.0, slope)
     assert np.linalg.norm(near.violation["floor"]) == pytest.approx(0.5 * apart, abs=1e-9)
     assert np.linalg.norm(near.violation["pull"]) == pytest.approx(0.5 * apart, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.0, 4.0])
+def test_a_true_cone_is_met_where_it_is_not_along_a_first_ray(angle: float) -> None:
+    """Drawn along any direction: rays are added where the cone is sunk into, until the shared distance is the closed form's."""
+    along = np.array([math.cos(angle), math.sin(angle)])
+    P = problem(rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU)), rows("pull", np.eye(3), [*-along, 0.0], rbd.Free(3)))
+    near = rbd.nearest_motion(P, solver=rbd.ADMM(law="convex"))
+    assert_least(P, near)
+    half = 0.5 * MU / math.hypot(1.0, MU)  # from (along, 0) to c_n >= mu |c_t|, shared by two
+    expected = half * np.r_[-MU * along, 1.0] / math.hypot(1.0, MU)
+    assert np.linalg.norm(near.violation["floor"]) == pytest.approx(half, abs=1e-9)
+    # Its conditions hold to 1e-10, and so does its square: of a strictly convex minimum the place is known to the root of that.
+    assert np.linalg.norm(near.violation["floor"] - expected) <= math.sqrt(2e-10)
+
+
+def drawn_along() -> rbd.GaussProblem:
+    """A point on a rough floor that is drawn along it, at a radian from x."""
+    pull = rows("pull", np.eye(3), [-math.cos(1.0), -math.sin(1.0), 0.0], rbd.Free(3))
+    return problem(rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU)), pull)
+
+
+@pytest.mark.parametrize("P", [drawn_along(), squeezed()], ids=["cone", "stops"])
+@pytest.mark.parametrize("way", ["no guess", "cuts", "nothing", "zeros"])
+def test_a_violation_is_judged_by_its_own_conditions(monkeypatch: pytest.MonkeyPatch, way: str, P: rbd.GaussProblem) -> None:
+    """Without its first way the second finds the same; without both, the optimality says that it is not the least."""
+    expected, miss = smallest_violation(P, "convex")
+    assert miss < 1e-9
+    if way == "cuts":
+        monkeypatch.setattr("rbd.solvers.violation.VIOLATION_CUTS", 1)
+    else:
+        monkeypatch.setattr("rbd.solvers.violation.nonnegative", lambda *_: None)
+    if way == "nothing":
+        monkeypatch.setattr("rbd.solvers.violation.qp.attempts", lambda *_, **__: iter(()))
+    elif way == "zeros":
+
+        def at_zero(H: Array, *_: object, **__: object) -> Iterator[QPResult]:
+            yield QPResult(np.zeros(len(H)), np.zeros(P.nv), np.zeros(0), 1)
+
+        monkeypatch.setattr("rbd.solvers.violation.qp.attempts", at_zero)
+    s, optimality = smallest_violation(P, "convex")
+    if way == "no guess" or (way == "cuts" and P.nv == 1):  # stops need no rays
+        assert optimality < 1e-9 and np.abs(s - expected).max() < 1e-9
+    else:
+        assert optimality > 1e-6 and np.abs(s - expected).max() <= 10.0 * optimality
 
 
 def test_weights_that_are_none_are_refused() -> None:
