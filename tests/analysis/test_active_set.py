@@ -76,10 +76,9 @@ def test_a_patch_that_slips_straight_resists_a_turn_by_where_its_load_stands() -
 
     Nothing decides how four corners share the load. On a square the sum is m g x^2 whatever they do; on a kite it is not.
     """
-    square, kite = (
-        rbd.SurfaceContact("floor", "box", corners=corners, friction=MU)  # as high as the centre of mass: no tipping
-        for corners in ([[0.2, 0.2], [0.2, -0.2], [-0.2, -0.2], [-0.2, 0.2]], [[0.3, 0.0], [-0.3, 0.0], [0.0, 0.2], [0.0, -0.2]])
-    )
+    corners = [[0.2, 0.2], [0.2, -0.2], [-0.2, -0.2], [-0.2, 0.2]]
+    square = rbd.SurfaceContact("floor", "box", corners=corners, friction=MU)  # as high as the centre of mass: no tipping
+    kite = replace(square, corners=[[0.3, 0.0], [-0.3, 0.0], [0.0, 0.2], [0.0, -0.2]])
     d = moved([square], (80.0, 0.0, 0.0)).derivatives()
     slide, inertia = 80.0 / MASS - MU * G, MASS / 12.0 * (0.4**2 + 0.4**2)
     assert d.active == {"floor": ("slips",) * 4}

@@ -372,7 +372,8 @@ def test_dependence_to_rounding_is_needed_not_to_a_thousandth() -> None:
 
 def ladder_of_stops(n: int) -> rbd.GaussProblem:
     """a_1 >= 1, each next one at least 1 above, and the last at most n / 2: n + 1 rows, none of which can be left out."""
-    steps = [rows(f"step {i}", np.eye(n)[i : i + 1] - (np.eye(n)[i - 1] if i else 0.0), [-1.0], rbd.NonNegative(1)) for i in range(n)]
+    J = np.eye(n) - np.eye(n, k=-1)
+    steps = [rows(f"step {i}", J[i : i + 1], [-1.0], rbd.NonNegative(1)) for i in range(n)]
     return problem(*steps, rows("lid", -np.eye(n)[-1:], [0.5 * n], rbd.NonNegative(1)))
 
 

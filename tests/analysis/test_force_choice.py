@@ -342,7 +342,7 @@ class TestLeastDistance:
         assert z == pytest.approx([1.0, 2.0], abs=1e-14)
 
     def test_rows_that_contradict_each_other_have_no_nearest_point(self):
-        """z >= 1 and z <= -1."""
+        """At least 1, and at most -1."""
         assert _least_distance(np.eye(1), np.zeros(1), np.array([[1.0], [-1.0]]), np.ones(2)) is None
 
     @pytest.mark.parametrize("wedge", [False, True], ids=["open", "wedge"])
@@ -358,7 +358,8 @@ class TestLeastDistance:
             if wedge:
                 A[-1] = -A[0] + 10.0 ** rng.uniform(-8, -5) * rng.normal(size=5)
             A /= np.linalg.norm(A, axis=1)[:, None]
-            b = A @ (rng.normal(size=5) * 10.0 ** rng.uniform(0, 3 if wedge else 2)) - rng.uniform(size=15) * (rng.random(15) < 0.5)
+            point = rng.normal(size=5) * 10.0 ** rng.uniform(0, 3 if wedge else 2)
+            b = A @ point - rng.uniform(size=15) * (rng.random(15) < 0.5)
             z = _least_distance(np.eye(5), c, A, b)
             if z is None:
                 missed += 1
@@ -401,7 +402,8 @@ class TestOtherWays:
 
     def test_where_cones_leave_one_point_it_is_the_answer(self, monkeypatch):
         """Two feet in line, pushed with mu m g: each rubs with mu N at the edge of its cone, N by moments about the other."""
-        feet = [rbd.PointContact(name, "box", offset=(x, 0.0, -0.1), friction=0.6) for name, x in (("front", 0.2), ("back", -0.2))]
+        places = {"front": 0.2, "back": -0.2}
+        feet = [rbd.PointContact(name, "box", offset=(x, 0.0, -0.1), friction=0.6) for name, x in places.items()]
         state, push = rbd.State(box(), np.array([0, 0, 0.1, 0, 0, 0, 1.0])), 0.6 * 98.1
         force = rbd.ExternalForce("box", (push, 0.0, 0.0))
         s = rbd.solve(state, np.zeros(0), feet, external=force, solver=rbd.ADMM(law="coulomb"))
@@ -423,9 +425,10 @@ def test_weights_that_are_not_given_are_any_that_make_the_force(noisy):
 
 
 def test_rays_without_friction_are_all_one():
-    """mu = 0: the four rays are the normal; two cones side by side share a load of 6 evenly, whichever rays carried it."""
+    """Of mu = 0 the four rays are the normal; two cones side by side share a load of 6 evenly, whichever rays carried it."""
     rows = [Rows(name, np.eye(3), np.zeros(3), rbd.FrictionCone(0.0)) for name in ("one", "two")]
     P = rbd.GaussProblem(np.eye(3), np.array([0.0, 0.0, -6.0]), rows)
-    f, w = minimum_norm(P, np.zeros(3), np.array([0, 0, 6.0, 0, 0, 0]), np.r_[1.0, 2.0, 0.0, 3.0, np.zeros(4)], "convex, 4 facets")
+    f, weights = np.array([0, 0, 6.0, 0, 0, 0]), np.r_[1.0, 2.0, 0.0, 3.0, np.zeros(4)]
+    f, w = minimum_norm(P, np.zeros(3), f, weights, "convex, 4 facets")
     assert f == pytest.approx([0, 0, 3, 0, 0, 3], abs=1e-12) and P.rays.G @ w == pytest.approx(f, abs=1e-12)
     assert ray_weights(np.array([0.0, 0.0, 2.0]), 0.0, 4) == pytest.approx(np.full(4, 0.5))

@@ -139,6 +139,12 @@ def test_the_least_distance_is_that_to_the_corner():
     assert least_distance(np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5])) == pytest.approx([0.0])
 
 
+def test_the_least_distance_without_its_pivots_is_not_found(monkeypatch):
+    """At the limit of nonnegative least squares: None, as of what cannot be met."""
+    monkeypatch.setattr("rbd.solvers.complementarity.nonnegative", lambda *_: None)
+    assert least_distance(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0])) is None
+
+
 @pytest.mark.parametrize("loads", ["any", "pressing", "one is zero"])
 @pytest.mark.parametrize(("stiff", "load"), [(1e-6, 1e4), (1e6, 1e-3), (1.0, 1e-12), (1.0, 1e12), (1e-9, 1e-9), (1e9, 1e9)])
 def test_units_do_not_matter(stiff, load, loads):

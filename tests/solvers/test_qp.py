@@ -121,7 +121,7 @@ def test_no_rows_are_never_violated():
 
 
 def test_the_nearest_point_without_its_pivots_is_not_found(monkeypatch):
-    """x >= 1 of one coordinate: 1 with a push of 1; at the limit of nonnegative least squares, None."""
+    """At least 1 of one coordinate: 1 with a push of 1; at the limit of nonnegative least squares, None."""
     found = qp._least_distance(None, None, np.ones((1, 1)), np.ones(1), 0)
     assert found is not None and found.x == pytest.approx([1.0]) and found.z == pytest.approx([1.0])
     monkeypatch.setattr("rbd.solvers.qp.nonnegative", lambda *_: None)
