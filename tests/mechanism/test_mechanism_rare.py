@@ -137,10 +137,11 @@ class RefusingHalf(Refusing):
 def test_draws_that_a_constraint_refuses_are_left_out():
     """If all are, that is what is said; if half are, the branches of the other half are found."""
     robot, loops = four_bar(*CRANK_ROCKER)
-    with pytest.raises((CannotAssemble, InputError), match="every one of 5 starts was refused|not defined here"):
+    with pytest.raises(InputError, match="not defined here"):
         branches(robot, [*loops, Refusing()], fixed={"crank": 0.7}, tries=5)
-    found = branches(robot, [*loops, RefusingHalf()], fixed={"rocker": 2.0}, tries=40)
-    assert 1 <= len(found) <= 2 and all(math.sin(b.q[0]) >= 0.0 for b in found.found)
+    for seed in range(6):  # whether the first draw is refused or the last
+        found = branches(robot, [*loops, RefusingHalf()], fixed={"rocker": 2.0}, tries=40, seed=seed)
+        assert 1 <= len(found) <= 2 and all(math.sin(b.q[0]) >= 0.0 for b in found.found)
 
 
 # ------------------------------------------------------------------------------------------------------------- driving
