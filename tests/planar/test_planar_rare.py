@@ -8,7 +8,10 @@ import sympy
 
 from rbd.errors import InputError, SingularPose
 from rbd.planar import Chain, endpoint_motion, minimum_jerk
+from rbd.planar.arm import arm_of
 from rbd.planar.modes import Linearised
+from rbd.planar.reduction import newton
+from rbd.planar.redundant import _reach, _settle
 
 THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
 
@@ -49,6 +52,36 @@ def test_the_note_of_a_split_says_where_the_coriolis_part_comes_from():
     """Joint angles add up along the chain, so that products of two rates remain; segment angles do not."""
     assert "products of two rates remain" in Chain(2).split().note
     assert "no product of two rates" in Chain(2, angles="segment").split().note
+
+
+def test_a_path_from_the_stretched_pose_inwards_is_followed():
+    """In line there is no null space half-way: the first step is a pose anew, and every sample is on the path."""
+    points = np.linspace([1.0, 0.0], [0.9, 0.0], 21)
+    path = THREE.inverse_path(points)
+    assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12
+    assert np.abs(path.q[0]).max() < 1e-7 and np.abs(np.diff(path.q[1:], axis=0)).max() < 0.2
+
+
+def test_poses_on_the_family_that_cannot_be_bettered_are_returned_and_no_minimum_is_claimed():
+    """In line the family has no tangent, and without a step none is taken: the pose stays where it is."""
+    arm, q0 = arm_of(THREE), np.array([0.1, 0.2, 0.3])
+    for q in (np.zeros(3), np.array([0.4, -0.7, 1.1])):
+        kept, minimum = _settle(arm, arm.end(q), q0, q, most=60 if not q.any() else 0)
+        assert np.array_equal(kept, q) and not minimum
+
+
+def test_a_target_is_not_reached_in_fewer_steps_than_it_takes():
+    """Levenberg's method: none after one step, there after a hundred."""
+    arm, target = arm_of(THREE), np.array([0.2, 0.5])
+    assert _reach(arm, target, np.array([2.0, 0.5, 0.5]), most=1) is None
+    there = _reach(arm, target, np.array([2.0, 0.5, 0.5]))
+    assert there is not None and np.abs(arm.end(there) - target).max() < 1e-14
+
+
+def test_newtons_method_ends_where_a_root_is_too_flat():
+    """A root of order 20 from 1e3: each step takes 1/20 of the way; after 80 the misfit is told, not the root."""
+    s, misfit = newton(lambda s: (s**20, np.diag(20.0 * s**19)), np.array([1e3]))
+    assert s[0] == pytest.approx(1e3 * 0.95**80, rel=1e-9) and misfit == pytest.approx(s[0] ** 20)
 
 
 # ------------------------------------------------------------------------------------------------------------ motions
