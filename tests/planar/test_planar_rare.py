@@ -7,7 +7,7 @@ import pytest
 import sympy
 
 from rbd.errors import InputError, SingularPose
-from rbd.planar import Chain, endpoint_motion, minimum_jerk
+from rbd.planar import Chain, endpoint_motion, minimum_jerk, motion
 from rbd.planar.arm import arm_of
 from rbd.planar.modes import Linearised
 from rbd.planar.reduction import newton
@@ -96,6 +96,24 @@ def test_an_end_point_that_stays_keeps_all_angles():
         assert np.abs(still.q - still.q[0]).max() < 1e-12 and still.note == ""
         with pytest.raises(SingularPose, match="in line at every sample"):
             endpoint_motion(chain, minimum_jerk((1.0, 0.0), (1.0, 0.0), 1.0))
+
+
+def test_a_path_from_a_pose_nearly_in_line_ends_with_its_place_or_is_followed(monkeypatch):
+    """Links 0.5, 0.3, 0.2 m folded onto the base: a milliradian from the line it is followed, a microradian it is told."""
+    chain = Chain(3, lengths=(0.5, 0.3, 0.2))
+
+    def begun(bend: float) -> np.ndarray:
+        start = np.array([0.0, np.pi + bend, -2.0 * bend])
+        here = chain.numeric.position(start)
+        return endpoint_motion(chain, minimum_jerk(here, here - [0.1, 0.0], 1.0), start=start).q
+
+    monkeypatch.setattr(motion, "MOST_RATES", 4_000)  # a few seconds, where the limit itself takes more
+    end = chain.numeric.position(begun(0.01)[-1])
+    assert end == pytest.approx(chain.numeric.position(np.array([0.0, np.pi + 0.01, -0.02])) - [0.1, 0.0], abs=1e-9)
+    with pytest.raises(SingularPose, match=r"into line, or nearly, on the way, .* at about 0.000\d+ s. Begin near other angles"):
+        begun(1e-6)
+    with pytest.raises(SingularPose, match="into line, or nearly, on the way"):
+        begun(0.0)
 
 
 def test_a_path_that_begins_along_the_edge_has_bounded_accelerations():
