@@ -33,7 +33,7 @@ FINE = 400
 RELATIVE, ABSOLUTE = 1e-11, 1e-12
 """Tolerances of the integration of more than two links [rad]."""
 MOST_RATES = 10_000
-"""Evaluations of their rates at most, some seconds: 1,500 to 4,000 do; from 1e-6 rad off a line 30,000 lead a millisecond far."""
+"""Evaluations of their rates at most, some seconds: 4,000 do; from 1e-6 rad off a line 30,000 lead a millisecond far."""
 
 
 @dataclass(frozen=True, eq=False)
