@@ -169,14 +169,12 @@ class _Tree:
         return False
 
     def _one_motion(self, modes: Array) -> bool:
-        """Whether the modes decided so far leave one motion at most, whatever the others are."""
+        """Whether the modes decided so far leave one motion at most, whatever the others, at least one, are."""
         P = self.problem
         moving = np.flatnonzero(modes <= FREE)  # FREE or OPEN
         A, free = P.A[np.ix_(moving, moving)], modes[moving] == FREE
         N = _null_space(A[free]) if free.any() else np.eye(len(moving))
         self.work.spend(_SVD * float(len(moving)) ** 3)
-        if not N.shape[1]:
-            return True
         size, turned = np.linalg.eigh(0.5 * N.T @ (A + A.T) @ N)
         if size[0] < -TINY * self.scale:
             return False
