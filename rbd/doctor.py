@@ -241,11 +241,9 @@ def _subtree(model: pin.Model, joint: str) -> set[int]:
 
 def _joint_of(model: pin.Model, index: int, begin: str, size: str) -> str:
     """The name of the joint that has this index of q or v."""
-    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
-        first = getattr(joint, begin)
-        if 0 <= first <= index < first + getattr(joint, size):
-            return str(name)
-    return "universe"
+    both = zip(model.names, model.joints, strict=True)
+    spans = [(str(name), getattr(joint, begin), getattr(joint, size)) for name, joint in both]
+    return next(name for name, first, count in spans[1:] if first <= index < first + count)
 
 
 @dataclass(frozen=True, eq=False)
