@@ -333,7 +333,7 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
         if closed:
             told += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
         elif not found:
-            told += "has no place at which it is closed: it couples velocities alone, or is not defined in these postures"
+            told += "has no place at which it is closed: it is not defined in these postures"
         else:
             where, least, _ = min(found, key=lambda each: each[1])
             told += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
@@ -352,8 +352,7 @@ def _gap(loop: Any, state: State) -> tuple[float, float] | None:
         rows = loop.rows(state)
     except InputError:
         return None
-    if rows.error is None or not len(rows):
-        return None
+    assert rows.error is not None  # of closures, gears and locks alike
     gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
     reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
     return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf

@@ -475,6 +475,8 @@ REFUSED = {
     "an axis w": (ARM, '<compiler eulerseq="xyw"/>', "", "eulerseq is 'xyw'"),
     "less than no least mass": (ARM, '<compiler boundmass="-1"/>', "", "boundmass is -1"),
     "angles in grads": (ARM, '<compiler angle="grad"/>', "", "angle is 'grad'; expected one of degree, radian"),
+    "equality of a long name": (ARM, "", f'<equality><joint name="{"x" * 121}" joint1="j"/></equality>',
+        "an equality has a name of 121 letters"),
     "polycoef": (ARM, "", '<equality><joint joint1="j" polycoef="0 1 1_0"/></equality>', "polycoef is '0 1 1_0'"),
 }  # fmt: skip
 
