@@ -233,6 +233,8 @@ def test_wrong_uses_are_refused_in_words(talos, standing, tmp_path):
         screenshot(tmp_path / "none.html", tmp_path / "none.png")
     with pytest.raises(InputError, match="arrow_per_weight"):
         Scene(talos, arrow_per_weight=0.0)
+    with pytest.raises(InputError, match="Scene wants a robot, got 'talos'. Load one with rbd.load_robot"):
+        Scene("talos")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="seen_from is .*expected .* not straight up or down"):
         Scene(talos, seen_from=(0.0, 0.0, 1.0))
 
@@ -395,6 +397,14 @@ class TestBeside:
             assert len(colors) == 31 and len({color for name, color in colors.items() if name != "here"}) == 30
             scene.beside({})
             assert "here" not in legend_of(scene, tmp_path)[1]
+
+    def test_without_a_legend_poses_have_no_names(self, g1):
+        """They are drawn all the same."""
+        with Scene(g1, legend=False) as scene:
+            scene.show(g1.standing())
+            before = len(scene._recorder.messages()[0])
+            scene.beside({"a nameless pose": g1.at()})
+            assert len(scene._recorder.messages()[0]) > before and "a nameless pose" not in scene.page()
 
     def test_what_is_no_pose_is_refused(self, g1):
         """By name; and nothing before a first picture."""
