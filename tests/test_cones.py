@@ -11,6 +11,7 @@ from rbd.cones import (
     HalfLine,
     Interval,
     Line,
+    Product,
     SecondOrderCone,
     block_diagonal,
     check_friction,
@@ -259,3 +260,9 @@ def test_a_box_whose_bounds_cross_is_refused():
         rbd.Box([0.0, 0.0], [1.0])
     with pytest.raises(rbd.InputError, match="lo <= hi"):
         rbd.Box([np.nan], [1.0])
+
+
+def test_a_set_of_no_forces_has_no_rays() -> None:
+    """Zero components: no columns, and no normals among them."""
+    found = rays(Product(()))
+    assert found.G.shape == (0, 0) and found.normals.shape == (0, 0) and found.mean(np.zeros((3, 0))).shape == (3, 0)

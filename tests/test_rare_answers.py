@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -161,6 +163,30 @@ def test_another_pinocchio_is_refused(given: dict, match: str):
         setattr(module, name, value)
     with pytest.raises(WrongPinocchio, match=match):
         engine.check(module)
+
+
+@pytest.mark.parametrize("content", [None, "raise RuntimeError('made for another Python')"])
+def test_a_pinocchio_that_cannot_be_imported_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str | None):
+    """None at all: what to install. One that fails: where it is, and how."""
+    if content is None:
+        monkeypatch.setitem(sys.modules, "pinocchio", None)
+        expected = "Pinocchio is not installed here. Try: pip install 'pin>=4.1'"
+    else:
+        (tmp_path / "pinocchio.py").write_text(content)
+        monkeypatch.delitem(sys.modules, "pinocchio")
+        monkeypatch.syspath_prepend(tmp_path)
+        expected = f"finds {tmp_path / 'pinocchio.py'}, which cannot be imported: RuntimeError: made for another Python"
+    with pytest.raises(WrongPinocchio) as error:
+        engine._found()
+    assert expected in str(error.value)
+
+
+def test_planar_is_there_when_it_is_first_asked_for(monkeypatch: pytest.MonkeyPatch):
+    """It needs SymPy, so `import rbd` leaves it alone; what there is not is said as Python says it."""
+    monkeypatch.delattr(rbd, "planar", raising=False)
+    assert rbd.planar.Chain(2).n == 2
+    with pytest.raises(AttributeError, match="module 'rbd' has no attribute 'plane'"):
+        rbd.plane  # noqa: B018
 
 
 # ------------------------------------------------------------------------------------------- holding, and what it leaves
