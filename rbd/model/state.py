@@ -173,11 +173,13 @@ class State:
             # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g.
             rate_bias = pin.computeCentroidalMomentumTimeVariation(robot.model, data).vector
             A_g = data.Ag.copy()
+            total = wrench.copy()
+            total[:3] += data.mass[0] * robot.model.gravity.linear  # crba's sum of all bodies: at hand, unlike robot.weight
         base = None
         if with_base:
             X_WB = self.base_pose()
             base = X_WB.translation, X_WB.rotation
-        return MomentumBalance(A_g, rate_bias, wrench + robot.weight, self.com, base)
+        return MomentumBalance(A_g, rate_bias, total, self.com, base)
 
 
 def _again(robot: CheckedModel, q: Array, v: Array) -> State:
