@@ -23,7 +23,7 @@ from rbd.problem.contact_force import ContactForce, contact_force, corner_split
 from rbd.problem.openings import opening_words
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rays import rays
-from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals
+from rbd.problem.residuals import ENOUGH, SOLVED, USABLE, Residuals, blame, residuals
 from rbd.problem.rows import Patch, Rows
 
 if TYPE_CHECKING:
@@ -224,12 +224,13 @@ class Solution:
             f = self.multipliers if found.rank == self.problem.m else found.forces(x)
             chosen = corners | found.corner_forces(x)
             out = replace(self, multipliers=f, weights=found.law_weights(x), chosen_corners=chosen, choice=name)
-            for a in (self.a, None):
-                if a is None:  # huge internal forces leave their rounding in a: once more from the smaller ones
-                    a = self.a_free + self.problem.solve_M(self.problem.J.T @ f)
-                out = replace(out, a=a)
-                if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
-                    return out
+            if out.residuals.within(ENOUGH):
+                return out
+            # Great internal forces leave their rounding in a: once more from the smaller ones.
+            again = replace(out, a=self.a_free + self.problem.solve_M(self.problem.J.T @ f))
+            out = again if again.residuals.less_than(out.residuals) else out
+            if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
+                return out
         return replace(self, chosen_corners=corners, choice=f"as {self.solver} left it")
 
     def uniqueness(self) -> Uniqueness:

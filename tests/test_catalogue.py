@@ -6,6 +6,7 @@ import math
 import pickle
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -288,6 +289,17 @@ def test_a_file_of_ones_own_is_found_by_path(tmp_path: Path, monkeypatch: pytest
     assert catalogue.find("mine.urdf").urdf.resolve() == tmp_path / "mine.urdf"
 
 
+def test_a_file_without_an_ending_is_found_where_no_robot_goes_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bare name is a robot's first, and then a file's."""
+    (tmp_path / "mine").write_text("<robot name='mine'><link name='base'/></robot>")
+    monkeypatch.chdir(tmp_path)
+    assert catalogue.find("mine").urdf.resolve() == tmp_path / "mine"
+    with pytest.raises(UnknownRobot, match="mime"):
+        catalogue.find("mime")
+
+
 def test_the_data_file_by_path_is_the_robot_by_name() -> None:
     """A path into the data brings the same feet and postures as the short name."""
     by_path, by_name = catalogue.find(catalogue.find("g1").urdf), catalogue.find("g1")
@@ -316,6 +328,13 @@ def test_without_the_data_the_remedy_is_named(tmp_path: Path, monkeypatch: pytes
     assert catalogue.find(tmp_path / "mine.urdf").package_dirs == (tmp_path,)
     with pytest.raises(RbdError, match="no file"):
         catalogue.find("other.urdf")
+
+
+def test_data_packed_another_way_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package of that name without the folder of pip's own: what is missing, and what to install."""
+    monkeypatch.setattr(catalogue, "distribution", lambda name: SimpleNamespace(locate_file=lambda place: tmp_path / "none"))
+    with pytest.raises(ModelError, match="is installed, but without the folder .* try: pip install example-robot-data"):
+        catalogue.find("talos")
 
 
 def test_a_source_can_be_sent_to_a_worker() -> None:

@@ -149,6 +149,14 @@ def test_feet_of_a_pair_are_those_of_both(talos, g1):
         rbd.combine(box(), box()).feet()
 
 
+def test_an_object_beside_a_standing_robot_stays_where_it_is_put(robots):
+    """It has no posture of its own: its neutral one, moved by the placement; the robot stands as it does alone."""
+    pair = rbd.combine(robots["talos"], robots["box"], placement=X_W2)
+    talos, crate = pair.split(pair.standing().q)
+    assert np.abs(talos - robots["talos"].standing().q).max() == 0.0
+    assert np.abs(pin.XYZQUATToSE3(crate).homogeneous - X_W2.homogeneous).max() < 1e-15
+
+
 def test_shapes_of_both_are_drawn_where_they_are(robots):
     """As many pieces as each has alone, each on its own joint, welded bases too."""
     first, second = robots["box"], robots["panda"]

@@ -131,14 +131,14 @@ def branches(
     hits: list[int] = []
     singular: list[bool] = []
     nearest: Misfit | None = None
+    refusal: InputError | None = None
     closed = last_new = 0
     for i in range(tries):
         try:
             start = closure.at(closure.pin(closure.coordinates.draw(rng)))
             found = descend(closure, start, tolerance=tolerance, most=max_iterations)
-        except InputError:
-            if closure.constraints is None:  # not the draw: what was given is wrong
-                raise
+        except InputError as error:  # of this draw, or of all: then what was given is wrong
+            refusal = refusal or error
             continue
         if not found.closed:
             if nearest is None or found.misfit.error @ found.misfit.error < nearest.error @ nearest.error:
@@ -154,6 +154,9 @@ def branches(
         hits.append(1)
         last_new = i
     if not poses:
+        if nearest is None:
+            assert refusal is not None  # a draw that is not refused closes, or comes near
+            raise refusal
         raise _none(closure, nearest, tries, tolerance)
     out = []
     for pose, n, flat in zip(poses, hits, singular, strict=True):
@@ -187,10 +190,8 @@ def _is_singular(closure: Closure, at: Misfit, tolerance: float, most: int) -> b
     return len(null) > 0
 
 
-def _none(closure: Closure, nearest: Misfit | None, tries: int, tolerance: float) -> CannotAssemble:
+def _none(closure: Closure, nearest: Misfit, tries: int, tolerance: float) -> CannotAssemble:
     name, fixed = closure.robot.name, ", ".join(map(repr, closure.fixed))
-    if nearest is None:
-        return CannotAssemble(f"no pose of {name} could be tried: every one of {tries} starts was refused by a constraint.")
     bottom = settle(closure, nearest)
     left = distances(bottom.misfit, tolerance)
     named = ", ".join(f"{row!r:.80} {d:.6g}" for row, d in list(left.items())[:6])

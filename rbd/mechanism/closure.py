@@ -114,10 +114,9 @@ class Closure:
             DuplicateName: two constraints of one name.
         """
         state = State(self.robot, self.pin(self.robot.check_q(q0)))
-        rows = rows_of(state, self._given)
-        self.constraints = (*self._given, *self._limits)
-        rows += rows_of(state, self._limits)
+        rows = rows_of(state, self._given) + rows_of(state, self._limits)
         self._check(rows)
+        self.constraints = (*self._given, *self._limits)
         return self._misfit(state, tuple(rows))
 
     def at(self, q: Array) -> Misfit:

@@ -94,11 +94,8 @@ class HeldRows:
 
     def name_of(self, row: int) -> str:
         """The constraint of a row of the stack."""
-        for r in self.rows:
-            if row < len(r):
-                return r.name
-            row -= len(r)
-        raise IndexError(row)
+        ends = np.cumsum([len(r) for r in self.rows])
+        return self.rows[int(np.searchsorted(ends, row, side="right"))].name
 
     @lazy
     def L(self) -> Array:

@@ -263,7 +263,5 @@ def _regular(held: Held, at: Linearised) -> bool:
 
 def _projected(A: Array, B: Array) -> Array:
     """B without what A sees of it: smooth where A has full rank."""
-    if not len(A):
-        return B
     Q, R = np.linalg.qr(A.T)
     return B - Q @ (Q.T @ B)

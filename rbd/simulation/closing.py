@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rbd.arrays import Array, inertia_factor, largest
@@ -82,19 +80,13 @@ def first_crossing(gap: Array, rate: Array, gap_end: Array, rate_end: Array, h: 
 
 
 def _root(g: float, r: float, g1: float, r1: float) -> float:
-    """The root in (0, 1) of the cubic with values g > 0 > g1 and slopes r, r1: by bisection and secants."""
+    """The root in (0, 1) of the cubic with values g > 0 > g1 and slopes r, r1, to 1e-15: by bisection."""
     a, b = 2.0 * (g - g1) + r + r1, 3.0 * (g1 - g) - 2.0 * r - r1
-
-    def value(x: float) -> float:
-        return ((a * x + b) * x + r) * x + g
-
     low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if value(middle) > 0.0:
-            low = middle
+    for _ in range(50):
+        x = 0.5 * (low + high)
+        if ((a * x + b) * x + r) * x + g > 0.0:
+            low = x
         else:
-            high = middle
-        if high - low < 1e-15 or math.isclose(low, high, rel_tol=1e-15):
-            break
+            high = x
     return 0.5 * (low + high)

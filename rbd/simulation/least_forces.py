@@ -85,9 +85,7 @@ def _shortest(G: Array, g: Array) -> Array | None:
     if not rank:
         return None
     L, pivots = np.tril(L[:, :rank]), pivots - 1
-    R, info = lapack.dpotrf(L.T @ L, lower=0, clean=0)
-    if info != 0:
-        return None
+    R = lapack.dpotrf(L.T @ L, lower=0, clean=0)[0]  # its columns are independent: they have pivots
     L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * largest(g)
     for _ in range(_ROUNDS):  # y = L z is in the range of G G^T, and so the shortest
         z = lapack.dpotrs(R, blas.dtrsv(L11, (G @ missed)[pivots[:rank]], lower=1))[0]

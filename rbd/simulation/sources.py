@@ -120,7 +120,7 @@ def _structure(name: str, cone: Cone) -> tuple[Array | None, Structure]:
 
 def _single(part: object) -> Cone:
     if isinstance(part, SecondOrderCone):
-        return FrictionCone(part.mu, part.facets) if part.mu else FrictionCone(0.0, part.facets)
+        return FrictionCone(part.mu, part.facets)
     if isinstance(part, HalfLine):
         return NonNegative(1)
     if isinstance(part, Interval):

@@ -74,17 +74,15 @@ class _Chosen:
     Attributes:
         index: Which rows.
         groups: (constraint, its rows among them, their set).
-        parts: Their sets as weights.
-        plain: Whether weights are the row impulses themselves.
+        parts: Their sets as weights, which are the row impulses themselves: each set is one point's own.
         bilateral: Whether all hold, whatever it takes.
         held: Which of the rows hold, whatever it takes; indices.
-        stillness: Of plain ones.
+        stillness: Of the parts, if there are any.
     """
 
     index: Array | slice
     groups: tuple[tuple[str, slice, Cone], ...]
     parts: Parts
-    plain: bool
     bilateral: bool
     held: Array
     stillness: Stillness | None
@@ -185,13 +183,10 @@ class VelocitySolver:
             if still is not None:
                 return *still, False
         T = chosen.parts
-        if not chosen.plain:
-            D, u, guess = T.H.T @ D @ T.G, T.H.T @ u, T.project(T.H.T @ guess)
-            shift = None if shift is None else T.H.T @ shift
         if shift is not None:
             x, merit, S = self._tried(D, u + shift, T, guess)
             if merit <= _exact(S):
-                return T.G @ T.project(S.weights(x)), merit, False
+                return T.project(S.weights(x)), merit, False
             # Sole and load may be such that no friction opposes the velocity in the middle: then that at the end.
         x, merit, S = self._tried(D, u, T, guess)
         exact = _exact(S)
@@ -200,7 +195,7 @@ class VelocitySolver:
         if merit > exact:
             x, merit = yielding_steps(S, np.zeros(T.size), coulomb=self.coulomb)
         if merit <= exact:
-            return T.G @ T.project(S.weights(x)), merit, False
+            return T.project(S.weights(x)), merit, False
         return *self._searched(problem()), False
 
     def _tried(self, D: Array, u: Array, T: Parts, guess: Array) -> tuple[Array, float, Scaled]:
@@ -265,10 +260,9 @@ def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
         at += cone.dim
     # Sets alone matter here: rows of zeros stand in for those of a state.
     parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
-    plain = _plain(parts)
     bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
     held = np.flatnonzero(layout.held[index])
-    return _Chosen(index, tuple(groups), parts, plain, bilateral, held, Stillness(parts) if plain and parts.size else None)
+    return _Chosen(index, tuple(groups), parts, bilateral, held, Stillness(parts) if parts.size else None)
 
 
 def _held(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:
@@ -291,8 +285,3 @@ def _over(cone: Cone, h: float) -> Cone:
     if not isinstance(cone, Box):
         return cone
     return Box(*(np.where(np.isfinite(bound), 0.0, bound) if h == 0.0 else h * bound for bound in (cone.lo, cone.hi)))
-
-
-def _plain(parts: Parts) -> bool:
-    """Whether weights are the row forces themselves."""
-    return parts.G.shape[0] == parts.G.shape[1] and bool((parts.G.diagonal() == 1.0).all())

@@ -11,10 +11,11 @@ import numpy as np
 
 from rbd.analysis.contradiction import contradiction
 from rbd.analysis.violation import relaxed, smallest_violation
-from rbd.arrays import Array, identity, largest, zeros
+from rbd.arrays import Array, identity, is_finite, largest, zeros
 from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.programs import nonnegative
 from rbd.problem.rays import Rays
-from rbd.problem.residuals import SOLVED, USABLE
+from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.solution import Solution
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, held_refined, independent_factor
@@ -22,6 +23,12 @@ from rbd.solvers.refinement import rays_refined
 
 POLISH = 1e-12
 """An answer whose residuals are above this, over the largest numbers of its problem, gets a step on its active rays."""
+
+_ROUNDING = float(np.finfo(float).eps)
+_POLISHED = 4
+"""Rounds of that step at most: more than one where little weights would turn negative."""
+_STEEP = 1e4
+"""Friction up to this loses no more than 1e-12 of a normal force."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,10 @@ class ProxQP:
         found, solved = self._best(P, R, start)
         if not (solved or found.residuals.within(USABLE)):
             return _in_spite(lambda P, start: self._best(P, R, start)[0], found, start)
-        return found.settled() if independent is None else found
+        if independent is not None:
+            return found
+        settled = found.settled()
+        return settled if settled.residuals.within(ENOUGH) else _better(settled, _eased(found, R, start).settled())
 
     def _best(self, P: GaussProblem, R: Array, start: float) -> tuple[Solution, bool]:
         along, opening, holds = _ray_rows(P, R)
@@ -122,9 +132,49 @@ def _in_spite(best: Callable[[GaussProblem, float], Solution], failed: Solution,
     """What satisfies the rows as nearly as can be where they contradict each other; else the attempt that failed."""
     P = failed.problem
     if contradiction(P, failed.law) is None:
-        return replace(failed, seconds=time.perf_counter() - start)
+        return replace(failed, seconds=time.perf_counter() - start, reason=_too_steep(failed))
     found = best(relaxed(P, smallest_violation(P, failed.law)[0]), start)
     return replace(found, problem=P, infeasible=True, seconds=time.perf_counter() - start)
+
+
+def _eased(found: Solution, R: Array, start: float) -> Solution:
+    """The same answer, its contacts not squeezing each other.
+
+    ProxSuite's forces between them may be a million times as large as they need be, and leave the rounding of that in what is
+    found from them.
+    """
+    P, w = found.problem, found.weights
+    if w is None:
+        return found
+    along, opening, holds = _ray_rows(P, R)
+    if P.rays.has_intervals:
+        w = _Bounded(P.rays, along, opening).polished(w, few=True)
+    else:
+        w = _polished(w, along, opening, holds, few=True)
+    return _solution(P, w, found.iterations, start)
+
+
+def _too_steep(failed: Solution) -> str:
+    """Words on friction so great that rounding of the rays' forces is what is missed; empty where it is not.
+
+    A normal force is a sum of rays; their tangential parts, mu times as large, cancel and leave their rounding.
+    """
+    P, w, T = failed.problem, failed.weights, failed.problem.parts
+    if w is None or not is_finite(w):
+        return ""
+    terms, most, out = np.abs(P.rays.G) @ np.abs(w), 0.1 * failed.residuals.worst, ""
+    for rows, columns in zip(P.rows, T.slices, strict=True):
+        own, mu = P.slices[rows.name], T.mu[(T.cone_at >= columns.start) & (T.cone_at < columns.stop)].max(initial=0.0)
+        relative = float((terms[own] / failed.residuals.scales.row_forces[own]).max(initial=0.0))
+        lost = _ROUNDING * max(relative, mu)  # of next to no force, what any would lose
+        if mu > _STEEP and lost > most:
+            most = lost
+            out = (
+                f"{rows.name} has friction {mu:.3g}, too much for a pyramid in double precision: its normal force is a sum of "
+                "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ADMM(), whose "
+                "cones are true ones, or friction=None for a contact that holds"
+            )
+    return out
 
 
 class _Bounded:
@@ -171,10 +221,10 @@ class _Bounded:
         u[~self.holds] = np.maximum(attempt.z[: np.count_nonzero(~self.holds)], 0.0)
         return self._all(u * scale)
 
-    def polished(self, weights: Array) -> Array:
-        """Weights moved, those at a bound excepted, so that what can give keeps still to rounding."""
+    def polished(self, weights: Array, few: bool = False) -> Array:
+        """`_polished`, of the weights w."""
         u = (self.sign * (weights - self.base))[self.kept]
-        return self._all(_polished(u, self.along, self.opening, self.holds, self.room))
+        return self._all(_polished(u, self.along, self.opening, self.holds, self.room, few))
 
     def _all(self, u: Array) -> Array:
         w = self.base.copy()
@@ -212,18 +262,47 @@ def _exact(found: Solution) -> bool:
 
 
 def _better(one: Solution, other: Solution) -> Solution:
-    return other if not other.residuals.worst >= one.residuals.worst else one
+    return other if other.residuals.less_than(one.residuals) else one
 
 
-def _polished(weights: Array, along: Array, opening: Array, holds: Array, room: Array | float = math.inf) -> Array:
-    """Weights moved, within the rays that carry something but not all they can, so that those rays keep still to rounding."""
-    small = 1e-8 * max(1.0, float(np.abs(weights).max(initial=0.0)))
-    active = holds | ((weights > small) & (weights < room - small))
-    B = along[active]
-    miss = B @ (along.T @ weights) + opening[active]
-    moved = weights.copy()
-    moved[active] -= np.linalg.lstsq(B.T, np.linalg.lstsq(B, miss, rcond=1e-12)[0], rcond=1e-12)[0]
-    return np.where(holds, moved, np.maximum(moved, 0.0))
+def _polished(
+    weights: Array, along: Array, opening: Array, holds: Array, room: Array | float = math.inf, few: bool = False
+) -> Array:
+    """Weights moved, within the rays that carry something but not all they can, so that those rays keep still to rounding.
+
+    Args:
+        weights: Shape (r,).
+        along: As of `_ray_rows`.
+        opening: Likewise.
+        holds: Likewise.
+        room: Upper bounds of the weights.
+        few: Let as few rays as can carry the same before.
+    """
+    moved = _on_few(weights, along, holds, room) if few else weights.copy()
+    for _ in range(_POLISHED):
+        small = 1e-8 * max(1.0, float(np.abs(moved).max(initial=0.0)))
+        active = holds | ((moved > small) & (moved < room - small))
+        B = along[active]
+        miss = B @ (along.T @ moved) + opening[active]
+        moved[active] -= np.linalg.lstsq(B.T, np.linalg.lstsq(B, miss, rcond=1e-12)[0], rcond=1e-12)[0]
+        pulls = ~holds & (moved < 0.0)
+        if not pulls.any():
+            break
+        moved[pulls] = 0.0  # those that carried least of all; without them once more
+    return moved
+
+
+def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> Array:
+    """Weights, few of them other than zero, that do the same; themselves where they are not found."""
+    moved, some = weights.copy(), holds | ((weights > 0.0) & ~np.isfinite(room))
+    E, lines = along[some].T, holds[some]
+    u = nonnegative(np.hstack([E, -E[:, lines]]), E @ weights[some])
+    if u is None:
+        return moved
+    n = E.shape[1]
+    u[:n][lines] -= u[n:]
+    moved[some] = u[:n]
+    return moved
 
 
 def law_name(P: GaussProblem) -> str:

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import ModelWarning
+from rbd.model.mjcf import convex_hull
 from rbd.visual import shapes
 from rbd.visual.collada import read_collada
 from rbd.visual.colors import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR
@@ -149,11 +150,9 @@ def triangles(geometry: coal.CollisionGeometry) -> Mesh | None:
 
 
 def _hull_mesh(points: Array) -> Mesh | None:
-    from scipy.spatial import ConvexHull, QhullError
-
     try:
-        return shapes.creased(Mesh(points, ConvexHull(points).simplices))
-    except QhullError:
+        return shapes.creased(Mesh(points, convex_hull(points)))
+    except ValueError:
         return None
 
 

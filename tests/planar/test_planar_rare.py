@@ -7,8 +7,11 @@ import pytest
 import sympy
 
 from rbd.errors import InputError, SingularPose
-from rbd.planar import Chain, endpoint_motion, minimum_jerk
+from rbd.planar import Chain, endpoint_motion, minimum_jerk, motion
+from rbd.planar.arm import arm_of
 from rbd.planar.modes import Linearised
+from rbd.planar.reduction import newton
+from rbd.planar.redundant import _reach, _settle
 
 THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
 
@@ -51,6 +54,36 @@ def test_the_note_of_a_split_says_where_the_coriolis_part_comes_from():
     assert "no product of two rates" in Chain(2, angles="segment").split().note
 
 
+def test_a_path_from_the_stretched_pose_inwards_is_followed():
+    """In line there is no null space half-way: the first step is a pose anew, and every sample is on the path."""
+    points = np.linspace([1.0, 0.0], [0.9, 0.0], 21)
+    path = THREE.inverse_path(points)
+    assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12
+    assert np.abs(path.q[0]).max() < 1e-7 and np.abs(np.diff(path.q[1:], axis=0)).max() < 0.2
+
+
+def test_poses_on_the_family_that_cannot_be_bettered_are_returned_and_no_minimum_is_claimed():
+    """In line the family has no tangent, and without a step none is taken: the pose stays where it is."""
+    arm, q0 = arm_of(THREE), np.array([0.1, 0.2, 0.3])
+    for q in (np.zeros(3), np.array([0.4, -0.7, 1.1])):
+        kept, minimum = _settle(arm, arm.end(q), q0, q, most=60 if not q.any() else 0)
+        assert np.array_equal(kept, q) and not minimum
+
+
+def test_a_target_is_not_reached_in_fewer_steps_than_it_takes():
+    """Levenberg's method: none after one step, there after a hundred."""
+    arm, target = arm_of(THREE), np.array([0.2, 0.5])
+    assert _reach(arm, target, np.array([2.0, 0.5, 0.5]), most=1) is None
+    there = _reach(arm, target, np.array([2.0, 0.5, 0.5]))
+    assert there is not None and np.abs(arm.end(there) - target).max() < 1e-14
+
+
+def test_newtons_method_ends_where_a_root_is_too_flat():
+    """A root of order 20 from 1e3: each step takes 1/20 of the way; after 80 the misfit is told, not the root."""
+    s, misfit = newton(lambda s: (s**20, np.diag(20.0 * s**19)), np.array([1e3]))
+    assert s[0] == pytest.approx(1e3 * 0.95**80, rel=1e-9) and misfit == pytest.approx(s[0] ** 20)
+
+
 # ------------------------------------------------------------------------------------------------------------ motions
 
 
@@ -63,6 +96,24 @@ def test_an_end_point_that_stays_keeps_all_angles():
         assert np.abs(still.q - still.q[0]).max() < 1e-12 and still.note == ""
         with pytest.raises(SingularPose, match="in line at every sample"):
             endpoint_motion(chain, minimum_jerk((1.0, 0.0), (1.0, 0.0), 1.0))
+
+
+def test_a_path_from_a_pose_nearly_in_line_ends_with_its_place_or_is_followed(monkeypatch):
+    """Links 0.5, 0.3, 0.2 m folded onto the base: a milliradian from the line it is followed, a microradian it is told."""
+    chain = Chain(3, lengths=(0.5, 0.3, 0.2))
+
+    def begun(bend: float) -> np.ndarray:
+        start = np.array([0.0, np.pi + bend, -2.0 * bend])
+        here = chain.numeric.position(start)
+        return endpoint_motion(chain, minimum_jerk(here, here - [0.1, 0.0], 1.0), start=start).q
+
+    monkeypatch.setattr(motion, "MOST_RATES", 4_000)  # a few seconds, where the limit itself takes more
+    end = chain.numeric.position(begun(0.01)[-1])
+    assert end == pytest.approx(chain.numeric.position(np.array([0.0, np.pi + 0.01, -0.02])) - [0.1, 0.0], abs=1e-9)
+    with pytest.raises(SingularPose, match=r"into line, or nearly, .* at about 0.000\d+ s. Begin near other angles"):
+        begun(1e-6)
+    with pytest.raises(SingularPose, match="into line, or nearly, on the way"):
+        begun(0.0)
 
 
 def test_a_path_that_begins_along_the_edge_has_bounded_accelerations():

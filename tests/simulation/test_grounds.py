@@ -1,10 +1,13 @@
 """Contacts with the ground, measured together and one by one."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from flat_bodies import free_body, free_state
+from scipy.integrate import solve_ivp
 
 import rbd
 from rbd.simulation.grounds import Grounds, OnGround
@@ -106,3 +109,84 @@ def test_recorded_corners_of_a_held_patch_are_on_the_body(stepper: str):
         found = motion.points["glue"][k]
         assert np.abs(found - expected).max() < 1e-9 if len(found) == 4 else len(found) == 1
         assert motion.forces["glue"][k][:3] == pytest.approx([0.0, 0.0, 98.1], abs=1e-6)
+
+
+TILT = pin.exp3(np.array([0.2, -0.3, 0.4]))
+EDGES = {
+    "its placement's z": {},
+    "a normal": {"normal": (0.0, 0.6, 0.8)},
+    "an anchor": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3]))},
+    "an anchor and a normal": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3])), "normal": (0.0, 0.6, 0.8)},
+    "a plane": {"on": rbd.Ground(point=(0.0, 0.0, 0.2), normal=(0.0, 0.6, 0.8))},
+}
+
+
+@pytest.mark.parametrize("by", EDGES)
+@pytest.mark.parametrize("friction", [0.5, 0.0])
+def test_an_edge_on_the_ground_is_its_two_ends(by: str, friction: float):
+    """Velocities, J_dot v, gaps and places of its ends, in W, are those of two points on the plane that the edge is told of."""
+    robot, given = free_body(2.0, [0.1, 0.2, 0.3]), EDGES[by]
+    start = free_state(robot, (0.3, -0.2, 0.5), (0.1, 0.2, -0.3))
+    placement = pin.SE3(pin.exp3(np.array([-0.2, 0.1, 0.5])), np.array([0.05, -0.1, -0.2]))
+    edge = rbd.LineContact("edge", "body", half_length=0.3, placement=placement, friction=friction, **given)
+    there = start.frame("body").X_WF * placement
+    normal = given.get("normal", (given.get("anchor", there)).rotation[:, 2])
+    through = given.get("anchor", there).translation
+    if "on" in given:
+        normal, through = given["on"].normal, given["on"].point
+    ends = [
+        rbd.PointContact(
+            f"end{i}", "body", offset=placement.act(np.array([x, 0.0, 0.0])), normal=normal, anchor=through, friction=friction
+        )
+        for i, x in enumerate((0.3, -0.3))
+    ]
+    state = free_state(robot, (0.4, -0.1, 0.6), (-0.4, 0.5, 0.7), (0.3, -1.0, 0.6), (1.0, 2.0, -3.0))
+    line = OnGround(edge, start).at(state, 0.0)
+    points = [OnGround(end, start).at(state, 0.0) for end in ends]
+    for what in ("J", "velocity", "bias"):
+        rows = getattr(line, what).reshape(2, 3 if friction else 1, -1)
+        found = line.axes[:, -rows.shape[1] :] @ rows
+        expected = [m.axes[:, -rows.shape[1] :] @ getattr(m, what).reshape(rows.shape[1], -1) for m in points]
+        assert np.abs(found - np.array(expected)).max() < 10.0 * ROUNDING, what
+    assert np.abs(line.gap - np.concatenate([m.gap for m in points])).max() < ROUNDING
+    assert np.abs(line.points - np.concatenate([m.points for m in points])).max() < ROUNDING
+    assert np.abs(OnGround(edge, start).gaps(state, 0.0) - line.gap).max() < ROUNDING
+
+
+def test_a_sole_that_stands_on_its_rim_has_axes_of_its_plane():
+    """Its x points along the plane's normal and says no direction on it: gaps are z of its corners, axes a turn with z up."""
+    robot = free_body(2.0, [0.1, 0.2, 0.3])
+    placement = pin.SE3(pin.exp3(np.array([0.0, -0.5 * math.pi, 0.0])), np.array([0.0, 0.0, 0.2]))
+    sole = rbd.SurfaceContact("rim", "body", half_lengths=(0.2, 0.1), placement=placement, friction=0.5, on=0.1)
+    state = free_state(robot, (0.0, 0.0, 0.1))
+    found = OnGround(sole, state).at(state, 0.0)
+    assert sorted(np.round(found.gap, 12)) == [0.0, 0.0, 0.4, 0.4]
+    assert np.abs(found.axes[:, 2] - [0.0, 0.0, 1.0]).max() < ROUNDING
+    assert np.abs(found.axes.T @ found.axes - np.eye(3)).max() < ROUNDING and np.linalg.det(found.axes) > 0.0
+
+
+def test_a_box_falls_about_the_edge_that_it_stands_on():
+    """An inverted pendulum, I phi'' = m g r sin phi about the edge, which does not slip: of second order, as its forces are."""
+    m, half, low, g = 10.0, 0.2, 0.1, 9.81
+    inertia, r = m * (0.4**2 + 0.2**2) / 12.0, math.hypot(half, low)
+    about = inertia + m * r * r
+    placement = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.5 * math.pi])), np.array([half, 0.0, -low]))
+    edge = rbd.LineContact("edge", "body", half_length=0.2, placement=placement, normal=(0.0, 0.0, 1.0), friction=1.5)
+    phi0, duration = math.atan2(half, low) - 0.4, 0.16
+    true = solve_ivp(
+        lambda t, y: [y[1], m * g * r * math.sin(y[0]) / about], (0.0, duration), [-phi0, 0.0], rtol=1e-12, atol=1e-12
+    ).y[:, -1]
+    robot, errors = free_body(m, [0.1, inertia, 0.1]), []
+    start = free_state(robot, r * np.array([-math.sin(phi0), 0.0, math.cos(phi0)]), (0.0, 0.4, 0.0))
+    for step in (1e-2, 5e-3):
+        found = rbd.simulate(start, [edge], duration=duration, step=step, progress=False)
+        assert set(found.modes["edge"]) == {"sticks"}
+        phi, rate = math.atan2(found.q[-1, 0], found.q[-1, 2]), found.v[-1, 4]
+        errors.append(max(abs(phi - true[0]), abs(rate - true[1])))
+    assert errors[1] < 30.0 * 5e-3**2  # at up to 4 rad/s and 25 rad/s2
+    assert 3.0 < errors[0] / errors[1] < 5.0
+    turning = m * g * r * math.sin(true[0]) / about
+    com = r * (turning * np.array([math.cos(true[0]), -math.sin(true[0])])
+               - true[1] ** 2 * np.array([math.sin(true[0]), math.cos(true[0])]))  # fmt: skip
+    assert np.abs(found.forces["edge"][-1][[0, 2]] - m * (com + [0.0, g])).max() < 5e-3 * m * g
+    assert np.abs(found.point_forces["edge"][-1].sum(axis=0) - found.forces["edge"][-1][:3]).max() < 1e-9

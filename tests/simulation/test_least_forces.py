@@ -7,9 +7,12 @@ import math
 import numpy as np
 import pytest
 from contact_cases import sole
-from flat_bodies import free_body, free_state
+from flat_bodies import flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
+from rbd.simulation.least_forces import _inside, _settled, _shortest
+from rbd.simulation.snapshot import Points
+from rbd.simulation.sources import sources_of
 
 G = 9.81
 STEPPING = pytest.mark.parametrize("integrator", [rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)])
@@ -111,3 +114,89 @@ def test_a_sliding_box_keeps_its_friction_and_its_motion(integrator):
         tips = forces[:, 2] @ (found.points["sole"][i][:, 0] - found.q[i, 0])  # the loads' moment balances the friction's
         assert abs(tips - 0.4 * BOX_KG * G * DEPTH) < 1e-6
         assert np.ptp(forces[:2, 2]) < 1e-6 or math.isclose(forces[0, 2], forces[1, 2], abs_tol=1e-6)
+
+
+@STEPPING
+@pytest.mark.parametrize("push_N", [3.0, 9.0], ids=["each holds", "the joint's is at its bound"])
+def test_dry_friction_of_a_joint_shares_with_that_of_the_feet(integrator, push_N):
+    """A body on two rough edges, its slider rubbing with 2 N at most, pushed: the shortest forces with that sum, by hand.
+
+    Feet at -h below the push: their normals take its moment, so each newton of theirs along x costs h / b more of them.
+    """
+    m, half, depth, bound = 2.0, 0.4, 0.1, 2.0
+    edges = [floor_point(f"edge{i}", (x, -depth), friction=0.5) for i, x in enumerate((-half, half))]
+    start = flat_state(flat_body(m, 0.02), (0.0, depth, 0.0))
+    found = rbd.simulate(
+        start, [*edges, rbd.JointFriction("rub", "x", bound)], duration=0.02, step=5e-3, integrator=integrator, progress=False,
+        external=lambda state, t: np.array([push_N, 0.0, 0.0]),
+    )  # fmt: skip
+    # Unknowns: x and z of both feet, the joint's; sums along x and z, and the moment about the middle.
+    J = np.array([[1.0, 0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0, 0.0], [-depth, half, -depth, -half, 0.0]])
+    expected = np.linalg.pinv(J) @ [-push_N, m * G, 0.0]
+    if abs(expected[4]) > bound:
+        expected = np.append(np.linalg.pinv(J[:, :4]) @ [-push_N + bound, m * G, 0.0], -bound)
+    for i in range(len(found)):
+        forces = [*found.forces["edge0"][i][[0, 2]], *found.forces["edge1"][i][[0, 2]], *found.forces["rub"][i]]
+        assert forces == pytest.approx(expected, abs=1e-8)
+
+
+@STEPPING
+def test_dry_friction_of_a_joint_that_slides_is_at_its_bound_beside_that_of_the_feet(integrator):
+    """Sliding at 1 m/s: 2 N of the joint and mu times the load of the feet, which carry the weight."""
+    m, mu = 2.0, 0.4
+    edges = [floor_point(f"edge{i}", (x, -0.1), friction=mu) for i, x in enumerate((-0.4, 0.4))]
+    start = flat_state(flat_body(m, 0.02), (0.0, 0.1, 0.0), (1.0, 0.0, 0.0))
+    given = [*edges, rbd.JointFriction("rub", "x", 2.0)]
+    found = rbd.simulate(start, given, duration=0.02, step=5e-3, integrator=integrator, progress=False)
+    for i in range(len(found)):
+        one, other = found.forces["edge0"][i], found.forces["edge1"][i]
+        assert found.forces["rub"][i] == pytest.approx([-2.0], abs=1e-9)
+        assert one[2] + other[2] == pytest.approx(m * G, abs=1e-8)
+        assert [one[0], other[0]] == pytest.approx([-mu * one[2], -mu * other[2]], abs=1e-8)
+        assert 0.4 * (other[2] - one[2]) == pytest.approx(-0.1 * (one[0] + other[0]), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("G", "g"),
+    [([[1.0, 0.0]], [0.0, 1.0]), ([[1.0, 1.0], [2.0, 2.0]], [1.0, 1.0 + 1e-9]), ([[0.0, 0.0]], [1.0, 0.0])],
+    ids=["another direction", "nearly the same one", "rows that move nothing"],
+)
+def test_what_no_forces_make_has_no_shortest(G, g):
+    """G^T y = g has no solution to twelve digits."""
+    assert _shortest(np.array(G), np.array(g)) is None
+
+
+def test_the_shortest_of_rows_that_repeat_each_other_is_the_pseudoinverses():
+    """Eight rows of rank three."""
+    rng = np.random.default_rng(4)
+    rows = rng.normal(size=(8, 3)) @ rng.normal(size=(3, 5))
+    g = rows.T @ rng.normal(size=8)
+    found = _shortest(rows, g)
+    assert found is not None
+    assert np.abs(found - np.linalg.pinv(rows.T) @ g).max() < 1e-11
+
+
+@pytest.mark.parametrize("used", [1.0, 0.5])
+def test_a_slide_with_less_friction_than_its_own_is_left_to_the_long_way(used):
+    """Of four corners that slide the short way knows rays of mu N alone: half of that is none of their sums."""
+    start = free_state(_box(), (0.0, 0.0, DEPTH), v=(1.0, 0.0, 0.0))
+    at = Points(sources_of([sole("body", HALF, DEPTH, 0.4)], start)).at(start, 0.0)
+    force = np.tile([-0.4 * used, 0.0, 1.0], 4) * BOX_KG * G / 4.0
+    found = _inside(at, np.ones(4, bool), at.velocity, force, at.J.T @ force, "coulomb")
+    assert (found is None) == (used < 1.0)
+    if found is not None:
+        assert found == pytest.approx(force, abs=1e-9)  # alike at all corners: the shortest with that sum and moment
+
+
+def test_of_rows_that_all_hold_the_long_way_finds_the_shortest_too():
+    """A hinge that closes a four-bar, five rows of rank two: the pseudoinverse's forces, of any that do the same."""
+    robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
+    (loop,) = robot.loops
+    hinge = rbd.LoopClosure(loop.name, loop.frame_a, loop.frame_b, kind="revolute", axis=loop.axis)
+    state = robot.at("assembled")
+    at = Points(sources_of([hinge], state)).at(state, 0.0)
+    given = np.random.default_rng(1).normal(size=5)
+    found = _settled(at, np.ones(1, bool), state.v, at.velocity, given, "coulomb")
+    assert np.linalg.matrix_rank(at.J) == 2
+    assert np.abs(found - np.linalg.pinv(at.J.T) @ (at.J.T @ given)).max() < 1e-9
+    assert np.linalg.norm(found) < 0.99 * np.linalg.norm(given)
