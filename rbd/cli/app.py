@@ -26,6 +26,7 @@ from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outp
 from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.least_constraint import solve
 from rbd.model.external_force import ExternalForce
+from rbd.model.installation import version
 from rbd.model.output_files import write_text
 from rbd.problem.cones import check_friction
 from rbd.robots.loop_file import ROOTS, Root
@@ -51,16 +52,14 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         import pinocchio
 
-        from rbd import __version__
-
-        versions = f"rbd {__version__} (Python {platform.python_version()}, pin {pinocchio.__version__})"
+        versions = f"rbd {version()} (Python {platform.python_version()}, pin {pinocchio.__version__})"
         terminal().print(versions, highlight=False)
         raise typer.Exit
 
 
 @app.callback()
 def rbd(
-    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")] = False,
+    version_: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")] = False,
 ) -> None:
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
 
