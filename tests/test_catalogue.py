@@ -341,3 +341,21 @@ def test_a_source_can_be_sent_to_a_worker() -> None:
     """A source pickles: other processes build their own model from it."""
     source = pickle.loads(pickle.dumps(catalogue.find("talos")))
     assert source.feet == catalogue.find("talos").feet
+
+
+class TestLicences:
+    """Under which licence a robot's files come."""
+
+    def test_each_robot_of_the_data_states_one(self):
+        """In the README of its folder: free ones, shared alike, and one that forbids changes."""
+        told = {name: catalogue.licence(catalogue.find(name)) for name in catalogue.robots()}
+        assert {name: told[name] for name in ("talos", "g1", "panda", "icub")} == {
+            "talos": "Apache-2.0", "g1": "BSD-3-Clause", "panda": "Apache-2.0", "icub": "CC-BY-SA-4.0"
+        }  # fmt: skip
+        assert all(told.values())
+
+    def test_of_our_own_mechanisms_it_is_ours_and_of_your_file_nothing_is_known(self, tmp_path):
+        """No licence is made up."""
+        assert catalogue.licence(catalogue.find("four_bar")) == "BSD-2-Clause"
+        (tmp_path / "mine.urdf").write_text("<robot name='mine'><link name='a'/></robot>")
+        assert catalogue.licence(catalogue.find(tmp_path / "mine.urdf")) == ""
