@@ -11,10 +11,10 @@ from typing import TypeVar
 from rbd.arrays import three
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
+from rbd.constraints.constraint import Constraint
 from rbd.control.controllers import HoldPosture
 from rbd.control.pushes import Push
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism import assemble
 from rbd.model.state import State
 from rbd.problem.rows import Rows

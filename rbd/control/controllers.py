@@ -17,9 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.control.gains import Gains, posture_gains
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint, rows_of
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free
 from rbd.simulation.snapshot import Layout, Points, Snapshot

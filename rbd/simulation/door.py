@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rbd.arrays import a_number, largest
+from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import (
     DuplicateName,
@@ -21,7 +22,7 @@ from rbd.errors import (
     Unsupported,
     nearest,
 )
-from rbd.least_constraint import Constraint, listed, rows_of, warn_of_distant
+from rbd.least_constraint import warn_of_distant
 from rbd.mechanism.projection import Projection
 from rbd.model.external_force import External
 from rbd.model.state import State

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
 from rbd.arrays import Array, zeros
+from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import free_force
