@@ -32,6 +32,7 @@ from rbd.constraints import (
     joint_limits,
     mimics,
 )
+from rbd.control import HoldPosture, Push, Pushes, Sampled, TorqueScript
 from rbd.errors import (
     CannotAssemble,
     CannotHold,
@@ -73,20 +74,7 @@ from rbd.problem.rows import Rows
 from rbd.robots.diagnosis import Finding, Report, doctor
 from rbd.robots.merge import Pair, combine
 from rbd.robots.robot import Robot, load_robot
-from rbd.simulation import (
-    Adaptive,
-    Event,
-    HoldPosture,
-    Projection,
-    Push,
-    Pushes,
-    RungeKutta4,
-    Sampled,
-    TimeStepping,
-    TorqueScript,
-    Trajectory,
-    simulate,
-)
+from rbd.simulation import Adaptive, Event, Projection, RungeKutta4, TimeStepping, Trajectory, simulate
 from rbd.solution import Solution, Status
 from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT

@@ -11,6 +11,8 @@ import numpy as np
 from rbd.arrays import a_number, largest
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.control.pushes import ExternalAt
+from rbd.control.torques import Controller
 from rbd.errors import (
     DuplicateName,
     InaccurateWarning,
@@ -29,7 +31,7 @@ from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.residuals import USABLE
 from rbd.simulation.moment import Event, Moment
-from rbd.simulation.motion import Controller, ExternalAt, Integrator, Motion, Stabilisation
+from rbd.simulation.motion import Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
 from rbd.simulation.recording import Recording
 from rbd.simulation.runge_kutta import RungeKutta4

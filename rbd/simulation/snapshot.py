@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.points import Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone
-from rbd.simulation.measured import Measured, Source, Structure
 from rbd.simulation.moment import HOLDS, OPEN, PUSHES, SLIPS, STICKS, Touch
 
 

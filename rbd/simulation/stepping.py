@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
+from rbd.constraints.sources import sources_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
 from rbd.model.bases import Bases
@@ -40,7 +41,6 @@ from rbd.simulation.motion import Motion
 from rbd.simulation.nearness import Nearness
 from rbd.simulation.sliding import stopping, turned_back
 from rbd.simulation.snapshot import Layout, Points, Snapshot, touches_of
-from rbd.simulation.sources import sources_of
 from rbd.simulation.velocity_problem import VelocityAnswer, VelocitySolver
 from rbd.simulation.watch import SLIDES, Watch, slide
 

@@ -12,13 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number
+from rbd.control.pushes import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
 from rbd.simulation.moment import Event, Moment
-from rbd.simulation.motion import ExternalAt, Integrator, Motion
+from rbd.simulation.motion import Integrator, Motion
 from rbd.simulation.recording import RESIDUALS, Recording
 from rbd.simulation.sample import Sample, kept, kept_words
 from rbd.simulation.trajectory_dataset import (

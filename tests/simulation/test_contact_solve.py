@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.constraints.sources import sources_of
 from rbd.problem.parts import parts_of
 from rbd.problem.rows import Rows
 from rbd.simulation.snapshot import Points
-from rbd.simulation.sources import sources_of
 from rbd.simulation.velocity_problem import VelocitySolver
 from rbd.solvers.contact_solve import Stillness
 
