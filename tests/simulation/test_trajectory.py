@@ -13,8 +13,7 @@ import rbd
 from rbd.model.joint_names import motors, positions, velocities
 from rbd.simulation.moment import Touch
 from rbd.simulation.recording import Recording
-from rbd.simulation.sample import Sample
-from rbd.simulation.trajectory import Trajectory
+from rbd.simulation.trajectory import Sample, Trajectory
 
 
 @pytest.fixture(scope="module")
