@@ -21,7 +21,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.output_files import write_file
 from rbd.model.state import State
-from rbd.simulation.moment import HOLDS, OPEN, SLIPS
+from rbd.simulation.events import HOLDS, OPEN, SLIPS
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import RESIDUALS
 

@@ -1,10 +1,9 @@
 """Motion over time: smooth motion on constraints that hold, and contact with impacts."""
 
 from rbd.mechanism.projection import Projection
-from rbd.simulation.adaptive import Adaptive
-from rbd.simulation.door import simulate
-from rbd.simulation.moment import Event
-from rbd.simulation.runge_kutta import RungeKutta4
+from rbd.simulation.events import Event
+from rbd.simulation.integrators import Adaptive, RungeKutta4
+from rbd.simulation.run import simulate
 from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 

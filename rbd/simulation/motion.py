@@ -16,7 +16,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
-from rbd.simulation.moment import Moment
+from rbd.simulation.events import Moment
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
 """How constraints that hold are kept: by projection, by feedback, or not at all."""

@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array, is_finite
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
-from rbd.simulation.moment import OPEN, Moment, Touch
+from rbd.simulation.events import OPEN, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
 

@@ -26,7 +26,7 @@ from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.simulation.moment import HOLDS, Moment, Touch
+from rbd.simulation.events import HOLDS, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.solution import Solution
 

@@ -17,7 +17,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
-from rbd.simulation.moment import Event, Moment
+from rbd.simulation.events import Event, Moment
 from rbd.simulation.motion import Integrator, Motion
 from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory_dataset import (

@@ -16,7 +16,7 @@ from rbd.arrays import Array, a_number
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
-from rbd.simulation.moment import Event
+from rbd.simulation.events import Event
 from rbd.simulation.robot_recipe import recipe, robot_numbers, robot_of
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Column, Fields
 from rbd.simulation.trajectory_file import xarray_or_error

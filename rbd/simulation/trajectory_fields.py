@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array, a_number, numbers
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.moment import Event
+from rbd.simulation.events import Event
 
 Fields: TypeAlias = Mapping[str, Any]
 """The fields of a `Trajectory` by name."""

@@ -7,7 +7,7 @@ import rbd
 from rbd.constraints.sources import sources_of
 from rbd.problem.parts import parts_of
 from rbd.problem.rows import Rows
-from rbd.simulation.snapshot import Points
+from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import VelocitySolver
 from rbd.solvers.contact_solve import Stillness
 

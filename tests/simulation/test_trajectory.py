@@ -11,7 +11,7 @@ from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 
 import rbd
 from rbd.model.joint_names import motors, positions, velocities
-from rbd.simulation.moment import Touch
+from rbd.simulation.events import Touch
 from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory import Sample, Trajectory
 

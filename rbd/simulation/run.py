@@ -1,4 +1,4 @@
-"""From a state and constraints to a trajectory: the one door to motion."""
+"""From a state and constraints to a trajectory: the entry to all motion."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.residuals import USABLE
-from rbd.simulation.moment import Event, Moment
+from rbd.simulation.events import Event, Moment
+from rbd.simulation.integrators import RungeKutta4
 from rbd.simulation.motion import Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
 from rbd.simulation.recording import Recording
-from rbd.simulation.runge_kutta import RungeKutta4
 from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 
