@@ -1,7 +1,7 @@
-"""Of all point forces with the same motion under the same law, the shortest: what `rbd.solve` gives, at moments of a record.
+"""The forces of a record: the shortest of all with the same motion under the same law, and what they are of each constraint.
 
 A step takes the forces next to those of the step before; four corners carry what three could, and what they push against each
-other sideways would stay in the record. At a recorded moment, with J and g = J^T f of the points that act:
+other sideways would stay in the record. At a recorded moment, with J and g = J^T f of the points that act, as `rbd.solve` does:
 
     minimise |f|^2     subject to     J^T f = g,     f in its cones,     f_t against the sliding of what slides
 
