@@ -68,7 +68,7 @@ class TestBounces:
 class TestTwoBodies:
     """Balls in a row, on sliders along x."""
 
-    def row(self, masses) -> tuple[rbd.model.CheckedModel, list[rbd.PointContact]]:
+    def row(self, masses) -> tuple[rbd.model.checked_model.CheckedModel, list[rbd.PointContact]]:
         """Balls of 0.1 m, each touching the next."""
         n = len(masses)
         joints = [(f"slide{i}", pin.JointModelPX(), m, [1.0, 1.0, 1.0]) for i, m in enumerate(masses)]
