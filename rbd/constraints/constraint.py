@@ -1,4 +1,12 @@
-"""What a constraint is: a name, and rows at a state."""
+"""What a constraint is: a name, and rows at a state.
+
+A kind may have more, which simulation and controllers use where it is there:
+
+    anchored(state)         the same constraint, its place put where it is at a state: of contacts that know no place
+    with_margin(margin)     the same, its points seen from farther away [m]: of contacts that come and go
+    points(state)           a `ContactPoints`: where these touch, with labels that stay while points come and go
+    velocity, acceleration  of the ground that it stands on, if that moves
+"""
 
 from __future__ import annotations
 
