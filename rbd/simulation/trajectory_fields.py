@@ -135,7 +135,7 @@ def kept_words(name: str, value: Array, n: int) -> Array:
     """
     out = np.array(value) if not isinstance(value, np.ndarray) or value.flags.writeable else value
     if out.dtype.kind != "U" or out.shape != (n,):
-        raise InputError(f"modes of {name!r:.80} are {value!r:.80}; expected {n} words.")
+        raise InputError(f"modes of {name!r:.80} are {out.dtype} of shape {out.shape}; expected {n} words.")
     out.flags.writeable = False
     return out
 
