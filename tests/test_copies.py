@@ -165,7 +165,7 @@ def found() -> dict[type, list[Any]]:
 
 KEPT = 3
 """So many instances of a class are copied."""
-PUBLIC = ("rbd", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints")
+PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints")
 
 
 def public_classes() -> list[type]:

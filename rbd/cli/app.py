@@ -31,7 +31,7 @@ from rbd.model.output_files import write_text
 from rbd.problem.cones import check_friction
 from rbd.robots.loop_file import ROOTS, Root
 from rbd.robots.robot import load_robot
-from rbd.simulation.door import simulate as run
+from rbd.simulation.run import simulate as run
 from rbd.statics.equilibrium import hold
 
 MOST_SAMPLES = 10_000

@@ -11,16 +11,16 @@ from typing import TypeVar
 from rbd.arrays import three
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
-from rbd.control.controllers import HoldPosture
+from rbd.constraints.constraint import Constraint
+from rbd.control.posture import HoldPosture
 from rbd.control.pushes import Push
+from rbd.control.torques import Controller
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism import assemble
 from rbd.model.state import State
 from rbd.problem.rows import Rows
 from rbd.robots.loop_file import Root
 from rbd.robots.robot import Robot, load_robot
-from rbd.simulation.motion import Controller
 
 Value = TypeVar("Value")
 

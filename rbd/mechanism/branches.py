@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.assembly import TOLERANCE, check_descent, check_flag, distances
 from rbd.mechanism.closure import Closure, Misfit, rank_of
 from rbd.mechanism.coordinates import Beyond

@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, largest
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
 from rbd.errors import DuplicateName, InputError
-from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.held import of_its_file
 from rbd.model.checked_model import CheckedModel

@@ -18,8 +18,8 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, largest, lazy, zeros
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import InputError, NoSolution
-from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.crossing import Crossing
 from rbd.mechanism.projection import ZERO, correction
 from rbd.model.state import State

@@ -11,8 +11,8 @@ import pinocchio as pin
 from scipy.linalg import qr
 
 from rbd.arrays import Array, largest, numbers
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.brackets import Fields, brackets
 from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel
 from rbd.model.checked_model import CheckedModel

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from rbd.arrays import Array
-from rbd.least_constraint import Constraint
+from rbd.constraints.constraint import Constraint
 from rbd.mechanism.count import Count, count
 from rbd.mechanism.finite import FAR, FiniteMotion, finite_motion
 from rbd.mechanism.held import CLOSED, Held, RowName, check_positive, check_seed, kernel

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, largest, numbers
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.coordinates import Coordinates
 from rbd.mechanism.finite import FAR, ROUGH, neighbours
 from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, joint_of_velocity, rank_of

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, a_number, check_finite, largest, numbers
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent, check_flag
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve

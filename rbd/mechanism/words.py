@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, largest
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.finite import FAR, ROUGH, neighbours
 from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
 from rbd.model.checked_model import CheckedModel

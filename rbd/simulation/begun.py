@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rbd.arrays import Array
-from rbd.simulation.carry import Carry
-from rbd.simulation.snapshot import Layout, Snapshot
+from rbd.simulation.contact_points import Carry, Layout, Snapshot
 from rbd.simulation.velocity_problem import VelocityAnswer
 
 

@@ -28,22 +28,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
+from rbd.constraints.sources import sources_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
 from rbd.model.bases import Bases
 from rbd.model.state import State
 from rbd.simulation.begun import Begun
-from rbd.simulation.carry import Carry
-from rbd.simulation.closing import Closing, first_crossing
-from rbd.simulation.least_forces import least_forces
-from rbd.simulation.moment import Moment
+from rbd.simulation.closing import Closing, Nearness, first_crossing
+from rbd.simulation.contact_points import SLIDES, Carry, Layout, Points, Snapshot, slide, stopping, turned_back
+from rbd.simulation.events import Moment, Watch
 from rbd.simulation.motion import Motion
-from rbd.simulation.nearness import Nearness
-from rbd.simulation.sliding import stopping, turned_back
-from rbd.simulation.snapshot import Layout, Points, Snapshot, touches_of
-from rbd.simulation.sources import sources_of
+from rbd.simulation.recorded_forces import least_forces, touches_of
 from rbd.simulation.velocity_problem import VelocityAnswer, VelocitySolver
-from rbd.simulation.watch import SLIDES, Watch, slide
 
 _STILL = 1e-7
 """A point that arrives slower than this [m/s, rad/s] needs no impulse."""

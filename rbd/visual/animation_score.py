@@ -19,7 +19,7 @@ from rbd.visual.robot_parts import RobotPart
 from rbd.visual.shapes import outermost
 
 if TYPE_CHECKING:
-    from rbd.simulation.moment import Event
+    from rbd.simulation.events import Event
 
 LONGEST_ARROW = 0.8
 """In sizes of the robot: the arrow of an impact of a millisecond would leave the picture."""

@@ -5,10 +5,10 @@ import pytest
 from flat_bodies import slider
 
 import rbd
+from rbd.constraints.sources import sources_of
 from rbd.problem.parts import parts_of
 from rbd.problem.rows import Rows
-from rbd.simulation.snapshot import Points
-from rbd.simulation.sources import sources_of
+from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import VelocitySolver
 from rbd.solvers.contact_solve import Stillness
 

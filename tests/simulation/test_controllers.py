@@ -8,8 +8,8 @@ import pytest
 import scipy.linalg
 
 import rbd
-from rbd.control.controllers import HoldPosture
-from rbd.control.scripted import Sampled, TorqueScript
+from rbd.control.posture import HoldPosture
+from rbd.control.torques import Sampled, TorqueScript
 from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8

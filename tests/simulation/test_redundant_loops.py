@@ -10,7 +10,7 @@ from smooth_models import bricard, chain, off, swinging
 
 import rbd
 from rbd.mechanism.held_rows import HeldRows, StageSolver
-from rbd.simulation.redundant_rows import RedundantRows
+from rbd.simulation.velocity_problem import RedundantRows
 
 RING = [rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0, 0.0))]
 """Closes Bricard's mechanism: five rows of rank four."""

@@ -7,7 +7,7 @@ import pytest
 from smooth_models import chain
 
 import rbd
-from rbd.simulation.moment import Moment
+from rbd.simulation.events import Moment
 
 INTEGRATORS = pytest.mark.parametrize(
     "integrator", [rbd.RungeKutta4(), rbd.Adaptive(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]

@@ -13,10 +13,10 @@ from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 import rbd
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_names import motors, positions, velocities
-from rbd.simulation.moment import Touch
+from rbd.simulation.events import Touch
 from rbd.simulation.recording import Recording
-from rbd.simulation.sample import Sample
-from rbd.simulation.trajectory import Trajectory
+from rbd.simulation.trajectory import Sample, Trajectory
+from rbd.simulation.trajectory_fields import COLUMNS, WORDS
 
 NAMES = ("floor", "stop", ODD_NAME)
 
@@ -249,6 +249,14 @@ def test_long_lists_of_events_are_cut(fall: Trajectory):
     """Eight, and how many more."""
     text = str(dataclasses.replace(fall, events=fall.events * 10))
     assert "40 events" in text and text.endswith("and 32 more")
+
+
+def test_every_field_is_in_the_table_of_fields_or_has_a_form_of_its_own():
+    """Files, datasets and checks go by the table: a new field that is not in it would not be saved."""
+    names = [f.name for f in dataclasses.fields(Trajectory)]
+    known = [*(c.name for c in COLUMNS), *WORDS]
+    own = ["robot", "times", "forces", "points", "point_forces", "modes", "residuals", "events", "step"]
+    assert sorted(names) == sorted(known + own)
 
 
 def test_coordinates_have_names_and_units(talos: rbd.Robot):

@@ -20,7 +20,7 @@ from scipy.io import netcdf_file
 
 import rbd
 from rbd.simulation import trajectory_file
-from rbd.simulation.moment import Moment, Touch
+from rbd.simulation.events import Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_dataset import arrays_of_netcdf

@@ -10,8 +10,8 @@ from flat_bodies import free_body, free_state
 from scipy.integrate import solve_ivp
 
 import rbd
-from rbd.simulation.grounds import Grounds, OnGround
-from rbd.simulation.sources import FromRows, sources_of
+from rbd.constraints.ground_points import Grounds, OnGround
+from rbd.constraints.sources import FromRows, sources_of
 
 ROUNDING = 1e-13  # of entries of order one
 

@@ -1,7 +1,7 @@
-"""Of all point forces with the same motion under the same law, the shortest: what `rbd.solve` gives, at moments of a record.
+"""The forces of a record: the shortest of all with the same motion under the same law, and what they are of each constraint.
 
 A step takes the forces next to those of the step before; four corners carry what three could, and what they push against each
-other sideways would stay in the record. At a recorded moment, with J and g = J^T f of the points that act:
+other sideways would stay in the record. At a recorded moment, with J and g = J^T f of the points that act, as `rbd.solve` does:
 
     minimise |f|^2     subject to     J^T f = g,     f in its cones,     f_t against the sliding of what slides
 
@@ -10,15 +10,19 @@ Where the shortest of all f with J^T f = g lies in the cones, it is the answer. 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, largest
+from rbd.constraints.points import Measured, Structure
+from rbd.problem.cones import Free
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.simulation.snapshot import Layout, Snapshot
+from rbd.simulation.contact_points import SLIDES, Layout, Snapshot, slide
+from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS, Touch
 from rbd.simulation.velocity_problem import VelocityAnswer, chosen_rows
-from rbd.simulation.watch import SLIDES, slide
 from rbd.solution import Solution
 
 _REPEATS = 1e-11
@@ -26,6 +30,8 @@ _REPEATS = 1e-11
 _ROUNDS = 3
 _EXACT = 1e-12
 """What of g may be missed, over its size."""
+_CARRIES = 1e-12
+"""A point whose normal force is no larger carries nothing [N]."""
 
 
 def least_forces(at: Snapshot, active: Array, answer: VelocityAnswer, h: float, law: str) -> Array:
@@ -125,3 +131,65 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
     if found.weights is not None and np.isfinite(found.weights).all():
         out[index] = parts.G @ found.weights
     return out
+
+
+def touches_of(snapshot: Snapshot, force: Array, speed: Array, names: Sequence[str]) -> Mapping[str, Touch]:
+    """What each constraint does, of row forces and sliding speeds.
+
+    Args:
+        snapshot: The points.
+        force: Row forces, shape (p,) [N, N m]; zero of what does not act.
+        speed: How fast each point slides, shape (k,) [m/s].
+        names: All constraints, in order; those that have no points do nothing.
+    """
+    out: dict[str, Touch] = {}
+    layout = snapshot.layout
+    for measured, (points, rows) in zip(snapshot.sources, layout.spans, strict=True):
+        f, u = force[rows], speed[points]
+        for owner, at, row in _groups(measured.structure):
+            out[owner] = _touch(measured, f[row], u[at], at, row)
+    return {name: out.get(name, Touch(np.zeros(0), OPEN)) for name in names}
+
+
+def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
+    """(constraint, its points, its rows) of a source's points; those of one constraint stand together."""
+    out: list[tuple[str, slice, slice]] = []
+    ends = np.cumsum(structure.widths)
+    first = 0
+    k = len(structure.owners)
+    for i in range(k):
+        if i == k - 1 or structure.owners[i + 1] != structure.owners[first]:
+            begin = int(ends[first - 1]) if first else 0
+            out.append((structure.owners[first], slice(first, i + 1), slice(begin, int(ends[i]))))
+            first = i + 1
+    return out
+
+
+def _touch(measured: Measured, force: Array, speed: Array, at: slice, row: slice) -> Touch:
+    structure = measured.structure
+    cones = structure.cones[at]
+    if isinstance(cones[0], Free):
+        mode = HOLDS
+    else:
+        widths = structure.widths[at]
+        normals = np.cumsum(widths) - 1
+        loaded = np.abs(force[normals]) > _CARRIES
+        slides = loaded & (speed > SLIDES)
+        rubs = widths[0] == 3 or type(cones[0]).__name__ == "Box"
+        mode = OPEN if not loaded.any() else SLIPS if slides.any() else STICKS if rubs else PUSHES
+    whole = len(structure.owners) == len(cones)
+    resultant = measured.to_world @ force if measured.to_world is not None and whole else force
+    if measured.points is None or measured.axes is None:
+        return Touch(resultant, mode)
+    points, axes = measured.points[at], measured.axes
+    if isinstance(cones[0], Free):  # one point, the centre of what holds
+        return Touch(resultant, mode, points, (axes @ force[:3])[None] if len(points) == 1 and len(force) >= 3 else None)
+    k, width = len(cones), cones[0].dim
+    pushed = np.zeros((k, 3))
+    pushed[:, 3 - width :] = force.reshape(k, width)
+    pushed = np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T
+    if measured.to_world is None:
+        resultant = pushed.sum(axis=0)
+        if measured.arms is not None:
+            resultant = np.concatenate([resultant, np.cross(measured.arms[at], pushed).sum(axis=0)])
+    return Touch(resultant, mode, points, pushed)

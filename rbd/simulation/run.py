@@ -1,4 +1,4 @@
-"""From a state and constraints to a trajectory: the one door to motion."""
+"""From a state and constraints to a trajectory: the entry to all motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rbd.arrays import a_number, largest
+from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.control.pushes import ExternalAt
+from rbd.control.torques import Controller
 from rbd.errors import (
     DuplicateName,
     InaccurateWarning,
@@ -21,17 +24,17 @@ from rbd.errors import (
     Unsupported,
     nearest,
 )
-from rbd.least_constraint import Constraint, listed, rows_of, warn_of_distant
+from rbd.least_constraint import warn_of_distant
 from rbd.mechanism.projection import Projection
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.residuals import USABLE
-from rbd.simulation.moment import Event, Moment
-from rbd.simulation.motion import Controller, ExternalAt, Integrator, Motion, Stabilisation
+from rbd.simulation.events import Event, Moment
+from rbd.simulation.integrators import RungeKutta4
+from rbd.simulation.motion import Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
 from rbd.simulation.recording import Recording
-from rbd.simulation.runge_kutta import RungeKutta4
 from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 

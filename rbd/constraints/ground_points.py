@@ -11,10 +11,10 @@ from rbd.arrays import Array, cross_matrix
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.contact_geometry import contact_axes
 from rbd.constraints.line_contact import LineContact
+from rbd.constraints.points import Measured, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative
 from rbd.problem.ground import Ground
-from rbd.simulation.measured import Measured, Structure
 
 
 class OnGround:

@@ -9,16 +9,16 @@ from typing import TypeGuard
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.constraints.joint import JointLimit
 from rbd.constraints.line_contact import LineContact
-from rbd.least_constraint import Constraint, rows_of
+from rbd.constraints.points import ALWAYS, Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, HalfLine, Interval, Line, NonNegative, SecondOrderCone
 from rbd.problem.parts import centripetal
 from rbd.problem.rows import Rows
-from rbd.simulation.grounds import Grounds, OnGround
-from rbd.simulation.measured import ALWAYS, Measured, Source, Structure
 
 
 class Stops:

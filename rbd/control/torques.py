@@ -1,10 +1,11 @@
-"""Torques as a table over time, and any controller as a computer would run it: once a period."""
+"""What a controller is; torques as a table over time; and any controller as a computer would run it: once a period."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,7 +13,21 @@ from rbd.arrays import Array, a_number, check_finite, numbers
 from rbd.control.pushes import INSTANT
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.simulation.motion import asked
+
+Controller: TypeAlias = Callable[[State, float], Array]
+"""Torques (nu,) of a state and a time [s]."""
+
+
+def asked(what: str, given: Callable[[State, float], Any], state: State, t: float) -> Any:
+    """What a user's function of state and time says.
+
+    Raises:
+        InputError: if it cannot be called so.
+    """
+    try:
+        return given(state, t)
+    except TypeError as error:
+        raise InputError(f"{what} {given!r:.80} was called with (state, t) at t = {t:.6g} s, and failed: {error}.") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +101,7 @@ class Sampled:
     >>> slow = rbd.Sampled(rbd.HoldPosture(state, robot.feet(0.7)), period=5e-3)
     """
 
-    controller: Callable[[State, float], Array]
+    controller: Controller
     period: float
     _last: dict[str, tuple[int, float, Array]] = field(init=False, repr=False, default_factory=dict)
 

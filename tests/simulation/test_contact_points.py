@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from rbd.simulation.carry import Carry
+from rbd.simulation.contact_points import Carry
 
 
 def layout(**points: int) -> SimpleNamespace:

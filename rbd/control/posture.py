@@ -17,13 +17,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number
+from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.points import Source, Structure
+from rbd.constraints.sources import sources_of
 from rbd.control.gains import Gains, posture_gains
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint, rows_of
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free
-from rbd.simulation.snapshot import Layout, Points, Snapshot
-from rbd.simulation.sources import sources_of
 from rbd.statics.equilibrium import hold
 
 TOUCHING = 1e-5
@@ -58,8 +58,9 @@ class HoldPosture:
     _: KW_ONLY
     frequency: float = 5.0
     damping_ratio: float = 1.0
-    _points: Points = field(init=False, repr=False)
-    _start: Snapshot = field(init=False, repr=False)
+    _sources: tuple[Source, ...] = field(init=False, repr=False)
+    _start: State = field(init=False, repr=False)
+    _structures: tuple[Structure, ...] = field(init=False, repr=False)
     _known: dict[bytes, Gains] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -71,16 +72,17 @@ class HoldPosture:
             raise InputError(f"damping_ratio of HoldPosture is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
         still = self.state.with_velocity(self.state.robot.zero_v)
         rows_of(still, self.contacts)  # which says what is no list of constraints
-        points = Points(sources_of(tuple(self.contacts), still))
-        start = points.at(still, 0.0)
-        touching = start.gap <= TOUCHING
+        sources = tuple(sources_of(tuple(self.contacts), still))
+        start = [source.at(still, 0.0) for source in sources]
+        touching = _touching([m.gap for m in start])
         torque = hold(still, self.contacts).tau if touching.all() else None
         put = object.__setattr__
         put(self, "contacts", tuple(self.contacts))
-        put(self, "_points", points)
-        put(self, "_start", start)
+        put(self, "_sources", sources)
+        put(self, "_start", still)
+        put(self, "_structures", tuple(m.structure for m in start))
         put(self, "_known", {})
-        self._known[touching.tobytes()] = self._gains_at(start, touching, torque)
+        self._known[touching.tobytes()] = self._gains_at(still, self._structures, touching, torque)
 
     def __call__(self, state: State, t: float) -> Array:
         """Torques at a state and a time [s], shape (nu,) [N, N m].
@@ -103,32 +105,38 @@ class HoldPosture:
         """
         if state.robot is not self.state.robot:
             raise InputError(f"HoldPosture was made for {self.state.robot.name}, and got a state of {state.robot.name}.")
-        gaps = [source.gaps(state, t) for source in self._points.sources]
-        touching = np.concatenate(gaps) <= TOUCHING if gaps else np.zeros(0, bool)
-        if len(touching) != len(self._start.gap):  # points that come and go: those that are there now
-            at = self._points.at(state, t)
-            return self._gains_at(at, at.gap <= TOUCHING)
+        touching = _touching([source.gaps(state, t) for source in self._sources])
+        if len(touching) != sum(len(s.owners) for s in self._structures):  # points that come and go: those that are there now
+            now = [source.at(state, t) for source in self._sources]
+            still = state if not state.v.any() else state.with_velocity(state.robot.zero_v)
+            return self._gains_at(still, [m.structure for m in now], _touching([m.gap for m in now]))
         key = touching.tobytes()
         found = self._known.get(key)
         if found is None:  # of the posture, whatever came before: the same in every run
-            found = self._known[key] = self._gains_at(self._start, touching)
+            found = self._known[key] = self._gains_at(self._start, self._structures, touching)
         return found
 
-    def _gains_at(self, at: Snapshot, touching: Array, torque: Array | None = None) -> Gains:
-        mask = np.repeat(touching & _holding(at.layout), at.layout.widths)
+    def _gains_at(self, still: State, structures: Sequence[Structure], touching: Array, torque: Array | None = None) -> Gains:
+        """The gains at a state at rest, for the points of the given structures that touch."""
+        none = np.zeros(0, int)
+        holding = np.concatenate([none.astype(bool), *[_holding(s) for s in structures]])
+        mask = np.repeat(touching & holding, np.concatenate([none, *[s.widths for s in structures]]))
 
         def rows_at(state: State) -> Array:
-            return self._points.at(state, 0.0).J[mask]
+            J = [source.at(state, 0.0).J for source in self._sources]
+            return np.concatenate([np.zeros((0, state.robot.nv)), *J])[mask]
 
-        still = at.state if not at.state.v.any() else at.state.with_velocity(at.state.robot.zero_v)
         return posture_gains(still, rows_at, torque, float(self.frequency), float(self.damping_ratio))
 
 
-def _holding(layout: Layout) -> Array:
+def _touching(gaps: Sequence[Array]) -> Array:
+    """Which points are taken for ones that carry, shape (k,), of the gaps of each source."""
+    return np.concatenate([np.zeros(0), *gaps]) <= TOUCHING
+
+
+def _holding(structure: Structure) -> Array:
     """Which points keep a body from moving into them, shape (k,): contacts and what holds; neither stops nor friction."""
-    out = np.array([not isinstance(cone, Box) for cone in layout.cones], bool)
-    for structure, (points, _) in zip(layout.structures, layout.spans, strict=True):
-        stops = bool(structure.cones) and structure.cones[0].dim == 1 and not isinstance(structure.cones[0], Free)
-        if stops:
-            out[points] = False
-    return out
+    cones = structure.cones
+    if cones and cones[0].dim == 1 and not isinstance(cones[0], Free):  # stops
+        return np.zeros(len(cones), bool)
+    return np.array([not isinstance(cone, Box) for cone in cones], bool)

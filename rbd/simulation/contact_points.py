@@ -1,17 +1,19 @@
-"""All points of a motion at one state, stacked."""
+"""All points of a motion at one state, stacked; the same points from one stack to the next; and which of them slide."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.points import Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone
-from rbd.simulation.measured import Measured, Source, Structure
-from rbd.simulation.moment import HOLDS, OPEN, PUSHES, SLIPS, STICKS, Touch
+
+SLIDES = 1e-6
+"""A point that slides slower than this [m/s] sticks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,67 +166,83 @@ class Points:
         return Snapshot(state, layout, tuple(measured), J, velocity, bias, gap, error)
 
 
-def touches_of(snapshot: Snapshot, force: Array, speed: Array, names: Sequence[str]) -> Mapping[str, Touch]:
-    """What each constraint does, of row forces and sliding speeds.
+class Carry:
+    """From one layout to another: each point is the one of the same constraint and number.
 
     Args:
-        snapshot: The points.
-        force: Row forces, shape (p,) [N, N m]; zero of what does not act.
-        speed: How fast each point slides, shape (k,) [m/s].
-        names: All constraints, in order; those that have no points do nothing.
+        old: The layout that arrays are in.
+        new: The layout that they are wanted in.
+
+    Attributes:
+        known: Which points were there before, shape (k,).
     """
-    out: dict[str, Touch] = {}
-    layout = snapshot.layout
-    for measured, (points, rows) in zip(snapshot.sources, layout.spans, strict=True):
-        f, u = force[rows], speed[points]
-        for owner, at, row in _groups(measured.structure):
-            out[owner] = _touch(measured, f[row], u[at], at, row)
-    return {name: out.get(name, Touch(np.zeros(0), OPEN)) for name in names}
+
+    def __init__(self, old: Layout, new: Layout) -> None:
+        at = {key: i for i, key in enumerate(zip(old.owners, old.numbers, strict=True))}
+        self.same = old is new
+        self._from = np.array([at.get(key, -1) for key in zip(new.owners, new.numbers, strict=True)], int)
+        self.known = self._from >= 0
+        firsts, widths = old.normals + 1 - old.widths, new.widths
+        rows = [firsts[i] + np.arange(w) if i >= 0 else np.full(w, -1) for i, w in zip(self._from, widths, strict=True)]
+        self._rows = np.concatenate([np.zeros(0, int), *rows])
+
+    def points(self, values: Array, otherwise: object) -> Array:
+        """One value a point, shape (k,)."""
+        if self.same:
+            return values
+        out = np.full(len(self._from), otherwise, dtype=values.dtype)
+        out[self.known] = values[self._from[self.known]]
+        return out
+
+    def rows(self, values: Array) -> Array:
+        """One value a row, shape (p,); zero of points that were not there."""
+        if self.same:
+            return values
+        known = self._rows >= 0
+        out = np.zeros(len(self._rows))
+        out[known] = values[self._rows[known]]
+        return out
 
 
-def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
-    """(constraint, its points, its rows) of a source's points; those of one constraint stand together."""
-    out: list[tuple[str, slice, slice]] = []
-    ends = np.cumsum(structure.widths)
-    first = 0
-    k = len(structure.owners)
-    for i in range(k):
-        if i == k - 1 or structure.owners[i + 1] != structure.owners[first]:
-            begin = int(ends[first - 1]) if first else 0
-            out.append((structure.owners[first], slice(first, i + 1), slice(begin, int(ends[i]))))
-            first = i + 1
+def slide(layout: Layout, velocity: Array) -> Array:
+    """How fast each point slides, or rubs, shape (k,) [m/s, rad/s]; zero of what does not."""
+    out = np.zeros(len(layout.owners))
+    out[layout.slides] = np.hypot(*(velocity[layout.sliding_rows] * layout.sliding_kept).T)
     return out
 
 
-_CARRIES = 1e-12
-_SLIDES = 1e-6
+def turned_back(layout: Layout, active: Array, u: Array, change: Array, pushed: Array) -> Array | None:
+    """What takes a velocity after half a step more back by that half, where a point slides throughout; zero elsewhere.
+
+    Args:
+        layout: The points.
+        active: Which of them act, shape (k,).
+        u: Their velocities, shape (p,).
+        change: By how much these change in half a step, shape (p,).
+        pushed: Row forces or impulses before, shape (p,): what carried nothing had no friction to turn.
+    """
+    rows = layout.tangents
+    if not len(rows) or not np.abs(u[rows]).max() > SLIDES:
+        return None
+    one, turned = u[rows], change[rows]
+    speed = np.hypot(*one.T)
+    slides = (speed > SLIDES) & (speed > 4.0 * np.hypot(*turned.T)) & (pushed[rows[:, 1] + 1] > 0.0) & active[layout.rubs]
+    if not slides.any():
+        return None
+    out = np.zeros(len(u))
+    out[rows[slides]] = -turned[slides]
+    return out
 
 
-def _touch(measured: Measured, force: Array, speed: Array, at: slice, row: slice) -> Touch:
-    structure = measured.structure
-    cones = structure.cones[at]
-    if isinstance(cones[0], Free):
-        mode = HOLDS
-    else:
-        widths = structure.widths[at]
-        normals = np.cumsum(widths) - 1
-        loaded = np.abs(force[normals]) > _CARRIES
-        slides = loaded & (speed > _SLIDES)
-        rubs = widths[0] == 3 or type(cones[0]).__name__ == "Box"
-        mode = OPEN if not loaded.any() else SLIPS if slides.any() else STICKS if rubs else PUSHES
-    whole = len(structure.owners) == len(cones)
-    resultant = measured.to_world @ force if measured.to_world is not None and whole else force
-    if measured.points is None or measured.axes is None:
-        return Touch(resultant, mode)
-    points, axes = measured.points[at], measured.axes
-    if isinstance(cones[0], Free):  # one point, the centre of what holds
-        return Touch(resultant, mode, points, (axes @ force[:3])[None] if len(points) == 1 and len(force) >= 3 else None)
-    k, width = len(cones), cones[0].dim
-    pushed = np.zeros((k, 3))
-    pushed[:, 3 - width :] = force.reshape(k, width)
-    pushed = np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T
-    if measured.to_world is None:
-        resultant = pushed.sum(axis=0)
-        if measured.arms is not None:
-            resultant = np.concatenate([resultant, np.cross(measured.arms[at], pushed).sum(axis=0)])
-    return Touch(resultant, mode, points, pushed)
+def stopping(layout: Layout, u0: Array, u1: Array, pushed: Array) -> Array | None:
+    """Which of the points that slide or rub stop or turn back between two velocities; None where none does."""
+    if not layout.slides.any():
+        return None
+    rows, kept = layout.sliding_rows, layout.sliding_kept
+    if not np.abs(u0[rows]).max() > 10.0 * SLIDES:
+        return None
+    one, two = u0[rows] * kept, u1[rows] * kept
+    before = np.hypot(*one.T)
+    turns = (np.hypot(*two.T) <= SLIDES) | ((one * two).sum(axis=1) < 0.0)
+    stops = (pushed[layout.normals[layout.slides]] != 0.0) & (before > 10.0 * SLIDES) & turns
+    return stops if stops.any() else None
