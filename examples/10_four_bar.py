@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import rbd
-from rbd.mechanism import acceleration_partition, branches, link_angles, velocity_partition
-from rbd.robots import four_bars as four_bar
+from rbd.mechanism import acceleration_partition, branches, four_bar, link_angles, velocity_partition
 
 
 @dataclass(frozen=True)

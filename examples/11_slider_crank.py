@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import rbd
-from rbd.mechanism import acceleration_partition, assemble, singularities, trace, velocity_partition
-from rbd.robots import slider_cranks as slider_crank
+from rbd.mechanism import acceleration_partition, assemble, singularities, slider_crank, trace, velocity_partition
 
 CRANK, ROD = 0.045, 0.15  # [m]
 SPEED, PRESSURE_N = 30.0, 500.0  # of the crank [rad/s]; on the piston, towards the crank

@@ -15,8 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import rbd
-from rbd.mechanism import n_four_bar, velocity_partition
-from rbd.robots import four_bars as four_bar
+from rbd.mechanism import four_bar, n_four_bar, velocity_partition
 
 GRAVITY, N = 9.81, 2
 KEPT = {"projection": rbd.Projection(), "Baumgarte": rbd.Baumgarte(50.0), "nothing": None}

@@ -22,7 +22,7 @@ from copied import difference, instances
 
 import rbd
 from rbd.analysis.sensitivity import StateOrigin
-from rbd.cli.mechanism_report import mechanism_report
+from rbd.cli.mechanism_report import report_mechanism
 
 URDF = Path(__file__).parents[1] / "urdf"
 WAYS: dict[str, Callable[[Any], Any]] = {
@@ -114,7 +114,7 @@ def mechanisms() -> Iterator[object]:
     unicycle = rbd.load_robot(URDF / "unicycle.urdf")
     yield from (*four_bar.loops, *unicycle.wheels, four_bar, unicycle)
     for robot in (four_bar, unicycle):
-        report = mechanism_report(robot, next(iter(robot.postures.values()), robot.neutral()))
+        report = report_mechanism(robot, next(iter(robot.postures.values()), robot.neutral()))
         assert str(report)
         yield from (report, report.state)
     state = report.state if not four_bar.loops else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)

@@ -338,16 +338,16 @@ CASES: dict[str, Case] = {
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
     ),
     "mechanism.four_bar": Case(
-        rbd.robots.four_bars,
+        rbd.mechanism.four_bar,
         {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "crank_angle": 1.0, "masses": (1.0, 2.0, 3.0), "mass_per_length": 2.0},
         30,
     ),
     "mechanism.four_bar, no file": Case(
-        rbd.robots.four_bars, {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "path": "/nowhere/x.urdf"}, 30
+        rbd.mechanism.four_bar, {"a": 1.0, "b": 3.0, "c": 2.0, "d": 2.5, "path": "/nowhere/x.urdf"}, 30
     ),
     "mechanism.n_four_bar": Case(rbd.mechanism.n_four_bar, {"n": 2, "length": 1.0, "mass": 2.0}, 30),
     "mechanism.slider_crank": Case(
-        rbd.robots.slider_cranks,
+        rbd.mechanism.slider_crank,
         {"crank": 1.0, "rod": 2.0, "offset": 0.1, "crank_angle": 1.0, "masses": (1.0, 2.0, 3.0), "mass_per_length": 2.0},
         30,
     ),
@@ -563,7 +563,7 @@ MADE_BY_RBD = {
     "Singularities",
     "SingularitiesAlong",
     "Integrability",
-    "Words",
+    "MechanismClass",
     "Assembly",
     "Branch",
     "Branches",

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from rbd.arrays import Array, largest
-from rbd.mechanism.held_rows import OWED
 from rbd.mechanism.projection import ZERO, Projection, correction, inertia_factor, project_position
+from rbd.mechanism.stage_solver import OWED
 from rbd.model.state import State
 from rbd.simulation.motion import Motion
 from rbd.simulation.nearness import CLOSED, Nearness

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, largest
-from rbd.mechanism.held_rows import INDEPENDENT, OWED
 from rbd.mechanism.projection import ZERO
+from rbd.mechanism.stage_solver import INDEPENDENT, OWED
 
 
 class RedundantRows:

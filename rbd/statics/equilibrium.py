@@ -13,9 +13,9 @@ from rbd.arrays import Array, lazy
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
-from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.surface import changed
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.least_constraint import Constraint, rows_of, warn_of_distant
 from rbd.model.checked_model import CheckedModel

@@ -163,7 +163,7 @@ def test_what_is_given_wrong_is_not_taken_for_a_bad_draw():
         branches(robot, [rbd.LoopClosure("loop", "coupler_tib", "rocker_tip")])
 
 
-def every_joint() -> rbd.model.CheckedModel:
+def every_joint() -> rbd.model.checked_model.CheckedModel:
     """One joint of every kind that poses are written in."""
     model, parent = pin.Model(), 0
     kinds = [pin.JointModelFreeFlyer(), pin.JointModelPlanar(), pin.JointModelSpherical(), pin.JointModelRUBY()]

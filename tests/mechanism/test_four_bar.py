@@ -12,9 +12,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError, ModelError
-from rbd.mechanism import link_angles, n_four_bar
-from rbd.robots import four_bars as four_bar
-from rbd.robots import slider_cranks as slider_crank
+from rbd.mechanism import four_bar, link_angles, n_four_bar, slider_crank
 
 G = 9.81
 

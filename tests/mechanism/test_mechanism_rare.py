@@ -24,14 +24,14 @@ from rbd.mechanism import (
     velocity_partition,
 )
 from rbd.mechanism.coordinates import coordinates_of
-from rbd.mechanism.count import plane_normal
+from rbd.mechanism.degrees_of_freedom import plane_normal
 from rbd.mechanism.held import characteristic_length
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
 START = np.array([0.7, -0.03, 1.5])
 
 
-def pendulum() -> rbd.model.CheckedModel:
+def pendulum() -> rbd.model.checked_model.CheckedModel:
     """One bar of 1 m on a hinge."""
     model = pin.Model()
     bar(model, 0, pin.SE3.Identity(), "crank", 1.0)

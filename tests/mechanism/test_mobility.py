@@ -29,7 +29,7 @@ from rbd.mechanism import mobility
 NORTON = (40.0, 120.0, 80.0, 100.0)
 
 
-def four_bar(a: float, b: float, c: float, d: float) -> rbd.model.CheckedModel:
+def four_bar(a: float, b: float, c: float, d: float) -> rbd.model.checked_model.CheckedModel:
     return planar_chain((a, b, c), d)
 
 
@@ -53,7 +53,7 @@ class TestFourBar:
         build = planar_chain(NORTON[:3], NORTON[3])
         here = rbd.State(build, q).frame("end").X_WF
         build.model.addFrame(pin.Frame("seat", 0, 0, here, pin.FrameType.OP_FRAME))
-        robot = rbd.model.CheckedModel(build.model)
+        robot = rbd.model.checked_model.CheckedModel(build.model)
         found = mobility(rbd.State(robot, q), [LoopClosure("weld", "seat", "end", kind="rigid")])
         assert (found.count.value, found.instantaneous, found.finite) == (0, 0, 0)
         assert found.verdict.startswith("a structure:") and not found.moves
@@ -139,7 +139,7 @@ class TestOverConstrained:
         robot = spatial_loop([(1.0, 0.6), (1.4, 0.9), (1.0, 0.5), (1.4, 0.9)])
         q = np.array([0.9, -1.0, 0.4])
         robot.model.addFrame(pin.Frame("seat", 0, 0, rbd.State(robot, q).frame("end").X_WF, pin.FrameType.OP_FRAME))
-        robot = rbd.model.CheckedModel(robot.model)
+        robot = rbd.model.checked_model.CheckedModel(robot.model)
         found = mobility(rbd.State(robot, q), [LoopClosure("hinge", "seat", "end", kind="revolute")])
         assert (found.count.value, found.instantaneous, found.finite) == (-2, 0, 0)
 

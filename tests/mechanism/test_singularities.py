@@ -14,7 +14,7 @@ from rbd.mechanism import singularities, singularities_along
 LENGTHS = (3.0, 1.5, 2.0, 2.5)  # no link turns right round
 
 
-def slider_crank(a: float = 1.0, b: float = 2.5) -> rbd.model.CheckedModel:
+def slider_crank(a: float = 1.0, b: float = 2.5) -> rbd.model.checked_model.CheckedModel:
     """A crank and a rod about z, and a slider along x, which the rod's tip is pinned to."""
     build = Builder("slider_crank").joint("crank", pin.JointModelRZ(), at()).joint("rod", pin.JointModelRZ(), at(a), "crank")
     build.joint("slider", pin.JointModelPX(), at())

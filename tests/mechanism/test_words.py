@@ -97,7 +97,7 @@ class TestClosedChains:
         j = model.addJoint(2, pin.JointModelRZ(), at(0.6, 0.5), "arm")
         model.addJointFrame(j)
         model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-        words = classify(rbd.model.CheckedModel(model), [pinned()], end="arm")
+        words = classify(rbd.model.checked_model.CheckedModel(model), [pinned()], end="arm")
         assert (words.kind, words.loops, words.mobility, words.end_points[0].legs) == ("hybrid", 1, 2, 1)
 
     def test_a_humanoid_on_two_soles_is_closed_through_the_ground(self, talos: rbd.Robot):
