@@ -149,7 +149,7 @@ def planar_chains() -> Iterator[object]:
     motion = planar.endpoint_motion(chain, path)
     reach = planar.inverse(chain, [0.5, 0.9])
     yield from (chain, equations, linear, linear.modes(), held, path, motion, reach, motion.split, path.peaks, equations.bodies)
-    yield from (held.split(), chain.ellipse([0.1, 0.9]), chain.angle_map("segment"), chain.numeric, planar.words(chain))
+    yield from (held.split(), chain.ellipse([0.1, 0.9]), chain.angle_map("segment"), chain.numeric, planar.classify(chain))
     yield from (planar.inverse_path(chain, motion.x[:5]), planar.robot_coordinates(chain))
     yield chain.function(chain.position())
 
