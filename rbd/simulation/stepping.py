@@ -34,7 +34,7 @@ from rbd.model.bases import Bases
 from rbd.model.state import State
 from rbd.simulation.carry import Carry
 from rbd.simulation.closing import Closing, first_crossing
-from rbd.simulation.minimum_norm_forces import least_forces
+from rbd.simulation.least_forces import least_forces
 from rbd.simulation.moment import Moment
 from rbd.simulation.motion import Motion
 from rbd.simulation.nearness import Nearness
