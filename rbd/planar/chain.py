@@ -1,4 +1,4 @@
-"""A chain of n links in a plane, in symbols: one object from which all of `rbd.planar` is asked.
+"""A chain of n links in a plane, in symbols: its lengths, its angles and its kinematics.
 
 The links have lengths ell_1..ell_n and are hinged end to end at the origin; x points to the right, y up, angles are
 counterclockwise. A chain keeps the symbols and knows its kinematics; dynamics, inverse kinematics, relations of its angles
