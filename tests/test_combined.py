@@ -11,7 +11,7 @@ import pytest
 import rbd
 from rbd.model.checked_model import CheckedModel
 from rbd.testing import box
-from rbd.visual.robot_parts import robot_parts
+from rbd.visual.robot_meshes import robot_parts
 
 BOX = Path(__file__).parents[1] / "urdf" / "box.urdf"
 X_W2 = pin.SE3(pin.exp3(np.array([0.1, -0.2, 0.5])), np.array([1.0, 2.0, 0.3]))

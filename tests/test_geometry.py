@@ -208,7 +208,7 @@ def test_broken_meshes_are_boxes_and_end_nothing(package):
     (package / "urdf").mkdir()
     (package / "urdf" / "it.urdf").write_text(urdf('<sphere radius="1"/>', more="".join(shapes)))
     code = f"""import warnings, rbd
-from rbd.visual.robot_parts import robot_parts
+from rbd.visual.robot_meshes import robot_parts
 robot = rbd.load_robot({str(package / "urdf" / "it.urdf")!r}, package_dirs=[{str(package.parent)!r}])
 with warnings.catch_warnings(record=True) as told:
     warnings.simplefilter("always")

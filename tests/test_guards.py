@@ -563,7 +563,7 @@ MADE_BY_RBD = {
     "Singularities",
     "SingularitiesAlong",
     "Integrability",
-    "Words",
+    "MechanismClass",
     "Assembly",
     "Branch",
     "Branches",

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.mechanism_report import mechanism_report
+from rbd.cli.mechanism_report import report_mechanism
 
 URDF = Path(__file__).parent.parent / "urdf"
 
@@ -21,7 +21,7 @@ URDF = Path(__file__).parent.parent / "urdf"
 def _report(name: str):
     robot = rbd.load_robot(URDF / f"{name}.urdf")
     q = next(iter(robot.postures.values()), None)
-    return mechanism_report(robot, robot.neutral() if q is None else q)
+    return report_mechanism(robot, robot.neutral() if q is None else q)
 
 
 @pytest.mark.parametrize(

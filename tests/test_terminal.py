@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import _write_json, app
-from rbd.cli.terminal import Table, answering, terminal
+from rbd.cli.terminal import Table, answering, open_console
 
 URDF = Path(__file__).parents[1] / "urdf"
 ODD = ("[/foo]", "[red]", "[bold", "o[x]", ":smiley:", "[link=http://x.example]y[/link]", "a[/]b", "\\[x]")
@@ -190,7 +190,7 @@ def test_numbers_that_json_has_not_are_null(tmp_path: Path):
 
 def test_the_console_reads_no_markup():
     """What every command prints with."""
-    console = terminal()
+    console = open_console()
     with console.capture() as told:
         console.print("[/foo] :smiley: [red]x[/]")
     assert told.get() == "[/foo] :smiley: [red]x[/]\n"

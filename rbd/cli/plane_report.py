@@ -16,7 +16,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.output_files import write_file
 from rbd.planar.arm import beside
 from rbd.planar.chain import Chain
-from rbd.planar.inverse import Inverse, inverse
+from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.quintic import minimum_jerk
 

@@ -18,11 +18,11 @@ from rbd.arrays import Array, check_finite, lazy, numbers
 from rbd.errors import InputError, NoSolution, SingularPose
 from rbd.planar.arm import Arm, arm_of
 from rbd.planar.chain import Chain
-from rbd.planar.inverse import TOLERANCE, inverse
-from rbd.planar.inverse_path import inverse_path
+from rbd.planar.inverse_kinematics import TOLERANCE, inverse
+from rbd.planar.kinematics import Split
+from rbd.planar.path_following import inverse_path
 from rbd.planar.quintic import MinimumJerk
 from rbd.planar.rates import joint_rates
-from rbd.planar.split import Split
 
 ENDPOINT, JOINT = "endpoint", "joint"
 IN_LINE = 1e-4

@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, inertia_factor, largest
-from rbd.mechanism.held_rows import OWED
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
+from rbd.mechanism.stage_solver import OWED
 from rbd.model.state import State
 from rbd.simulation.contact_points import Layout, Points, Snapshot
 from rbd.simulation.motion import Motion

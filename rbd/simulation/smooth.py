@@ -18,8 +18,9 @@ from rbd.constraints.joint import JointLock
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
 from rbd.least_constraint import OPEN
-from rbd.mechanism.held_rows import NEAR, HeldRows, StageSolver, holds, velocity_of
+from rbd.mechanism.held_rows import HeldRows, holds, velocity_of
 from rbd.mechanism.projection import Projection, shortened
+from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
 from rbd.model.joint_motion import joint_motion
 from rbd.model.state import State

@@ -22,8 +22,8 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, is_finite, largest
 from rbd.errors import NoSolution
-from rbd.mechanism.held_rows import CONTRADICTION, INDEPENDENT, OWED
 from rbd.mechanism.projection import ZERO
+from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
 from rbd.problem.cones import Box, Cone, Product
 from rbd.problem.parts import Parts, parts_of
 from rbd.problem.problem import GaussProblem

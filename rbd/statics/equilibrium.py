@@ -14,9 +14,9 @@ from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
-from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.surface import changed
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.least_constraint import warn_of_distant
 from rbd.model.checked_model import CheckedModel

@@ -15,7 +15,7 @@ from rbd.arrays import Array, lazy
 from rbd.visual.animation_frames import OPEN, Frames, Track
 from rbd.visual.colors import COM_COLOR, PUSH_COLOR, contact_colors
 from rbd.visual.marks import Sizes
-from rbd.visual.robot_parts import RobotPart
+from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import outermost
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from rbd.constraints.convex.closest_points import meeting
-from rbd.constraints.convex.outline import inside, on_edge, outline, overlap
+from rbd.constraints.convex.outlines import inside, on_edge, outline, overlap
 from rbd.constraints.convex.polygon import convex_hull
 from rbd.constraints.convex.reduced import MOST_POINTS, across, spread
 from rbd.constraints.convex.rounds import Ball, Oval, Rim

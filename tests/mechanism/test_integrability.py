@@ -13,7 +13,7 @@ from linkages import Builder, at, bennett, closed, free, pinned, planar_chain
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, RollingBall, RollingDisk, VelocityConstraint
 from rbd.mechanism import integrability
-from rbd.mechanism.brackets import ad, brackets, derivative
+from rbd.mechanism.frobenius import ad, brackets, derivative
 from rbd.mechanism.held import Held
 
 URDF = Path(__file__).parents[2] / "urdf"

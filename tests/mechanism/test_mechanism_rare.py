@@ -26,7 +26,7 @@ from rbd.mechanism import (
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
 from rbd.mechanism.coordinates import coordinates_of
-from rbd.mechanism.count import plane_normal
+from rbd.mechanism.degrees_of_freedom import plane_normal
 from rbd.mechanism.descent import settle
 from rbd.mechanism.held import Held, characteristic_length
 

@@ -9,7 +9,8 @@ from scipy.special import ellipj, ellipk
 from smooth_models import bricard, chain, off, swinging
 
 import rbd
-from rbd.mechanism.held_rows import HeldRows, StageSolver
+from rbd.mechanism.held_rows import HeldRows
+from rbd.mechanism.stage_solver import StageSolver
 from rbd.simulation.velocity_problem import RedundantRows
 
 RING = [rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0, 0.0))]

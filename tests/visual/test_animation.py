@@ -22,8 +22,8 @@ from rbd.simulation.events import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.animation_frames import frames_of
-from rbd.visual.robot_parts import robot_parts
-from rbd.visual.screenshot import FLAGS
+from rbd.visual.browser import FLAGS
+from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-6
 """What is left of a metre, or of a unit quaternion, in single precision."""

@@ -26,7 +26,7 @@ from rbd.robots.robot import load_robot
 from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.recorder import Recorder
-from rbd.visual.robot_parts import robot_parts, skeleton
+from rbd.visual.robot_meshes import robot_parts, skeleton
 
 MM = 1e-3
 PUSH = ExternalForce("torso_2_link", [0.0, 60.0, 0.0], offset=[0.0, 0.0, 0.2])

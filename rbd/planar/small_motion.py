@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -13,9 +13,7 @@ import sympy as sp
 from rbd.arrays import Array
 from rbd.errors import InputError, SingularInertia
 from rbd.planar.bodies import constant, refuse_symbols, symbols_of
-
-if TYPE_CHECKING:
-    from rbd.planar.dynamics import Dynamics
+from rbd.planar.chain import Chain
 
 _SINGULAR = "M is singular at this posture: a link turns without moving any mass. Give it inertia, or bodies='rods'."
 
@@ -118,17 +116,18 @@ class Linearised:
         return sp.Integer(0), sp.Integer(1)
 
 
-def linearise(dyn: Dynamics, at: Iterable[Any] | None = None) -> Linearised:
+def linearise(chain: Chain, M: sp.MatrixBase, g: sp.MatrixBase, at: Iterable[Any] | None) -> Linearised:
     """The linear equations of small motion about a posture at rest.
 
     Args:
-        dyn: The dynamics.
+        chain: The chain.
+        M: Its inertia, shape (n, n) [kg m2].
+        g: Moments against gravity, shape (n, 1) [N m].
         at: q, n angles [rad], numbers or expressions; None for the chain hanging down.
 
     Raises:
         InputError: not n angles.
     """
-    chain = dyn.chain
     if at is None:
         down = sp.Matrix([-sp.pi / 2 - phi.subs(dict.fromkeys(chain.q, 0)) for phi in chain.segment_angles])
         posture = chain.segment_angles.jacobian(chain.q).LUsolve(down)
@@ -137,5 +136,5 @@ def linearise(dyn: Dynamics, at: Iterable[Any] | None = None) -> Linearised:
             raise InputError(f"the posture is {at!r:.80}; expected {chain.n} angles [rad], one a link.")
         posture = sp.Matrix([constant(f"angle {i + 1} of the posture", x, chain.t) for i, x in enumerate(given)])
     there = dict(zip(chain.q, posture, strict=True))
-    stiffness = dyn.g.jacobian(chain.q)
-    return Linearised(*(sp.ImmutableMatrix(x) for x in (posture, dyn.M.subs(there), stiffness.subs(there), dyn.g.subs(there))))
+    stiffness = g.jacobian(chain.q)
+    return Linearised(*(sp.ImmutableMatrix(x) for x in (posture, M.subs(there), stiffness.subs(there), g.subs(there))))

@@ -1,7 +1,7 @@
 """Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), written down at once for any number of links.
 
 What is written down is in `rbd.planar.pairs`: one cosine and one sine for every pair of links, and nothing to simplify.
-`rbd.planar.lagrange` derives the same by differentiation.
+A test derives the same by differentiation.
 
 Sources: [Duarte2021], problem 4; docs/theory.md for the form M a + C v + g = tau.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -19,17 +19,12 @@ from rbd.arrays import Array, lazy
 from rbd.errors import InputError, SingularInertia
 from rbd.planar.angles import Symbols, samples
 from rbd.planar.bodies import Bodies, Shapes, bodies_of, constant, refuse_symbols, replacements, symbols_of
-from rbd.planar.modes import Linearised, linearise
+from rbd.planar.chain import Chain
 from rbd.planar.pairs import Pairs
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
-    from rbd.robots.robot import Robot
+from rbd.planar.small_motion import Linearised, linearise
 
 GRAVITY = sp.Symbol("g", positive=True)
 """The symbol of gravity [m/s2]."""
-EARTH = 9.81
-"""Gravity of robots of `rbd` [m/s2]."""
 SINGULAR = 1e-12
 """A chain is singular where a joint feels less of its inertia, the joints beyond it free, than this part of M_ii."""
 
@@ -107,7 +102,7 @@ class Dynamics:
         return _dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
     def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
-        """Small motion about a posture held at rest: M x'' + K x = 0; see `rbd.planar.modes`.
+        """Small motion about a posture held at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
 
         Args:
             at: q, n angles [rad], numbers or expressions; by default the chain hanging down.
@@ -115,11 +110,11 @@ class Dynamics:
         Raises:
             InputError: not n angles.
 
-        >>> dyn = Chain(1, angles="vertical").dynamics(bodies="points", masses=[1])
+        >>> dyn = dynamics(Chain(1, angles="vertical"), bodies="points", masses=[1])
         >>> dyn.linearised().modes().squared
         (g/ell_1,)
         """
-        return linearise(self, at)
+        return linearise(self.chain, self.M, self.g, at)
 
     def function(self, expression: Any, *, parameters: Mapping[Any, float] | None = None) -> Callable[..., Array]:
         """A fast NumPy function f(q, qd, qdd) of an expression of these dynamics, vectorised over samples.
@@ -175,28 +170,6 @@ class Dynamics:
         M = self._mass(q).reshape(*q.shape[:-1], n, n)
         _refuse_singular(M)
         return np.linalg.solve(M, right[..., None])[..., 0]
-
-    def robot(self, *, values: Mapping[Any, Any] | None = None) -> Robot:
-        """The chain as a robot of `rbd`, upright, or lying flat where gravity is zero; see `rbd.planar.urdf`.
-
-        Args:
-            values: {symbol or its name: number} for symbols that are left.
-
-        Raises:
-            InputError: symbols left; a gravity other than 0 and 9.81, with which robots fall.
-        """
-        from rbd.planar.urdf import robot
-
-        dyn = self if values is None else self.subs(values)
-        refuse_symbols(dyn.unknowns, "a robot", how="values=")
-        if dyn.gravity != 0 and abs(float(dyn.gravity) - EARTH) > 1e-9:
-            raise InputError(
-                f"gravity of these dynamics is {float(dyn.gravity):g} m/s2, and robots fall with {EARTH}; expected that, or 0 "
-                f"for a chain that lies flat. chain.robot(masses=..., centres=..., inertias=...) does not ask."
-            )
-        b = dyn.bodies
-        bodies: dict[str, Any] = {"masses": b.masses, "centres": b.centres, "inertias": b.inertias}
-        return robot(dyn.chain, **bodies, plane="xy" if dyn.gravity == 0 else "xz")
 
     def latex(self) -> str:
         r"""The equations in LaTeX: M, C, g and their sum, as the lines of an `aligned`."""

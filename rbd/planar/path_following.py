@@ -10,18 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.planar.arm import ROUND_OFF, Arm, arm_of, beside, check_start, plain, wrapped
-from rbd.planar.inverse import SINGULAR, TOLERANCE, check_tolerance, triangle
+from rbd.planar.chain import Chain
+from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_tolerance, triangle
 from rbd.planar.redundant import nearest_pose
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
 
 KINK = 0.1
 """A branch is changed at a singular pose only if that leaves less than this part of the kink that staying would make."""

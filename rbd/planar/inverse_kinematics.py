@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy
@@ -21,11 +21,8 @@ import sympy
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
 from rbd.planar.arm import ROUND_OFF, Arm, arm_of, beside, check_start, plain, wrapped
-from rbd.planar.bodies import checked_chain
+from rbd.planar.chain import Chain, check_chain
 from rbd.planar.redundant import nearest_pose
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
 
 TOLERANCE = 1e-12
 """Beyond reach by less than this part of the chain's length counts as reachable: round-off of whoever computed the target."""
@@ -193,7 +190,7 @@ def inverse_formulas(chain: Chain, x: Any = None, y: Any = None) -> tuple[sympy.
     Raises:
         InputError: on more than two links, or coordinates that are no real expressions.
     """
-    if checked_chain(chain).n > 2:
+    if check_chain(chain).n > 2:
         raise InputError(f"chain came with {chain.n} links; expected one link or two: more have families, see inverse.")
     x, y = (coordinate(name, value) for name, value in (("x", x), ("y", y)))
     way = sympy.atan2(y, x)

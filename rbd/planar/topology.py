@@ -1,4 +1,4 @@
-"""The words of the text for a planar chain: base, end point, open, closed, serial, parallel, mobility, redundancy.
+"""A planar chain in the words of the text: base, end point, open, closed, serial, parallel, mobility, redundancy.
 
 `rbd.mechanism.classify` says the same of any robot in space; on the robot that a chain is exported to, both agree.
 Source: [Duarte2021], "Properties of kinematic chains".
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy
@@ -16,12 +16,9 @@ import sympy
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.planar.arm import ROUND_OFF, arm_of
-from rbd.planar.bodies import checked_chain
-from rbd.planar.constrained import ConstrainedChain
-from rbd.planar.inverse import TOLERANCE, coordinate, inverse
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain, check_chain
+from rbd.planar.constrained_chain import ConstrainedChain
+from rbd.planar.inverse_kinematics import TOLERANCE, coordinate, inverse
 
 MEANINGS = {
     "base": "The end of the chain that stays where it is.",
@@ -52,7 +49,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class PlanarWords:
+class ChainClass:
     """What a planar chain is, in the words of the text. Ranks are generic: singular poses do not count.
 
     Attributes:
@@ -102,7 +99,7 @@ class PlanarWords:
         return "\n".join([*lines, self.note] if self.note else lines)
 
 
-def words(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array | None = None) -> PlanarWords:
+def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array | None = None) -> ChainClass:
     """What a chain is called: open or closed, serial or parallel; its mobility and its redundancy.
 
     Args:
@@ -114,23 +111,23 @@ def words(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array | No
         InputError: on what is no chain, a pin out of reach, or a pin of a chain under relations.
     """
     if not isinstance(chain, ConstrainedChain):
-        checked_chain(chain)
+        check_chain(chain)
     base = "the origin, on the ground"
     if isinstance(chain, ConstrainedChain):
         if pinned is not None:
-            raise InputError("a pin came for a chain under relations; expected a chain without: chain.chain.words(pinned=...).")
+            raise InputError("a pin came for a chain under relations; expected one without: classify(chain.chain, pinned=...).")
         rank = _end_rank(chain)
         note = "Relations hold the end point where it is, though links move." if rank == 0 < chain.freedoms else ""
         if chain.freedoms == 0:
             note = "Relations leave nothing that moves: a structure."
         n = chain.chain.n
-        return PlanarWords(base, f"the far end of link {n}", "serial", False, n, chain.freedoms, rank, note)
+        return ChainClass(base, f"the far end of link {n}", "serial", False, n, chain.freedoms, rank, note)
     n = chain.n
     if pinned is None:
-        return PlanarWords(base, f"the far end of link {n}", "serial", False, n, n, min(n, 2), "")
+        return ChainClass(base, f"the far end of link {n}", "serial", False, n, n, min(n, 2), "")
     mobility, note = _pinned(chain, pinned)
     at = ", ".join(f"{x:g}" if isinstance(x, int | float | np.number) else str(x) for x in pinned)
-    return PlanarWords(base, f"the far end of link {n}, pinned at ({at})", "parallel", True, n, mobility, 0, note)
+    return ChainClass(base, f"the far end of link {n}, pinned at ({at})", "parallel", True, n, mobility, 0, note)
 
 
 def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:

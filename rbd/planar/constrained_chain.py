@@ -14,23 +14,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy
 
 from rbd.arrays import Array, lazy, numbers
 from rbd.errors import InputError, NoSolution
-from rbd.planar import expressions
+from rbd.planar import printing
 from rbd.planar.angles import Symbols
 from rbd.planar.arm import plain
-from rbd.planar.bodies import checked_chain
-from rbd.planar.reduction import Reduced, newton, reduce
-from rbd.planar.relations import Relation, read
-from rbd.planar.split import Split
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain, check_chain
+from rbd.planar.kinematics import Split
+from rbd.planar.relations import Reduced, Relation, newton, read, reduce
 
 
 class ConstrainedSplit(Split[Symbols]):
@@ -52,7 +48,7 @@ class ConstrainedChain:
     Attributes:
         chain: The chain without them.
         relations: As they were given, each an expression that is zero.
-        reduced: The angles under them, `rbd.planar.reduction.Reduced`.
+        reduced: The angles under them, `rbd.planar.relations.Reduced`.
     """
 
     chain: Chain
@@ -239,11 +235,11 @@ class ConstrainedChain:
         Raises:
             InputError: on what has no LaTeX.
         """
-        return expressions.latex([sympy.Eq(r, 0) for r in self.relations] if expr is None else expr)
+        return printing.latex([sympy.Eq(r, 0) for r in self.relations] if expr is None else expr)
 
     def _repr_latex_(self) -> str:
         """Where the end point is, for notebooks."""
-        return expressions.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
+        return printing.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{relation} = 0" for relation in self.relations)
@@ -272,7 +268,7 @@ def constrained(chain: Chain, relation: Any, *, branch: int | None = None) -> Co
     [                    0],
     [2*ell*cos(theta_1(t))]])
     """
-    checked_chain(chain)
+    check_chain(chain)
     if branch is not None and (isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch < 0):
         raise InputError(f"branch is {branch!r:.80}; expected None, or which solution to take: 0, 1, ...")
     relations: tuple[Relation, ...] = read(chain, relation)

@@ -1,4 +1,4 @@
-"""The words of the texts: serial or branched, open or closed, parallel or hybrid; mobility, and redundancy of an end point."""
+"""Serial or branched, open or closed, parallel or hybrid; mobility, and redundancy of an end point."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pinocchio as pin
 from rbd.arrays import Array, largest
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.finite import FAR, ROUGH, neighbours
 from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
+from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -63,7 +63,7 @@ class EndPoint:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Words:
+class MechanismClass:
     """What a mechanism is, in the words of the texts.
 
     Attributes:
@@ -101,7 +101,8 @@ class Words:
         return self.loops > 0
 
     def __repr__(self) -> str:
-        return f"Words({self.name!r}, {self.kind}, {self.degrees_of_freedom} degrees of freedom, mobility {self.mobility})"
+        freedoms = f"{self.degrees_of_freedom} degrees of freedom, mobility {self.mobility}"
+        return f"MechanismClass({self.name!r}, {self.kind}, {freedoms})"
 
     def __str__(self) -> str:
         loops = f"closed, with {self.loops} independent {'loop' if self.loops == 1 else 'loops'}" if self.loops else "open"
@@ -128,7 +129,7 @@ def classify(
     end: str | Sequence[str] = (),
     at: State | None = None,
     seed: int = 0,
-) -> Words:
+) -> MechanismClass:
     """What a robot is, in words: serial, branched, parallel or hybrid; its mobility; redundancy of its end points.
 
     Bodies are joined by the joints of the file and by constraints between two bodies or with the ground: closures of loops,
@@ -168,7 +169,7 @@ def classify(
     links = _links(robot)
     base = GROUND if graph.base == 0 else links[graph.base]
     leaves = [j for j in range(1, robot.model.njoints) if j not in set(robot.model.parents.tolist()[1:])]
-    return Words(
+    return MechanismClass(
         robot.name, graph.kind, graph.loops, base, tuple(links[j] for j in leaves), robot.model.njoints - 1, robot.nv,
         mobility, robot.floating, ends, looked[0].q if looked else None,
     )  # fmt: skip
@@ -218,7 +219,7 @@ class Graph:
 
     @property
     def kind(self) -> str:
-        """See `Words`."""
+        """See `MechanismClass`."""
         if not self.loops:
             degree = np.bincount(np.array(self.edges, dtype=int).ravel(), minlength=2) if self.edges else np.zeros(2, int)
             return "serial" if degree[self.base] <= 1 and degree.max(initial=0) <= 2 else "branched"

@@ -20,8 +20,8 @@ from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.mechanism.coordinates import Coordinates
-from rbd.mechanism.finite import FAR, ROUGH, neighbours
 from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, joint_of_velocity, rank_of
+from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 

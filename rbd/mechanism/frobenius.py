@@ -1,9 +1,19 @@
-"""Are velocity constraints, taken together, holonomic? Frobenius on the velocities that they leave."""
+"""Are velocity constraints, taken together, holonomic? Frobenius's theorem on the velocities that they leave.
+
+Lie brackets are those of velocity fields on a robot's configurations, whose velocities are no derivatives of coordinates. A
+field X gives a velocity X(q), shape (nv,), at every configuration. With q' = v read as Pinocchio does (a floating base's v in
+the base's own axes), the bracket is
+
+    [X, Y] = dY . X - dX . Y + ad(X) Y ,
+
+ad the structure constants of these velocities: zero for joints whose v is the derivative of q, w x u and the like for bodies
+that turn. Without the last term a skate on a planar joint, whose row is the constant (0, 1, 0), would seem to be integrable.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +23,18 @@ from scipy.linalg import qr
 from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.brackets import Fields, brackets
-from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel
+from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel, pieces
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
+
+Fields = Callable[[Array], Array]
+"""q -> velocities without units, shape (nv, k), one column a field."""
+
+STEP = 0.01
+"""Step of the differences, without units."""
+
+_NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+_WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # sixth order
 
 _DEEPEST = 5
 """Brackets of brackets of ... this many are taken; each level costs (6 dim D) times the one before."""
@@ -148,7 +166,7 @@ def integrability(
     last value is the number of configuration freedoms (Chow's theorem), the first that of velocity freedoms.
 
     Constraints are judged together: two that are nonholonomic each may be holonomic as a pair. Brackets hold the structure
-    constants of v (see `rbd.mechanism.brackets`), of fields P(q) b, with P the projector onto D(q) and b constant. The
+    constants of v (see the module), of fields P(q) b, with P the projector onto D(q) and b constant. The
     derivatives are sixth-order differences with steps of 0.01, so smooth constraints are told apart from others at 1e-6 with
     a margin; `PointReport.gap` shows it. Only rows that are independent at a point are used near it.
 
@@ -265,3 +283,41 @@ def _projected(A: Array, B: Array) -> Array:
     """B without what A sees of it: smooth where A has full rank."""
     Q, R = np.linalg.qr(A.T)
     return B - Q @ (Q.T @ B)
+
+
+def ad(robot: CheckedModel, X: Array, Y: Array) -> Array:
+    """The bracket of velocities that are constant in their own axes, shape (nv,) [velocity squared]."""
+    out = np.zeros(robot.nv)
+    for piece in pieces(robot):
+        x, y = X[piece.v : piece.v + piece.nv], Y[piece.v : piece.v + piece.nv]
+        if piece.kind == "sphere":
+            out[piece.v : piece.v + 3] = np.cross(x, y)
+        elif piece.kind == "plane":
+            out[piece.v : piece.v + 2] = -x[2] * y[1] + y[2] * x[1], x[2] * y[0] - y[2] * x[0]
+        elif piece.kind == "space":
+            out[piece.v : piece.v + 3] = np.cross(x[3:], y[:3]) - np.cross(y[3:], x[:3])
+            out[piece.v + 3 : piece.v + 6] = np.cross(x[3:], y[3:])
+    return out
+
+
+def derivative(held: Held, fields: Fields, q: Array, z: Array) -> Array:
+    """Derivatives of the components of fields along z, shape (nv, k), by sixth-order differences."""
+    length = float(np.linalg.norm(z))
+    if length < 1e-12:
+        return np.zeros_like(fields(q))
+    values = [w * fields(held.move(q, (node * STEP / length) * z)) for w, node in zip(_WEIGHTS, _NODES, strict=True)]
+    return np.sum(values, axis=0) * (length / STEP)
+
+
+def brackets(held: Held, X: Fields, Y: Fields, pairs: Sequence[tuple[int, int]]) -> Fields:
+    """The fields [X_i, Y_j] of the pairs (i, j)."""
+    D = held.metric
+
+    def fields(q: Array) -> Array:
+        x, y = X(q), Y(q)
+        rises = {i: derivative(held, Y, q, x[:, i]) for i in {i for i, _ in pairs}}
+        falls = {j: derivative(held, X, q, y[:, j]) for j in {j for _, j in pairs}}
+        columns = [rises[i][:, j] - falls[j][:, i] + ad(held.robot, D * x[:, i], D * y[:, j]) / D for i, j in pairs]
+        return np.column_stack(columns) if columns else np.zeros((held.n, 0))
+
+    return fields
