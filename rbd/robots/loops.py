@@ -17,7 +17,7 @@ from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import joint_motion, with_one_freedom
+from rbd.model.joint_coordinates import joint_motion, with_one_freedom
 from rbd.model.mjcf.equality import WORLD, Equality
 from rbd.robots.loop_file import Closure, Coupling, LoopFile, Mark, Wheel
 

@@ -22,7 +22,7 @@ from rbd.mechanism.held_rows import HeldRows, holds, velocity_of
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
-from rbd.model.joint_motion import joint_motion
+from rbd.model.joint_coordinates import joint_motion
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem

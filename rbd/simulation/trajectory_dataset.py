@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.installation import version
 from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
 from rbd.simulation.events import Event
 from rbd.simulation.robot_recipe import recipe, robot_numbers, robot_of
@@ -41,7 +41,7 @@ def keys(names: tuple[str, ...]) -> dict[str, str]:
 def header_of(fields: Fields) -> dict[str, Any]:
     """All that is not arrays."""
     return {
-        "rbd": _version(),
+        "rbd": version(),
         "robot": recipe(fields["robot"]),
         "constraints": list(fields["forces"]),
         "contacts": list(fields["points"]),
@@ -123,7 +123,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, x in arrays.items():
         attrs = {"long_name": told[name]} | ({"units": units[name]} if name in units else {})
         variables[name] = (["time", *dims.get(name, [])], x, attrs)
-    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": _version()}
+    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": version()}
     about |= {word: fields[word] for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
     return xr.Dataset(variables | _event_variables(fields["events"]), coords, about)
@@ -209,13 +209,6 @@ def _checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
         text = "\0".join(x.tolist()).encode(errors="surrogatepass") if x.dtype.kind == "U" else x.astype("<f8").tobytes()
         found.update(name.encode(errors="surrogatepass") + text)
     return found.hexdigest()
-
-
-def _version() -> str:
-    try:
-        return version("rbd")
-    except PackageNotFoundError:  # a copy of the sources that nobody installed
-        return ""
 
 
 def _list(header: Mapping[str, Any], what: str) -> list[Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import joint_motion
+from rbd.model.joint_coordinates import joint_motion
 from rbd.model.joint_names import ANGLE, FORCE_OF, PURE, Coordinate, motors, positions, velocities
 from rbd.simulation.trajectory import Trajectory
 
