@@ -27,7 +27,7 @@ def main(show: bool = True) -> Result:
     print("Free:        J =", short(arm.jacobian().tolist()))
     held, apart = {}, {}
     for joint, told in ((1, "first"), (2, "second")):
-        chain = held[joint] = arm.constrained({joint: 0})
+        chain = held[joint] = rbd.planar.constrained(arm, {joint: 0})
         print(f"With the {told} joint held at 0:")
         J = chain.full_jacobian()
         print("  the free J =", short(J.tolist()), " det J =", short(sp.simplify(J.det())))

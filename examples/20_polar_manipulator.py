@@ -29,7 +29,7 @@ class Result:
 def main(show: bool = True) -> Result:
     arm = rbd.planar.Chain(2, lengths=(ELL, ELL))
     th1, th2 = arm.q
-    polar = arm.constrained(sp.Eq(2 * th1 + th2, sp.pi))
+    polar = rbd.planar.constrained(arm, sp.Eq(2 * th1 + th2, sp.pi))
     print("J of the free arm       ", short(arm.jacobian().tolist()))
     print("J of the free arm there ", short(simple(polar.full_jacobian()).tolist()))
     print("J of the manipulator    ", short(simple(polar.jacobian()).tolist()))

@@ -38,27 +38,27 @@ def main(show: bool = True) -> Result:
     for what in ("position", "velocity", "acceleration"):
         for axis, row in zip("xy", getattr(pendulum, what)(), strict=True):
             print(f"{what} {axis}: {short(row)}")
-    points = pendulum.dynamics(bodies="points")
+    points = rbd.planar.dynamics(pendulum, bodies="points")
     print("Lagrange, masses at the ends, tau =")
     for row in points.equations:
         print(f"  {short(row)}")
     metre = pendulum.with_lengths((1.0, 1.0))
     squares = {}
     for bodies, closed in CLOSED.items():
-        modes = metre.dynamics(bodies=bodies, masses=(1, 1), gravity=G).linearised().modes()
+        modes = rbd.planar.dynamics(metre, bodies=bodies, masses=(1, 1), gravity=G).linearised().modes()
         squares[bodies] = np.array(modes.squared, dtype=float) / G
         told = " and ".join(f"{x:.9f}" for x in squares[bodies])
         print(f"Small swings, two equal {bodies}: w^2 = {told} g/l; closed form {closed[0]:.9f} and {closed[1]:.9f}")
 
-    rods = metre.dynamics(bodies="rods", masses=(1, 1), gravity=G)
+    rods = rbd.planar.dynamics(metre, bodies="rods", masses=(1, 1), gravity=G)
     times = np.linspace(0.0, 2.0, 201)
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         return np.concatenate([x[2:], rods.forward(x[:2], x[2:])])
 
     path = solve_ivp(rate, (0.0, 2.0), np.concatenate([START, np.zeros(2)]), "DOP853", times, rtol=1e-12, atol=1e-12).y.T
-    robot = rods.robot()
-    coordinates = metre.robot_coordinates()
+    robot = rbd.planar.to_robot(rods)
+    coordinates = rbd.planar.robot_coordinates(metre)
     way = rbd.simulate(robot.at(coordinates.to_robot(START)), duration=2.0, step=5e-4)
     by_robot = coordinates.from_robot(way.q[::20])
     energy = rods.function(rods.energy)(path[:, :2], path[:, 2:])

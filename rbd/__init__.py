@@ -35,6 +35,13 @@ if _TYPE_CHECKING:
         joint_limits as joint_limits,
         mimics as mimics,
     )
+    from rbd.control import (
+        HoldPosture as HoldPosture,
+        Push as Push,
+        Pushes as Pushes,
+        Sampled as Sampled,
+        TorqueScript as TorqueScript,
+    )
     from rbd.errors import (
         CannotAssemble as CannotAssemble,
         CannotHold as CannotHold,
@@ -89,14 +96,9 @@ if _TYPE_CHECKING:
     from rbd.simulation import (
         Adaptive as Adaptive,
         Event as Event,
-        HoldPosture as HoldPosture,
         Projection as Projection,
-        Push as Push,
-        Pushes as Pushes,
         RungeKutta4 as RungeKutta4,
-        Sampled as Sampled,
         TimeStepping as TimeStepping,
-        TorqueScript as TorqueScript,
         Trajectory as Trajectory,
         simulate as simulate,
     )
@@ -119,6 +121,7 @@ _NAMES = {
         KnifeEdge LineContact LoopClosure PointContact RollingBall RollingDisk RollingWheel SurfaceContact
         VelocityConstraint joint_frictions joint_limits mimics
     """,
+    "rbd.control": "HoldPosture Push Pushes Sampled TorqueScript",
     "rbd.errors": """
         CannotAssemble CannotHold ContactMoves DistantContactWarning DuplicateName EffortLimitWarning FrameNotFound
         InaccurateWarning InputError JointNotFound ModelError ModelWarning NoSolution NotAtRest NotDifferentiable
@@ -138,10 +141,7 @@ _NAMES = {
     "rbd.robots.diagnosis": "Finding Report",
     "rbd.robots.merge": "Pair combine",
     "rbd.robots.robot": "Robot load_robot",
-    "rbd.simulation": """
-        Adaptive Event HoldPosture Projection Push Pushes RungeKutta4 Sampled TimeStepping TorqueScript Trajectory
-        simulate
-    """,
+    "rbd.simulation": "Adaptive Event Projection RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "NearestMotion Solution nearest_motion",
     "rbd.solvers.admm": "ADMM",
     "rbd.solvers.kkt": "KKT",

@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, largest
+from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.loop import LoopClosure
 from rbd.errors import (
     ContactMoves,
@@ -40,17 +40,6 @@ from rbd.solvers.proxqp import ProxQP
 
 OPEN = 1e-3
 """A loop that is open by more than this [m, rad] at the state that is solved gets a warning."""
-
-
-class Constraint(Protocol):
-    """Anything that gives named rows at a state; inactive ones give zero rows."""
-
-    @property
-    def name(self) -> str:
-        """The role it plays, unique in a problem."""
-
-    def rows(self, state: State) -> Rows:
-        """Its rows at this state."""
 
 
 def solve(
@@ -168,7 +157,7 @@ def assembled(
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state.robot, np.asarray(tau, float))
     given = listed(constraints)
-    rows = _rows_of(state, given)
+    rows = rows_of(state, given)
     _warn_of_open(given, rows)
     if not all([r.patch is None or r.patch.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=4)
@@ -270,43 +259,6 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
             EffortLimitWarning,
             stacklevel=4,  # the line that called `solve` or `gauss_problem`
         )
-
-
-def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
-    """Each constraint's rows at a state, in order.
-
-    Raises:
-        InputError: if something in the list is no constraint.
-    """
-    return _rows_of(state, listed(constraints))
-
-
-def _rows_of(state: State, constraints: tuple[Constraint, ...]) -> list[Rows]:
-    out = []
-    for constraint in constraints:
-        if isinstance(constraint, type) or not callable(getattr(constraint, "rows", None)):
-            raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give contacts, e.g. robot.soles().")
-        r = constraint.rows(state)
-        if not isinstance(r, Rows):
-            raise InputError(f"constraint {constraint.name!r} gave a {type(r).__name__} in place of rbd.Rows.")
-        out.append(r)
-    return out
-
-
-def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
-    """Constraints as a tuple.
-
-    Raises:
-        InputError: if it is no list.
-    """
-    if isinstance(constraints, str | bytes):
-        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
-    if hasattr(constraints, "rows"):
-        raise InputError("constraints is a single constraint; give a list, [constraint].")
-    try:
-        return tuple(constraints)
-    except TypeError:
-        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
 
 
 def _refuse_moving(problem: GaussProblem, law: str) -> None:

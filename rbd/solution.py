@@ -23,10 +23,10 @@ from rbd.problem.contact_force import corner_split
 from rbd.problem.openings import opening_words
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.rays import rays_of
-from rbd.problem.residuals import SOLVED, USABLE
+from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers import Solver, checked_solver
-from rbd.solvers.proxqp import ProxQP, law_name
+from rbd.solvers.proxqp import ProxQP, eased, law_name, too_steep
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -165,12 +165,13 @@ class Solution(Answer):
             f = self.multipliers if found.rank == self.problem.m else found.forces(x)
             chosen = corners | found.corner_forces(x)
             out = replace(self, multipliers=f, weights=found.law_weights(x), chosen_corners=chosen, choice=name)
-            for a in (self.a, None):
-                if a is None:  # huge internal forces leave their rounding in a: once more from the smaller ones
-                    a = self.a_free + self.problem.solve_M(self.problem.J.T @ f)
-                out = replace(out, a=a)
-                if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
-                    return out
+            if out.residuals.within(ENOUGH):
+                return out
+            # Great internal forces leave their rounding in a: once more from the smaller ones.
+            again = replace(out, a=self.a_free + self.problem.solve_M(self.problem.J.T @ f))
+            out = again if again.residuals.less_than(out.residuals) else out
+            if out.residuals.within(SOLVED if self.residuals.within(SOLVED) else USABLE):
+                return out
         return replace(self, chosen_corners=corners, choice=f"as {self.solver} left it")
 
     def uniqueness(self) -> Uniqueness:
@@ -249,11 +250,18 @@ def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
     The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that says
     itself why it is none (`Answer.infeasible`, `Answer.reason`) is left as it is.
     """
-    found = Solution.of(solver.solve(problem))
-    if found.residuals.within(SOLVED) or found.residuals.within(USABLE) or found.infeasible or found.reason:
+    answer = solver.solve(problem)
+    found = Solution.of(answer)
+    if found.residuals.within(SOLVED) or found.residuals.within(USABLE):
+        if not answer.redundant or found.residuals.within(ENOUGH) or not isinstance(solver, ProxQP):
+            return found
+        other = Solution.of(eased(answer))
+        return other if other.residuals.less_than(found.residuals) else found
+    if found.infeasible or found.reason:
         return found
     if found.contradiction is None:
-        return found
+        reason = too_steep(found)
+        return replace(found, reason=reason) if reason else found
     near = solver.solve(relaxed(problem, smallest_violation(problem, found.law)[0]))
     seconds = found.seconds + near.seconds
     return Solution.of(replace(near, problem=problem, infeasible=True, redundant=False, seconds=seconds))

@@ -312,7 +312,8 @@ def coordinate(name: str, robot: rbd.Robot, joint: str, kind: str, q: Array, lim
     def thing(state: rbd.State, forces: Forces, corners: Forces) -> Thing:
         f = forces[name]
         if kind == "stop" and len(f) == 2:  # of a trajectory: at the lower bound, and at the upper
-            return C.Coordinate(name, i, kind, float(f[0] - f[1]), 1.0 if f[0] > f[1] else -1.0)
+            at = sign if f[0] == f[1] else math.copysign(1.0, f[0] - f[1])  # one that carries nothing stands where it is put
+            return C.Coordinate(name, i, kind, float(f[0] - f[1]), at)
         one = float(f[0]) if len(f) else 0.0
         return C.Coordinate(name, i, kind, sign * one if kind == "stop" else one, sign, limit)
 

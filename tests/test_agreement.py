@@ -41,6 +41,13 @@ def test_where_nothing_slips_all_laws_agree(talos, pushed):
     assert max(da for *_, da, _ in found.differences) < 1e-8
 
 
+def test_a_lock_beside_rubbing_soles_is_held_on_pyramids_too(talos, pushed):
+    """Rows without a cone stay as they are: each of the two laws still has two solvers that agree."""
+    lock = rbd.JointLock("elbow", "arm_left_4_joint")
+    found = rbd.agree(*pushed, [*talos.soles(friction=0.7), lock])
+    assert found.agree and "ADMM on pyramids" in str(found) and "ADMM on pyramids" not in found.refused
+
+
 def test_redundant_forces_are_compared_in_what_is_unique_of_them(rng):
     """A box on four corners: 12 rows of rank 6."""
     from rbd.testing import box

@@ -6,6 +6,7 @@ import math
 import pickle
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -288,6 +289,17 @@ def test_a_file_of_ones_own_is_found_by_path(tmp_path: Path, monkeypatch: pytest
     assert catalogue.find("mine.urdf").urdf.resolve() == tmp_path / "mine.urdf"
 
 
+def test_a_file_without_an_ending_is_found_where_no_robot_goes_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bare name is a robot's first, and then a file's."""
+    (tmp_path / "mine").write_text("<robot name='mine'><link name='base'/></robot>")
+    monkeypatch.chdir(tmp_path)
+    assert catalogue.find("mine").urdf.resolve() == tmp_path / "mine"
+    with pytest.raises(UnknownRobot, match="mime"):
+        catalogue.find("mime")
+
+
 def test_the_data_file_by_path_is_the_robot_by_name() -> None:
     """A path into the data brings the same feet and postures as the short name."""
     by_path, by_name = catalogue.find(catalogue.find("g1").urdf), catalogue.find("g1")
@@ -318,7 +330,32 @@ def test_without_the_data_the_remedy_is_named(tmp_path: Path, monkeypatch: pytes
         catalogue.find("other.urdf")
 
 
+def test_data_packed_another_way_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package of that name without the folder of pip's own: what is missing, and what to install."""
+    monkeypatch.setattr(catalogue, "distribution", lambda name: SimpleNamespace(locate_file=lambda place: tmp_path / "none"))
+    with pytest.raises(ModelError, match="is installed, but without the folder .* try: pip install example-robot-data"):
+        catalogue.find("talos")
+
+
 def test_a_source_can_be_sent_to_a_worker() -> None:
     """A source pickles: other processes build their own model from it."""
     source = pickle.loads(pickle.dumps(catalogue.find("talos")))
     assert source.feet == catalogue.find("talos").feet
+
+
+class TestLicences:
+    """Under which licence a robot's files come."""
+
+    def test_each_robot_of_the_data_states_one(self):
+        """In the README of its folder: free ones, shared alike, and one that forbids changes."""
+        told = {name: catalogue.licence(catalogue.find(name)) for name in catalogue.robots()}
+        assert {name: told[name] for name in ("talos", "g1", "panda", "icub")} == {
+            "talos": "Apache-2.0", "g1": "BSD-3-Clause", "panda": "Apache-2.0", "icub": "CC-BY-SA-4.0"
+        }  # fmt: skip
+        assert all(told.values())
+
+    def test_of_our_own_mechanisms_it_is_ours_and_of_your_file_nothing_is_known(self, tmp_path):
+        """No licence is made up."""
+        assert catalogue.licence(catalogue.find("four_bar")) == "BSD-2-Clause"
+        (tmp_path / "mine.urdf").write_text("<robot name='mine'><link name='a'/></robot>")
+        assert catalogue.licence(catalogue.find(tmp_path / "mine.urdf")) == ""

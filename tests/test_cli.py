@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
@@ -8,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
+from rbd.cli.stand_report import StandReport
 
 runner = CliRunner()
 
@@ -140,3 +143,18 @@ def test_info_tells_joints_frames_motors_and_findings():
         assert word in out, word
     code, _, complaint = run("info", "talos", "--root", "welded")
     assert code == 2 and "free_flyer" in complaint
+
+
+def test_a_report_of_a_bolted_arm_has_no_motion_of_its_mass_to_compare(tmp_path):
+    """The ground takes what it needs: no number is told for it. A motor without a limit has none, and no share of it."""
+    ball = '<body name="b"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'
+    motor = '<actuator><motor joint="j"/></actuator>'
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{ball}</worldbody>{motor}</mujoco>")
+    state = rbd.load_robot(tmp_path / "arm.xml").at()
+    held = rbd.hold(state, [])
+    report = StandReport(held, rbd.solve(state, held.tau, []), None, None, {})
+    assert np.isnan(report.com_acceleration).all()
+    console = Console(file=io.StringIO(), width=120)
+    console.print(report)
+    (line,) = [line.split() for line in console.file.getvalue().splitlines() if line.split()[:1] == ["j"]]
+    assert line[1:] == [f"{-1000.0 * 4.0 / 3.0 * np.pi * 0.1**3 * 9.81 * 0.3:.3f}", "none", "-"]

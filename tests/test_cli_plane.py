@@ -52,6 +52,12 @@ def test_the_texts_motion_is_told_and_drawn(tmp_path):
     assert np.degrees(data["q"][-1]) == pytest.approx([0.0, 90.0], abs=1e-9) and np.isfinite(data["qd"]).all()
 
 
+def test_of_a_long_chain_the_first_angles_are_told():
+    """Twelve, and how many there are beside them."""
+    code, out, _ = run("--links", "14", "--from", "0.5,0", "--to", "0.4,0.2")
+    assert code == 0 and "peak rate of theta_12" in out and "theta_13" not in out and "and 2 more angles" in out
+
+
 def test_an_unreachable_target_is_told_by_how_much():
     """Exit code 1, the distance, and the nearest point; so is a way that leads through a hole, and a single link's chord."""
     code, out, complaint = run("--from", "1,0", "--to", "1.2,0.5")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
+from rbd.cli.simulate_report import SimulateReport
 from rbd.cli.simulate_setup import loaded, pushes, setup
 from rbd.errors import SimulationStopped
 
@@ -210,3 +212,53 @@ def test_bodies_are_laid_on_the_ground_and_joints_stop_where_they_are_told_to():
     assert "through it" not in " ".join(setup(loaded("solo12"), bodies=True).limits)
     arm = setup(loaded("ur5"), stops=True)
     assert len(arm.constraints) == 6 and "stop at their limits" not in " ".join(arm.limits)
+
+
+def test_a_motor_without_a_limit_is_told_with_its_torque(tmp_path):
+    """A ball of 4.19 kg held 0.3 m beside its hinge: m g l, at no share of any limit."""
+    ball = '<body name="b"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'
+    motor = '<actuator><motor joint="j"/></actuator>'
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{ball}</worldbody>{motor}</mujoco>")
+    code, out, _ = run(str(tmp_path / "arm.xml"), "--duration", "0.01")
+    torque = 1000.0 * 4.0 / 3.0 * np.pi * 0.1**3 * 9.81 * 0.3
+    assert code == 0 and f"j: {-torque:.3f} N m, at" in out and "of its limit" not in out
+
+
+def test_the_verdict_says_which_feet_are_on_the_ground(tmp_path):
+    """Thrown upwards none is; of what stands, those that carry are named, and what slips is said to."""
+    given = setup(loaded("solo12"), bodies=False)
+    v = np.zeros(given.state.robot.nv)
+    v[2] = 1.0
+    thrown = rbd.simulate(given.state.with_velocity(v), given.constraints, duration=0.02, step=2e-3, progress=False)
+    assert SimulateReport(thrown, given, (), {}).verdict == "it is in the air"
+    still = rbd.simulate(given.state, given.constraints, duration=0.02, step=2e-3, controller=given.controller, progress=False)
+    told = SimulateReport(still, given, (), {}).verdict
+    assert told.startswith("it stands on ") and told.endswith("at rest") and "alone" not in told
+    first, *others = given.feet
+    modes = {name: np.array(["open"] * len(still.times)) if name == first else still.modes[name] for name in given.feet}
+    told = SimulateReport(replace(still, modes=modes), given, (), {}).verdict
+    assert told.startswith(f"it is on {', '.join(others)} alone, its centre of mass ")
+
+
+@pytest.mark.parametrize("height", [5.0, 20.0, -30.0])
+def test_a_body_is_laid_on_the_ground_from_any_height(tmp_path, height):
+    """Also from where a file draws it far away, and beside a floor of the file's own, which stays where it is."""
+    ball = f'<body name="b" pos="0 0 {height}"><freejoint/><geom size=".1"/></body>'
+    (tmp_path / "ball.xml").write_text(f'<mujoco><worldbody><geom type="plane" size="1 1 1"/>{ball}</worldbody></mujoco>')
+    given = setup(loaded(str(tmp_path / "ball.xml")), bodies=True)
+    assert given.state.com == pytest.approx([0.0, 0.0, 0.1], abs=1e-9)
+
+
+def test_what_is_farther_away_than_the_ground_is_looked_for_stays_there(tmp_path):
+    """A keyframe at 100 km, of a ball 1 m above its own origin."""
+    ball = '<body name="b"><freejoint/><geom size=".1" pos="0 0 1"/></body>'
+    key = '<keyframe><key name="far" qpos="0 0 1e5 1 0 0 0"/></keyframe>'
+    (tmp_path / "ball.xml").write_text(f"<mujoco><worldbody>{ball}</worldbody>{key}</mujoco>")
+    assert setup(loaded(str(tmp_path / "ball.xml")), posture="far", bodies=True).state.com[2] == 1e5 + 1.0
+
+
+def test_an_arm_touches_with_what_moves():
+    """Its base, bolted to the ground, is no contact."""
+    arm = setup(loaded("ur5"), bodies=True)
+    (contacts,) = arm.constraints
+    assert "base_link_0" not in contacts.ground and "wrist_3_link_0" in contacts.ground and len(contacts.ground) == 7

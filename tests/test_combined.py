@@ -11,7 +11,7 @@ import pytest
 import rbd
 from rbd.model.checked_model import CheckedModel
 from rbd.testing import box
-from rbd.visual.robot_parts import robot_parts
+from rbd.visual.robot_meshes import robot_parts
 
 BOX = Path(__file__).parents[1] / "urdf" / "box.urdf"
 X_W2 = pin.SE3(pin.exp3(np.array([0.1, -0.2, 0.5])), np.array([1.0, 2.0, 0.3]))
@@ -147,6 +147,14 @@ def test_feet_of_a_pair_are_those_of_both(talos, g1):
     assert names == ["a_left_sole", "a_right_sole", "b_b_left_sole", "b_b_right_sole"]
     with pytest.raises(rbd.ModelError, match="no feet are known of box and box"):
         rbd.combine(box(), box()).feet()
+
+
+def test_an_object_beside_a_standing_robot_stays_where_it_is_put(robots):
+    """It has no posture of its own: its neutral one, moved by the placement; the robot stands as it does alone."""
+    pair = rbd.combine(robots["talos"], robots["box"], placement=X_W2)
+    talos, crate = pair.split(pair.standing().q)
+    assert np.abs(talos - robots["talos"].standing().q).max() == 0.0
+    assert np.abs(pin.XYZQUATToSE3(crate).homogeneous - X_W2.homogeneous).max() < 1e-15
 
 
 def test_shapes_of_both_are_drawn_where_they_are(robots):

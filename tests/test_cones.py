@@ -8,7 +8,7 @@ from scipy.optimize import linprog, nnls
 
 import rbd
 from rbd.arrays import block_diagonal, cross_matrix
-from rbd.problem.cones import HalfLine, Interval, Line, SecondOrderCone, check_friction, pyramid
+from rbd.problem.cones import HalfLine, Interval, Line, Product, SecondOrderCone, check_friction, pyramid
 from rbd.problem.rays import rays_of
 
 SOLE = np.array([[0.11, 0.05, 0.0], [0.11, -0.05, 0.0], [-0.11, -0.05, 0.0], [-0.11, 0.05, 0.0]])
@@ -251,3 +251,9 @@ def test_a_box_whose_bounds_cross_is_refused():
         rbd.Box([0.0, 0.0], [1.0])
     with pytest.raises(rbd.InputError, match="lo <= hi"):
         rbd.Box([np.nan], [1.0])
+
+
+def test_a_set_of_no_forces_has_no_rays() -> None:
+    """Zero components: no columns, and no normals among them."""
+    found = rays_of(Product(()))
+    assert found.G.shape == (0, 0) and found.normals.shape == (0, 0) and found.mean(np.zeros((3, 0))).shape == (3, 0)

@@ -22,7 +22,7 @@ from copied import difference, instances
 
 import rbd
 from rbd.analysis.sensitivity import StateOrigin
-from rbd.cli.mechanism_report import mechanism_report
+from rbd.cli.mechanism_report import report_mechanism
 
 URDF = Path(__file__).parents[1] / "urdf"
 WAYS: dict[str, Callable[[Any], Any]] = {
@@ -115,7 +115,7 @@ def mechanisms() -> Iterator[object]:
     unicycle = rbd.load_robot(URDF / "unicycle.urdf")
     yield from (*four_bar.loops, *unicycle.wheels, four_bar, unicycle)
     for robot in (four_bar, unicycle):
-        report = mechanism_report(robot, next(iter(robot.postures.values()), robot.neutral()))
+        report = report_mechanism(robot, next(iter(robot.postures.values()), robot.neutral()))
         assert str(report)
         yield from (report, report.state)
     state = report.state if not four_bar.loops else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
@@ -150,7 +150,7 @@ def planar_chains() -> Iterator[object]:
     motion = planar.endpoint_motion(chain, path)
     reach = planar.inverse(chain, [0.5, 0.9])
     yield from (chain, equations, linear, linear.modes(), held, path, motion, reach, motion.split, path.peaks, equations.bodies)
-    yield from (held.split(), chain.ellipse([0.1, 0.9]), chain.angle_map("segment"), chain.numeric, planar.words(chain))
+    yield from (held.split(), chain.ellipse([0.1, 0.9]), chain.angle_map("segment"), chain.numeric, planar.classify(chain))
     yield from (planar.inverse_path(chain, motion.x[:5]), planar.robot_coordinates(chain))
     yield chain.function(chain.position())
 
@@ -166,7 +166,7 @@ def found() -> dict[type, list[Any]]:
 
 KEPT = 3
 """So many instances of a class are copied."""
-PUBLIC = ("rbd", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints")
+PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints")
 
 
 def public_classes() -> list[type]:

@@ -10,6 +10,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from test_urdf_file import BODY, GOOD, INERTIA, hinge, more, swapped, written
 
@@ -17,6 +18,7 @@ import rbd
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.robots import catalogue
 
+URDF = Path(__file__).parents[1] / "urdf"
 LIGHT = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 
 
@@ -200,6 +202,59 @@ def test_a_file_that_changed_since_is_told(tmp_path: Path) -> None:
     report = rbd.doctor(robot)
     assert not report.ok and report.errors[0].kind == "mass"
     assert "the moving links of the file weigh 5 kg, and the model 4 kg" in str(report)
+
+
+def _spoil(model: pin.Model, what: str) -> None:
+    """Change a model as its owner can, after it was checked."""
+    if what in ("number", "mass"):
+        model.inertias[1].mass = np.nan if what == "number" else -1.0
+    elif what == "limit":
+        low = np.array(model.lowerPositionLimit)
+        knee = model.joints[model.getJointId("knee")].idx_q
+        low[knee] = 1.0 + model.upperPositionLimit[knee]
+        model.lowerPositionLimit = low
+    elif what == "name":
+        model.names[2] = model.names[1]
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ("number", "the bodies at joint 'root_joint' have a mass, inertia or origin that is not finite"),
+        ("mass", "the bodies at joint 'root_joint' weigh -1 kg"),
+        ("limit", "joint 'knee' has its limits swapped"),
+        ("name", "two joints are called 'root_joint'; expected different names"),
+    ],
+)
+def test_a_model_that_was_changed_since_is_told(tmp_path: Path, what: str, says: str) -> None:
+    """What loading refuses in a file, the doctor finds in a model."""
+    robot = rbd.load_robot(written(tmp_path, GOOD))
+    _spoil(robot.model, what)
+    found = next(finding for finding in rbd.doctor(robot).errors if finding.kind == what)
+    assert says in found.text and found.where == re.findall("'(.*?)'", found.text)[0]
+
+
+def test_a_body_that_the_file_got_since_is_told(tmp_path: Path) -> None:
+    """By its name: the model has none of it."""
+    path = written(tmp_path, GOOD)
+    robot = rbd.load_robot(path)
+    written(tmp_path, more(f'<link name="toe">{BODY}</link>' + hinge("bend", "foot", "toe", "revolute")))
+    found = {finding.where for finding in rbd.doctor(robot).errors if finding.kind == "body"}
+    assert found == {"toe"}
+
+
+def test_a_loop_that_is_defined_nowhere_is_told(tmp_path: Path) -> None:
+    """A hinge whose axes point oppositely however the joints stand has no place at which it is closed."""
+    text = (URDF / "four_bar.urdf").read_text()
+    (tmp_path / "four_bar.urdf").write_text(text)
+    flipped = '<link name="flipped"/><joint name="flip" type="fixed"><origin rpy="3.141592653589793 0 0"/>'
+    flipped += '<parent link="rocker_tip"/><child link="flipped"/></joint></robot>'
+    (tmp_path / "four_bar.urdf").write_text(text.replace("</robot>", flipped))
+    loops = (URDF / "four_bar.loops.yaml").read_text().replace("kind: planar", "kind: revolute")
+    loops = loops.replace("frame_b: rocker_tip", "frame_b: flipped")
+    (tmp_path / "four_bar.loops.yaml").write_text(loops)
+    (found,) = [each for each in rbd.doctor(rbd.load_robot(tmp_path / "four_bar.urdf")).notes if each.kind == "loop"]
+    assert found.where == "coupler_pin" and "no place at which it is closed: it is not defined in these postures" in found.text
 
 
 # ---------------------------------------------------------------------------------------------------------- MJCF

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import multiprocessing
 import os
+import runpy
 import threading
 import time
 import warnings
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 import rbd
+import rbd.model.forks
 from rbd.model.temporary_folders import new_folder
 from rbd.visual import Scene
 
@@ -169,6 +171,27 @@ def test_a_state_that_is_forgotten_waits_for_no_lock(talos: rbd.Robot):
     lent = len(talos.pool._lent)
     talos.at("half_sitting")
     assert len(talos.pool._lent) <= lent
+
+
+@pytest.mark.parametrize("can_fork", [True, False])
+def test_where_nothing_forks_nothing_is_registered(monkeypatch: pytest.MonkeyPatch, can_fork: bool):
+    """Windows has no os.register_at_fork; elsewhere the owners known are renewed by what is registered."""
+    registered = []
+    monkeypatch.setattr(os, "register_at_fork", lambda **given: registered.append(given["after_in_child"]))
+    if not can_fork:
+        monkeypatch.delattr(os, "register_at_fork")
+    module = runpy.run_path(rbd.model.forks.__file__)
+    renewed = []
+
+    class Owner:
+        def renew_after_fork(self) -> None:
+            renewed.append(self)
+
+    owner = Owner()
+    module["renewed_after_fork"](owner)
+    for renew in registered:
+        renew()
+    assert renewed == ([owner] if can_fork else [])
 
 
 def test_every_lock_of_the_package_is_renewed_after_a_fork():

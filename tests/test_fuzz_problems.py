@@ -38,6 +38,24 @@ def test_random_problems_are_solved_or_refused() -> None:
     assert solved > 90 and inaccurate < 15 and 5 < refused, "problems that all go one way test nothing"
 
 
+@pytest.mark.parametrize(
+    ("seed", "i", "outcome"),
+    [
+        (1, 77, "solved"),  # a gram squeezed with kilonewtons by ProxSuite
+        (1, 133, "solved"),  # a hundred points that slide
+        (1, 244, "refused"),  # ProxSuite ends in NaN
+        (11, 81, "solved"),  # hold, by a hundred points of friction 1e6: NaN torques
+        (11, 368, "solved"),  # a stop that carries nothing
+        (12, 59, "solved"),  # a hundred points of friction 1e-4: the last digits
+        (12, 76, "solved"),  # friction 1e-9: a point that pulls
+    ],
+)
+def test_what_has_failed_once_is_right(seed: int, i: int, outcome: str) -> None:
+    """Each for a reason of its own, mended."""
+    found = fuzz.judge(seed, i)
+    assert found.outcome == outcome, found
+
+
 def test_a_problem_is_always_the_same() -> None:
     """Seed and number say all; another seed says something else."""
     once, again, other = ([fuzz.told(seed, i) for i in range(30)] for seed in (0, 0, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -17,7 +18,7 @@ import pytest
 import rbd
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
 from rbd.errors import FrameNotFound, InputError, ModelError, ModelWarning
-from rbd.model.meshes import _equivalent_box, load_geometry
+from rbd.model.meshes import Geometry, _equivalent_box, load_geometry
 from rbd.robots.underside import flat_underside
 
 MM = 1e-3
@@ -207,7 +208,7 @@ def test_broken_meshes_are_boxes_and_end_nothing(package):
     (package / "urdf").mkdir()
     (package / "urdf" / "it.urdf").write_text(urdf('<sphere radius="1"/>', more="".join(shapes)))
     code = f"""import warnings, rbd
-from rbd.visual.robot_parts import robot_parts
+from rbd.visual.robot_meshes import robot_parts
 robot = rbd.load_robot({str(package / "urdf" / "it.urdf")!r}, package_dirs=[{str(package.parent)!r}])
 with warnings.catch_warnings(record=True) as told:
     warnings.simplefilter("always")
@@ -221,6 +222,43 @@ print(told[0].message)
     assert first.split() == ["Sphere", *["Box"] * len(BROKEN), "BVHModelOBBRSS", str(len(BROKEN) + 2), "1"], first
     assert f"boxes in place of {len(BROKEN)} meshes" in message and "load_robot(..., package_dirs=[folder])" in message
     assert "missing.stl' is not there" in message and "more" in message
+
+
+def unchecked(package: Path, *shapes: str) -> Geometry:
+    """The visual geometry of a base with these shapes, of a text that nobody looked at before."""
+    robot = load(package, urdf('<sphere radius="1"/>'))
+    more = "".join(f"<visual><geometry>{shape}</geometry></visual>" for shape in shapes)
+    element = ElementTree.fromstring(urdf('<sphere radius="1"/>', more=more))
+    return load_geometry(robot.model, element, robot.urdf, [package.parent], pin.GeometryType.VISUAL)
+
+
+def test_a_bad_scale_spoils_its_own_shape_alone(package):
+    """The same file elsewhere is drawn, also where another file breaks the first pass and all are read anew."""
+    (package / "meshes" / "broken.dae").write_bytes(DAE.replace(b"</triangles>", b""))
+    good, bad = (f'<mesh filename="../meshes/good.stl" scale="{scale}"/>' for scale in ("1 1 1", "0 1 1"))
+    for others, count in (((good, bad), 1), ((bad, good), 1), ((good, bad, '<mesh filename="../meshes/broken.dae"/>'), 2)):
+        found = unchecked(package, *others)
+        assert f"has boxes in place of {count} mesh" in found.complaint and len(found.stand_ins) == len(others) - 1
+        kinds = [type(each.geometry).__name__ for each in found.model.geometryObjects]
+        assert kinds == ["Sphere", *("BVHModelOBBRSS" if each == good else "Box" for each in others)]
+
+
+def test_shapes_that_cannot_be_built_are_left_out_with_the_reason(package):
+    """A file of other links than the model's: no mesh is to blame, and nothing is drawn."""
+    robot = load(package, urdf("../meshes/good.stl"))
+    element = ElementTree.fromstring(urdf("../meshes/good.stl").replace('"base"', '"pedestal"'))
+    found = load_geometry(robot.model, element, robot.urdf, [package.parent], pin.GeometryType.VISUAL)
+    assert found.model.ngeoms == 0 and re.match("is left out, as it cannot be built: .{5,}[.]$", found.complaint)
+
+
+def test_a_link_without_an_inertia_gets_a_small_box_too():
+    """Nothing tells how large it is; nor do a mass alone, or words."""
+    moments = '<inertia ixx="1" iyy="1" izz="{}"/>'
+    assert _equivalent_box(None) is None
+    for inside in ('<mass value="1"/>', moments.format(1), '<mass value="1"/>' + moments.format("one")):
+        assert _equivalent_box(ElementTree.fromstring(f"<inertial>{inside}</inertial>")) is None
+    sides = _equivalent_box(ElementTree.fromstring('<inertial><mass value="6"/>' + moments.format(1) + "</inertial>"))
+    assert sides == pytest.approx([1.0, 1.0, 1.0])  # a cube of 6 kg and 1 m has m a^2 / 6
 
 
 def test_a_file_to_repair_is_not_blamed_on_the_folders(package):

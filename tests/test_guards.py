@@ -566,7 +566,7 @@ MADE_BY_RBD = {
     "Singularities",
     "SingularitiesAlong",
     "Integrability",
-    "Words",
+    "MechanismClass",
     "Assembly",
     "Branch",
     "Branches",

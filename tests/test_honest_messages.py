@@ -15,7 +15,7 @@ import rbd
 from rbd.errors import SeveralMotions
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.residuals import residuals_of
-from rbd.statics.least_friction import BRACKET
+from rbd.statics.least_friction import BRACKET, Balance, told as enough
 from rbd.testing import ConstraintWrong, box, check_constraint
 
 G = 9.81
@@ -124,6 +124,35 @@ class TestFriction:
         wall = rbd.PointContact("tip", "tip", normal=(-1, 0, 0), friction=0.1)
         message = told(lambda: rbd.hold(state, [wall]))
         assert "torque limit" in message
+
+    def test_a_lock_beside_the_soles_asks_for_no_friction(self, talos):
+        """Of what does not rub there is no coefficient to raise: with an elbow locked as it stands it is what it was."""
+        state, push = talos.standing(), rbd.ExternalForce("torso_2_link", (60.0, 45.0, 0.0))
+        alone = coefficient(told(lambda: rbd.hold(state, talos.soles(0.01), external=push)))
+        lock = rbd.JointLock("elbow", "arm_left_4_joint")
+        assert coefficient(told(lambda: rbd.hold(state, [*talos.soles(0.01), lock], external=push))) == alone
+
+    @pytest.mark.parametrize("push", [0.0, 0.3])
+    def test_what_presses_needs_what_it_is_pushed_with(self, push):
+        """One cone under a body of unit weight, in numbers: nothing where nothing pushes."""
+        none = np.zeros(0)
+        one = Balance(
+            np.eye(3), np.array([push, 0.0, 1.0]), np.zeros((0, 3)), none, np.zeros(3), np.full(3, np.inf), np.array([0]),
+            np.zeros(1), np.ones(1, bool),
+        )  # fmt: skip
+        assert one.least() == pytest.approx(push, rel=1e-5, abs=0.0)
+
+    def test_zero_is_told_as_zero_and_the_rest_rounded_up(self):
+        """So much does: four digits."""
+        assert [enough(mu) for mu in (0.0, 0.25, 0.123412, 3.0001)] == ["0", "0.25", "0.1235", "3.001"]
+
+    def test_a_search_cut_short_says_so(self, monkeypatch):
+        """One linear program is not enough."""
+        monkeypatch.setattr("rbd.problem.limits.FRICTION_PROGRAMS", 1)
+        robot = box(MASS)
+        external = rbd.ExternalForce("box", (0.3 * WEIGHT, 0.1 * WEIGHT, 0.0), offset=(0.0, 0.0, -0.1))
+        state = rbd.State(robot, pin.neutral(robot.model))
+        assert "whether more friction would do was not found" in told(lambda: rbd.hold(state, floor(0.01), external=external))
 
     def test_the_bracket_is_narrow(self):
         """What is told is within a millionth, relative, of what is so."""

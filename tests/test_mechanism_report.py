@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.mechanism_report import mechanism_report
+from rbd.cli.mechanism_report import report_mechanism
 
 URDF = Path(__file__).parent.parent / "urdf"
 
@@ -21,7 +21,7 @@ URDF = Path(__file__).parent.parent / "urdf"
 def _report(name: str):
     robot = rbd.load_robot(URDF / f"{name}.urdf")
     q = next(iter(robot.postures.values()), None)
-    return mechanism_report(robot, robot.neutral() if q is None else q)
+    return report_mechanism(robot, robot.neutral() if q is None else q)
 
 
 @pytest.mark.parametrize(
@@ -104,3 +104,15 @@ def test_a_whole_turn_is_the_same_pose():
     q = np.linspace(-1.0, 1.0, arm.nq)  # plain angles, that a whole turn does not change to themselves
     found = tuple(replace(report.branches.found[0], q=x) for x in (q + 0.1, q + 2.0 * np.pi))
     assert replace(report, robot=arm, state=arm.at(q), branches=replace(report.branches, found=found)).shown == "branch 1"
+
+
+def test_a_motion_that_is_not_found_is_left_out_with_the_reason(monkeypatch):
+    """All else is told."""
+
+    def lost(*arguments, **settings):
+        raise rbd.NoSolution("the way is lost")
+
+    monkeypatch.setattr("rbd.cli.mechanism_report.trace", lost)
+    report = _report("four_bar")
+    assert report.left_out == {"motion": "the way is lost"} and report.motion is None and report.along is None
+    assert len(report.branches) == 2 and report.mobility.finite == 1 and "the way is lost" in str(report)

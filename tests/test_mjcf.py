@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import struct
 import subprocess
@@ -17,6 +18,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.model.mjcf.mesh_data import read_mesh
 
 GRAVITY = 9.81
 NO_GRAVITY = '<option><flag gravity="disable"/></option>'
@@ -58,6 +60,10 @@ def body(inside: str, joint: str = '<joint name="j" axis="0 1 0"/>', attributes:
 
 BALL = '<geom size=".1"/>'
 BOX = '<geom type="box" size=".1 .2 .3" pos=".1 .2 .3"/>'
+MESH = '<asset><mesh name="m" {}/></asset>'
+MESHED = body('<geom type="mesh" mesh="m"/>')
+POINTS = 'vertex="0 0 0 1 0 0 0 1 0 0 0 1"'
+WEIGHT = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 ARM = body(BOX + f'<body name="c" pos=".3 0 .1"><joint name="k" axis="1 0 0"/>{BALL}</body>')
 
 READ = {
@@ -86,6 +92,8 @@ READ = {
     "mesh with a mass": (body('<geom type="mesh" mesh="m" mass="3"/>'), f'<asset><mesh name="m" {DENT}/></asset>'),
     "mesh of a class": (body('<geom type="mesh" mesh="m"/>'),
                         f'<default><mesh scale=".1 .1 .2"/></default><asset><mesh name="m" {DENT}/></asset>'),
+    "a mesh in two places": (body('<geom type="mesh" mesh="m"/><geom type="mesh" mesh="m" pos="1 0 0" density="30"/>'),
+                             f'<asset><mesh name="m" {DENT}/></asset>'),
     # inertials
     "inertial": (body('<inertial pos="1 2 3" euler="10 20 30" mass="2" diaginertia=".1 .2 .25"/>'),),
     "full inertia": (body('<inertial pos="1 2 3" mass="2" fullinertia=".3 .2 .25 .01 .02 -.03"/>'),),
@@ -108,6 +116,8 @@ READ = {
     "several joints of one body": (body(BOX, '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0" pos=".1 .2 .3" ref="30"/>'
                                              '<joint axis="1 0 1" pos="-.1 0 0"/>', 'euler="10 20 30"'),),
     "a ball after a slide": (body(BOX, '<joint type="slide" axis="1 0 0"/><joint type="ball" pos="0 .1 0"/>'),),
+    "a slide after a ball": (body(BOX, '<joint type="ball" pos="0 .1 0"/><joint type="slide" axis="1 1 0"/>'),),
+    "a body that a mocap system moves": (f'<body mocap="true" pos="0 0 1">{BALL}</body>' + ARM,),
     "several bodies in the world": (ARM + f'<body pos="0 3 0"><freejoint/>{BALL}</body><body>{BALL}</body>',),
     "no name at all": (f'<body><joint/>{BOX}<body><joint axis="1 0 0"/>{BALL}</body></body>',),
     "limits off": (body(BOX, '<joint range="-1 1"/>'), '<option><flag limit="disable"/></option>'),
@@ -146,7 +156,11 @@ READ = {
     "servos": (ARM, "", '<actuator><position joint="k" kp="3"/><velocity jointinparent="j"/></actuator>'),
     "general": (ARM, '<default><general gear="4" armature=".1"/></default>',
         '<actuator><general joint="j" gainprm="2"/></actuator>'),
+    "a motor beside a servo's defaults": (ARM, '<default><position kp="5" ctrlrange="-2 2"/></default>',
+        '<actuator><motor joint="j"/></actuator>'),
     # what changes nothing
+    "sites without a name": (body(BOX + '<site pos="1 0 0"/><site name="s" type="capsule" size=".1" fromto="0 0 0 0 0 1"/>'),),
+    "a tendon that acts on nothing": (ARM, "", '<tendon><fixed stiffness="0.0"><joint joint="j" coef="1"/></fixed></tendon>'),
     "sections without effect": (
         ARM + '<camera pos="0 0 1"/><light/><site name="s"/>',
         '<visual><global fovy="3"/></visual><statistic extent="2"/><size memory="1M"/>'
@@ -191,6 +205,83 @@ def test_mesh_files_weigh_what_their_tetrahedron_does(write, tmp_path: Path, end
     assert abs(robot.mass - 1000.0) < 1e-9
     assert np.abs(robot.model.inertias[1].lever - [0.25, 0.5, 0.75]).max() < 1e-12
     assert robot.visual_model.geometryObjects[0].geometry.num_tris == 4
+
+
+OBJ_FACES = {
+    "square faces, one corner pulled out": ("1 4 3 2", "5 6 7 8", "1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8"),
+    "the same, each from its next corner": ("4 3 2 1", "6 7 8 5", "2 6 5 1", "3 7 6 2", "4 8 7 3", "1 5 8 4"),
+}
+
+
+def obj(corners: np.ndarray, faces) -> str:
+    """The text of an OBJ file."""
+    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {face}\n" for face in faces)
+
+
+@pytest.mark.parametrize("case", OBJ_FACES)
+def test_a_bent_face_of_four_corners_folds_along_its_shorter_diagonal(write, tmp_path: Path, case: str) -> None:
+    """A cube whose corner (1, 1, 1) went to (2, 2, 1.5) encloses 17/12 m3, as in MuJoCo; other folds more."""
+    cube = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [2, 2, 1.5], [0, 1, 1]])
+    (tmp_path / "cube.obj").write_text("# bent\no cube\ns off\n" + obj(cube, OBJ_FACES[case]))
+    robot = check_same(write(MESHED, MESH.format('file="cube.obj" inertia="exact"')))
+    assert abs(robot.mass - 17.0 / 12.0 * 1000.0) < 1e-9
+
+
+def test_a_face_of_many_corners_weighs_nothing_certain(write, tmp_path: Path) -> None:
+    """MuJoCo makes two thirds of a disc of two hundred corners: that is refused, its hull and its picture are not."""
+    n = 200
+    ring = [(math.cos(2.0 * math.pi * k / n), math.sin(2.0 * math.pi * k / n)) for k in range(n)]
+    sides = [f"{k + 1} {(k + 1) % n + 1} {(k + 1) % n + n + 1} {k + n + 1}" for k in range(n)]
+    lids = [" ".join(str(k + n + 1) for k in range(n)), " ".join(str(n - k) for k in range(n))]
+    (tmp_path / "disc.obj").write_text(obj(np.array([(*xy, z) for z in (0.0, 1.0) for xy in ring]), [*lids, *sides]))
+    path = write(MESHED, MESH.format('file="disc.obj"'))
+    model = mjcf_twin.compiled(path)
+    assert not isinstance(model, str) and model.body_mass[1] < 0.7 * math.pi * 1000.0  # what is not to be followed
+    with pytest.raises(ModelError, match="mesh 'm' has a face of 200 corners; MuJoCo's .* Export it with triangles"):
+        load(path)
+    assert abs(check_same(write(MESHED, MESH.format('file="disc.obj" inertia="convex"'))).mass - 500.0 * n * math.sin(
+        2.0 * math.pi / n)) < 1e-3  # fmt: skip
+    drawn = load(write(body('<geom type="mesh" mesh="m"/>' + WEIGHT), MESH.format('file="disc.obj"'))).visual_model
+    assert drawn.geometryObjects[0].geometry.num_tris == 2 * (n - 2) + 2 * n
+
+
+BROKEN_MESHES = {
+    "of another kind": ("m.ply", b"ply", "is a .ply file; expected .stl, .obj, .msh"),
+    "of no kind": ("m", b"", "is a nameless file"),
+    "STL of text": ("m.stl", b"solid m", "is no whole binary STL file"),
+    "STL cut short": ("m.stl", bytes(80) + struct.pack("<I", 2) + bytes(50), "is no whole binary STL file"),
+    "MSH without a head": ("m.msh", bytes(8), "is no whole MSH file"),
+    "MSH cut short": ("m.msh", struct.pack("<4i", 4, 0, 0, 4) + bytes(40), "is no whole MSH file"),
+    "MSH of fewer than none": ("m.msh", struct.pack("<4i", 4, -4, 0, 0), "is no whole MSH file"),
+    "OBJ of words": ("m.obj", b"v 0 0 zero", "is no OBJ file that can be read"),
+    "OBJ of pairs": ("m.obj", b"v 0 0\nv 0 1\nv 0 0\nv 0 1\nv 0 0\nv 1 1\n", "is no OBJ file that can be read"),
+    "OBJ of 1_0": ("m.obj", obj(CORNER, ["1 2 3", "1 2 3_0"]).encode(), "is no OBJ file that can be read"),
+    "OBJ of corner zero": ("m.obj", obj(CORNER, ["0 1 2"]).encode(), "has triangles of corners that are not there"),
+    "OBJ of corners before the first": ("m.obj", obj(CORNER, ["-9 1 2"]).encode(), "has triangles of corners that are not"),
+    "OBJ of nothing": ("m.obj", b"", "has no corners"),
+    "OBJ as large as a planet": ("m.obj", obj(CORNER * 1e7, ["1 2 3"]).encode(), "has no corners, or .* above 1e.06"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_MESHES)
+def test_a_broken_mesh_is_refused_in_words(write, tmp_path: Path, case: str) -> None:
+    """With its name, and what is wrong with its file."""
+    name, data, says = BROKEN_MESHES[case]
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(ModelError, match=f"mesh 'm' {says}"):
+        load(write(MESHED, MESH.format(f'file="{name}"')))
+
+
+def test_a_mesh_file_that_cannot_be_held_is_not_opened(write, tmp_path: Path) -> None:
+    """One of more than 256 MiB, a pipe, which would be waited for, and one that went away meanwhile."""
+    with (tmp_path / "m.stl").open("wb") as file:
+        file.truncate(2**28 + 1)  # without a byte on the disk
+    with pytest.raises(ModelError, match="mesh 'm' is larger than 256 MiB"):
+        load(write(MESHED, MESH.format('file="m.stl"')))
+    os.mkfifo(tmp_path / "pipe.stl")
+    for name, says in (("pipe.stl", "is no regular file"), ("gone.stl", "cannot be read .No such file")):
+        with pytest.raises(ValueError, match=says):
+            read_mesh(tmp_path / name)
 
 
 def test_a_mesh_is_not_its_bounding_box(write) -> None:
@@ -265,7 +356,6 @@ def test_limits_of_motors_are_torques_at_the_joint(write) -> None:
     assert robot.effort_limit.tolist() == [math.inf]
 
 
-MESH = '<asset><mesh name="m" {}/></asset>'
 REFUSED = {
     "gravcomp": (body(BOX, attributes='gravcomp="1"'), "", "", "body 'b' has gravcomp 1.*leave_out=..gravcomp"),
     "stiffness": (body(BOX, '<joint name="j" stiffness="3"/>'), "", "",
@@ -327,6 +417,67 @@ REFUSED = {
     "1_0": (body('<geom size="1_0"/>'), "", "", "size is '1_0'"),
     "nan in a mesh": (body('<geom type="mesh" mesh="m"/>'), MESH.format(CUBE.replace("1 1 1", "1 1 nan")), "", "vertex is"),
     "nan in a keyframe": (ARM, "", '<keyframe><key qpos="nan 0"/></keyframe>', "qpos is 'nan 0'"),
+    # the tree
+    "joint of the world": ("<frame><joint/></frame>" + ARM, "", "", "the world has a <joint>"),
+    "inertial of the world": (f"<frame>{WEIGHT}</frame>" + ARM, "", "", "the world has a <inertial>"),
+    "mocap that moves": (body(BOX, attributes='mocap="true"'), "", "", "body 'b' is mocap, and moves or hangs from another"),
+    "plane that moves": (body(BOX + '<geom type="plane" size="1 1 1"/>'), "", "", "body 'b' moves, and has a plane"),
+    "inertial nowhere": (body(WEIGHT.replace('pos="0 0 0"', "")), "", "", "<inertial> of body 'b' has no pos"),
+    "inertial of no mass": (body(WEIGHT.replace('mass="1"', "")), "", "", "<inertial> of body 'b' has no mass"),
+    "inertial of a negative mass": (body(WEIGHT.replace('mass="1"', 'mass="-1"')), "", "", "of body 'b' has mass -1"),
+    "two inertias": (body(WEIGHT.replace("diag", 'fullinertia="1 1 1 0 0 0" diag')), "", "", "fullinertia and diaginertia"),
+    "negative moment": (body(WEIGHT.replace("1 1 1", "1 1 -1")), "", "", "diaginertia '1 1 -1'; expected zero or more"),
+    "less than a grain": (body('<geom size=".1" mass="1e-15"/>'), "", "", "body 'b' has a mass of 1e-15 kg"),
+    # classes and joints
+    "another outermost class": (ARM, '<default class="x"/>', "", "the outermost <default> is of class 'x'"),
+    "two classes of a name": (ARM, '<default><default class="x"/><default class="x"/></default>', "", "two default .* 'x'"),
+    "class of no name": (ARM, "<default><default/></default>", "", "a default class has no name"),
+    "plugin of a class": (ARM, '<default><geom><plugin plugin="x"/></geom></default>', "", "<plugin> in the defaults"),
+    "joint of no kind": (body(BOX, '<joint name="j" type="screw"/>'), "", "", "joint 'j' is of type 'screw'"),
+    "axis of zero": (body(BOX, '<joint name="j" axis="0 0 0"/>'), "", "", "the axis of joint 'j' is zero"),
+    "damping that drives": (body(BOX, '<joint name="j" damping="-1"/>'), "", "", "joint 'j' has damping -1"),
+    "seven slides": (body(BOX, '<joint type="slide"/>' * 7), "", "", "body 'b' has 7 degrees of freedom"),
+    "hinge after a ball": (body(BOX, '<joint type="ball"/><joint/>'), "", "", "has a ball joint with another rotation after"),
+    "name without end": (body(BOX, f'<joint name="{"x" * 121}"/>'), "", "", "has a name of 121 letters"),
+    "a joint's name, given to its neighbour": (body(f'{BOX}<body><joint name="bJoint_0"/>{BALL}</body>', "<joint/>"), "", "",
+        "two joints are called 'bJoint_0', one of them by its body"),
+    "range that is not said to be one": (body(BOX, '<joint name="j" range="-1 1"/>'), '<compiler autolimits="false"/>', "",
+        "joint 'j' has range but not limited"),
+    # shapes and meshes
+    "mesh of no name": (body('<geom type="mesh"/>'), "", "", "<geom> 1 of body 'b' is a mesh, and names none"),
+    "plane of no size": ('<geom type="plane"/>' + ARM, "", "", "<geom> 1 of body 'world' is a plane of the size ''"),
+    "negative mass": (body('<geom size=".1" mass="-1"/>'), "", "", "<geom> 1 of body 'b' has mass -1"),
+    "negative density": (body('<geom size=".1" density="-1"/>'), "", "", "<geom> 1 of body 'b' has density -1"),
+    "shell of a mesh": (body('<geom type="mesh" mesh="m" shellinertia="true"/>'), MESH.format(CUBE), "", "inertia='shell'"),
+    "fromto of a sphere": (body('<geom size=".1" fromto="0 0 0 1 0 0"/>'), "", "", "is a sphere with fromto; expected one of"),
+    "pos and fromto": (body('<geom type="capsule" size=".1" pos="1 0 0" fromto="0 0 0 1 0 0"/>'), "", "", "has pos and fromto"),
+    "two meshes of a name": (ARM, '<asset><mesh file="a/m.stl"/><mesh file="m.obj"/></asset>', "", "two meshes are called 'm'"),
+    "three corners": (MESHED, MESH.format('vertex="0 0 0 1 0 0 0 1 0"'), "", "'m' has fewer than four corners"),
+    "a third of a corner": (MESHED, MESH.format('vertex="0 0 0 1"'), "", "not three numbers for each corner"),
+    "half a corner": (MESHED, MESH.format(f'{POINTS} face="0 1.5 2"'), "", "corners are no whole numbers"),
+    "corner that is not there": (MESHED, MESH.format(f'{POINTS} face="0 1 7"'), "", "triangles of corners that are not there"),
+    "triangles on a line": (MESHED, MESH.format('vertex="0 0 0 1 0 0 2 0 0 3 0 0" face="0 1 2 1 2 3"'), "", "has no surface"),
+    "open triangles that leave out what they enclose": (MESHED, MESH.format('vertex="-3 -1 2 2 3 2 3 -3 2 -2 1 2 2 3 1" '
+        'face="0 1 3 4 3 2 2 1 0" inertia="exact"'), "", "mesh 'm' encloses no volume"),
+    "triangles that face anywhere": (MESHED, MESH.format(DENT.replace("0 2 1 0", "0 1 2 0") + ' inertia="exact"'), "",
+        "do not all face outward"),
+    # motors and keyframes
+    "servo of a class for a general": (ARM, '<default><position kp="5"/></default>',
+        '<actuator><general joint="j"/></actuator>',
+        "<general> j has kp from a default for <position>"),
+    "motor at two joints": (ARM, "", '<actuator><motor joint="j" jointinparent="k"/></actuator>', "names 2 joints"),
+    "motor with less than no rotor": (ARM, "", '<actuator><motor joint="j" armature="-1"/></actuator>', "has armature -1"),
+    "group of motors off": (ARM, '<option actuatorgroupdisable="1"/>', "", "actuatorgroupdisable switches motors off"),
+    "two keyframes of a name": (ARM, "", '<keyframe><key name="k" qpos="1 2"/><key name="k" qpos="2 3"/></keyframe>',
+        "two keyframes are called 'k'"),
+    "quaternion of zero": (body(BOX, '<freejoint name="f"/>'), "", '<keyframe><key qpos="0 0 0 0 0 0 0"/></keyframe>',
+        "<key> 'key_0' has a zero quaternion for joint 'f'"),
+    # settings
+    "an axis w": (ARM, '<compiler eulerseq="xyw"/>', "", "eulerseq is 'xyw'"),
+    "less than no least mass": (ARM, '<compiler boundmass="-1"/>', "", "boundmass is -1"),
+    "angles in grads": (ARM, '<compiler angle="grad"/>', "", "angle is 'grad'; expected one of degree, radian"),
+    "equality of a long name": (ARM, "", f'<equality><joint name="{"x" * 121}" joint1="j"/></equality>',
+        "an equality has a name of 121 letters"),
     "polycoef": (ARM, "", '<equality><joint joint1="j" polycoef="0 1 1_0"/></equality>', "polycoef is '0 1 1_0'"),
 }  # fmt: skip
 
@@ -382,6 +533,30 @@ def test_included_files_are_read_where_they_stand(write, tmp_path: Path) -> None
             load(write('<include file="parts/arm.xml"/>', f'<include file="settings.xml"/><include file="{name}"/>'))
 
 
+def test_includes_are_held_to_the_limits_of_a_file(write, tmp_path: Path) -> None:
+    """All of them together: their bytes, their elements, how deep they stand inside each other; and each is an MJCF file."""
+    arm = f"<mujoco>{ARM}</mujoco>"
+    (tmp_path / "arm.xml").write_text(arm)
+    (tmp_path / "robot.xml").write_text("<robot/>")
+    path = write('<include file="arm.xml"/>')
+    assert load(path, limits=rbd.FileLimits(max_depth=5)).nv == 2
+    for limits, says in (
+        (rbd.FileLimits(max_depth=4), "its includes bring elements 5 deep"),
+        (rbd.FileLimits(max_bytes=len(path.read_bytes())), "arm.xml is larger than"),
+    ):
+        with pytest.raises(ModelError, match=says):
+            load(path, limits=limits)
+    (tmp_path / "leg.xml").write_text(re.sub('name="(.)"', r'name="\1\1"', arm))
+    both = write('<include file="arm.xml"/><include file="leg.xml"/>')
+    assert load(both).nv == 4
+    with pytest.raises(ModelError, match="its includes bring more than 100 files, .* MB or"):
+        load(both, limits=rbd.FileLimits(max_bytes=len(arm) + 10))
+    with pytest.raises(ModelError, match="<include> brings 'robot.xml', whose first element is <robot>; expected <mujoco>"):
+        load(write(ARM + '<include file="robot.xml"/>'))
+    with pytest.raises(ModelError, match="<include> is not read: its file 'x+ is not there"):
+        load(write(ARM + f'<include file="{"x" * 300}"/>'))  # longer than a name may be on a disk
+
+
 def test_meshes_of_a_folder_beside_are_read_where_it_is_given(tmp_path: Path) -> None:
     """A meshdir above the file's own folder is refused, unless `package_dirs` has it."""
     (tmp_path / "xml").mkdir()
@@ -394,6 +569,36 @@ def test_meshes_of_a_folder_beside_are_read_where_it_is_given(tmp_path: Path) ->
     with pytest.raises(ModelError, match="'corner.obj', outside the folder of m.xml.*package_dirs"):
         load(path)
     assert abs(load(path, package_dirs=[tmp_path]).mass - 1000.0) < 1e-9
+
+
+def test_a_file_says_what_it_means_to_be_left_out(write) -> None:
+    """Air, and the limit of a ball joint, are in no term: the robot is loaded, and its remarks name them."""
+    world = body(BOX, '<joint name="j" type="ball" range="0 30"/>')
+    robot = load(write(world, '<option density="1.2"/>', '<tendon><fixed name="t" range="-1 1"/></tendon>'))
+    found = {finding.kind: finding for finding in rbd.doctor(robot).warnings}
+    assert "forces of a fluid" in found["fluid"].text
+    assert found["limit"].where == "j" and "a ball joint with a limit" in found["limit"].text
+    assert found["tendon"].where == "t" and "with its limit" in found["tendon"].text
+
+
+def test_a_keyframe_without_a_posture_is_none(write) -> None:
+    """One that gives velocities or controls alone is passed over; the other keeps its name."""
+    robot = load(write(ARM, after='<keyframe><key name="v" qvel="1 2"/><key name="q" qpos=".1 .2"/></keyframe>'))
+    assert set(robot.postures) >= {"qpos0", "q"} and "v" not in robot.postures
+    assert robot.posture("q").tolist() == [0.1, 0.2]
+
+
+def test_a_site_with_two_ends_is_in_their_middle(write) -> None:
+    """And its z axis points from the second end to the first, as MuJoCo's does."""
+    path = write(body(BOX + '<site name="s" type="capsule" size=".1" fromto="1 0 0 3 0 0"/>'))
+    state, model = load(path).at(), mjcf_twin.compiled(path)
+    assert not isinstance(model, str)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    X_WS = state.frame("s").X_WF
+    assert np.abs(X_WS.translation - [2.0, 0.0, 0.0]).max() < 1e-15
+    assert np.abs(X_WS.rotation[:, 2] - [-1.0, 0.0, 0.0]).max() < 1e-15
+    assert np.abs(data.site_xmat[0].reshape(3, 3) - X_WS.rotation).max() < 1e-15
 
 
 def test_keyframes_keep_their_joints_and_quaternions(write) -> None:
@@ -415,6 +620,70 @@ def test_strange_inertias_name_their_body(write) -> None:
         robot = rbd.load_robot(path)
     (finding,) = [f for f in rbd.doctor(robot).warnings if f.kind == "inertia"]
     assert finding.where == "lid" and "body 'lid' has principal moments" in finding.text
+
+
+def drawn(robot: rbd.Robot) -> dict[str, str]:
+    """{name: kind of shape} of what is drawn."""
+    return {each.name: type(each.geometry).__name__ for each in robot.visual_model.geometryObjects}
+
+
+def test_a_shape_fitted_to_a_mesh_is_not_the_mesh(write) -> None:
+    """Whichever stands first in the file: the box that is fitted is drawn as a small box, the mesh as itself."""
+    fitted, whole = '<geom name="fitted" type="box" mesh="m"/>', '<geom name="whole" type="mesh" mesh="m"/>'
+    for shapes in (fitted + whole, whole + fitted):
+        robot = load(write(body(WEIGHT + shapes), MESH.format(DENT)))
+        with pytest.warns(ModelWarning, match="boxes in place of 1 mesh: 'm' is to be fitted by a box, which is not read"):
+            assert robot.visual_model.ngeoms == 2
+        assert drawn(robot) == {"fitted": "Box", "whole": "BVHModelOBBRSS"}
+        assert [each.geometry.num_tris for each in robot.visual_model.geometryObjects if each.name == "whole"] == [6]
+
+
+def test_a_mesh_that_cannot_be_read_is_a_box_in_each_place(write, tmp_path: Path) -> None:
+    """And told once."""
+    (tmp_path / "m.stl").write_bytes(b"solid")
+    shapes = '<geom type="mesh" mesh="m"/><geom type="mesh" mesh="m" pos="1 0 0"/>'
+    robot = load(write(body(WEIGHT + shapes), MESH.format('file="m.stl"')))
+    with pytest.warns(ModelWarning, match="boxes in place of 1 mesh: 'm.stl'"):
+        assert robot.visual_model.ngeoms == 2
+    assert drawn(robot) == {"bGeom_0": "Box", "bGeom_1": "Box"}
+    assert [each.placement.translation[0] for each in robot.visual_model.geometryObjects] == [0.0, 1.0]
+
+
+def test_all_shapes_are_drawn_though_a_name_is_taken(write) -> None:
+    """A shape may be called what another would be called by its number; height fields are not drawn."""
+    field = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
+    names = '<geom name="bGeom_1" size=".1"/><geom size=".2"/><geom name="b_bGeom_1_1" size=".3"/><geom size=".4"/>'
+    robot = load(write('<geom type="hfield" hfield="h"/>' + body(names), field))
+    assert sorted(each.geometry.radius for each in robot.visual_model.geometryObjects) == [0.1, 0.2, 0.3, 0.4]
+    assert sorted(each.geometry.radius for each in robot.collision_model.geometryObjects) == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_a_floor_is_the_half_space_below_it(write) -> None:
+    """Where the file puts it: its surface goes through its own place, and its normal is its own z axis."""
+    robot = load(write('<geom name="floor" type="plane" size="1 1 1" pos="0 0 .2" euler="90 0 0"/>' + body(BALL)))
+    floor = robot.collision_model.geometryObjects[0]
+    assert type(floor.geometry).__name__ == "Halfspace" and floor.parentJoint == 0 and floor.geometry.d == 0.0
+    assert np.abs(floor.placement.rotation @ floor.geometry.n - [0.0, -1.0, 0.0]).max() < 1e-15  # z, turned about x
+    assert floor.placement.translation.tolist() == [0.0, 0.0, 0.2]
+
+
+def test_a_shape_has_its_own_colour_or_its_materials(write) -> None:
+    """Its own before the material's, white where that says none, and MuJoCo's grey where there is no such material."""
+    materials = '<material name="red" rgba="1 0 0 1"/><material name="plain"/><material name="odd" rgba="1 0 x 1"/>'
+    materials += '<material name="short" rgba="1 0"/>'
+    grey = [0.5, 0.5, 0.5, 1.0]
+    for says, expected in (
+        ('rgba="0 1 0 1"', [0.0, 1.0, 0.0, 1.0]),
+        ('material="red"', [1.0, 0.0, 0.0, 1.0]),
+        ('material="red" rgba="0 1 0 .5"', [0.0, 1.0, 0.0, 0.5]),
+        ('material="plain"', [1.0] * 4),
+        ('material="odd"', grey),
+        ('material="short"', grey),
+        ('material="none"', grey),
+        ("", grey),
+    ):
+        robot = load(write(body(f'<geom size=".1" {says}/>'), f"<asset>{materials}</asset>"))
+        assert robot.visual_model.geometryObjects[0].meshColor.tolist() == expected
 
 
 def test_a_motion_of_such_a_robot_can_be_loaded_again(write, tmp_path: Path) -> None:

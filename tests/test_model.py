@@ -47,6 +47,21 @@ def test_one_passive_joint_may_be_given_as_a_word() -> None:
     assert rbd.load_robot("panda", root="fixed", passive="panda_joint2").nu == 8
 
 
+def test_a_lone_passive_joint_of_a_bare_model_is_one_joint() -> None:
+    """Not a list of letters there either."""
+    model = pin.buildSampleModelManipulator()
+    assert CheckedModel(model, passive=model.names[1]).nu == CheckedModel(model).nu - model.joints[1].nv
+
+
+def test_how_far_away_a_robot_is_is_judged_coordinate_by_coordinate() -> None:
+    """90 km along each axis is taken, though that is 156 km in all; 101 km along one is not."""
+    robot = rbd.load_robot(Path(__file__).parents[1] / "urdf" / "box.urdf")
+    far = np.array([9e4, 9e4, 9e4, 0.0, 0.0, 0.0, 1.0])
+    assert robot.at(far).com.tolist() == [9e4, 9e4, 9e4]
+    with pytest.raises(InputError, match="q of box reaches 1.01e.05; at most 100000 is taken"):
+        robot.at(np.array([1.01e5, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
+
+
 def test_naming_the_base_passive_changes_nothing(talos: rbd.Robot) -> None:
     """A floating base never has a motor, said or not."""
     assert rbd.load_robot("talos", passive=["root_joint"]).nu == talos.nu

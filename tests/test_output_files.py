@@ -283,3 +283,15 @@ def test_no_module_writes_files_on_its_own():
         text = path.read_text(encoding="utf-8")
         writes = [word for word in (".write_text(", ".write_bytes(", "savefig(path", '"wb")', '"w")') if word in text]
         assert not writes or path.name in own, f"{path.name}: {writes}"
+
+
+@pytest.mark.parametrize(("name", "words"), [("kept.html", "it may not be overwritten"), ("x.html", "no file may be made")])
+def test_what_the_system_does_not_permit_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, words: str):
+    """As to a user without the rights, whoever runs this test: the old file stays, and nothing else is made."""
+    (tmp_path / "kept.html").write_text("old")
+    denied = os.path.realpath(tmp_path / name if name == "kept.html" else tmp_path)
+    monkeypatch.setattr(os, "access", lambda path, how: os.path.realpath(path) != denied)
+    for act in (lambda: check_place(tmp_path / name), lambda: write_text(tmp_path / name, "x")):
+        with pytest.raises(rbd.InputError, match=f"{words}.*permission denied"):
+            act()
+    assert left_in(tmp_path) == ["kept.html"] and (tmp_path / "kept.html").read_text() == "old"

@@ -131,3 +131,12 @@ def test_four_points_come_to_one_floor(name: str) -> None:
     feet = robot.feet(friction=None)
     q = tilted(robot, robot.standing().q, (0.3, -0.2, 1.0), (0.0, 0.0, 2.0))
     assert np.abs(corner_points(rbd.State(robot, stand(robot, q, feet)), feet)[:, 2]).max() < 1e-9
+
+
+def test_on_one_point_a_robot_keeps_its_attitude() -> None:
+    """Nothing tells which way is up for it: only its height changes, until the point is on the ground."""
+    box = rbd.load_robot(Path(__file__).parents[1] / "urdf" / "box.urdf")
+    q = tilted(box, box.neutral(), (0.3, 0.2, 0.1), (1.0, 2.0, 3.0))
+    stood = stand(box, q, [rbd.PointContact("foot", "box", offset=(0.05, 0.0, -0.1))])
+    assert np.abs(np.delete(stood - q, 2)).max() < 1e-15
+    assert abs(box.at(stood).frame("box", (0.05, 0.0, -0.1)).X_WF.translation[2]) < 1e-15

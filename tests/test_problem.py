@@ -174,3 +174,12 @@ class TestWhatAVelocityDecides:
         assert slipping(patch, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]) == ["row"]
         assert slipping(patch, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) == []
         assert slipping(rbd.FrictionCone(0.0), [0.1, 0.0, 0.0]) == [] == slipping(rbd.Free(2), [1.0, 1.0])
+
+
+def test_rows_are_judged_one_by_one_when_all_together_are_too_large_to_be_squared():
+    """Two of 1.1e154, whose squares add up beyond the largest number: each is taken alone, and so are both."""
+    rows = [rbd.Rows(name, np.array([[1.1e154]]), np.zeros(1), rbd.Free(1)) for name in "ab"]
+    problem = rbd.GaussProblem(np.eye(1), np.ones(1), rows)
+    assert problem.m == 2 and np.isinf(np.vdot(problem.J, problem.J))
+    with pytest.raises(rbd.InputError, match="J of rows 'b'"):
+        rbd.GaussProblem(np.eye(1), np.ones(1), [rows[0], rbd.Rows("b", np.array([[np.inf]]), np.zeros(1), rbd.Free(1))])

@@ -39,6 +39,7 @@ def test_what_is_no_program_is_not_found():
     assert not linear_program(np.ones(2), A, np.ones(2), bounds=[(1.0, 0.0), (0.0, 1.0)]).solved
     assert nonnegative(np.full((2, 2), np.nan), np.ones(2)) is None
     assert nonnegative(np.zeros((2, 0)), np.ones(2)).shape == (0,)
+    assert np.array_equal(nonnegative(np.zeros((0, 3)), np.zeros(0)), np.zeros(3))
 
 
 def test_nonnegative_least_squares_gives_up_at_its_limit(monkeypatch, rng):

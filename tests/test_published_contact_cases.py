@@ -157,7 +157,7 @@ class TestTable:
         robot = box(400.0 / G, (1.2, 0.8, 0.1))
         return rbd.solve(_at(robot, (0.0, 0.0, 0.7)), np.zeros(0), self.legs(com, friction), solver=solver)
 
-    def test_the_minimum_norm_forces_are_the_published_ones(self):
+    def test_the_least_forces_are_the_published_ones(self):
         """Centre of mass at (0.15, -0.1): (100, 150, 50, 100) N, by KKT; 12 rows of rank 6."""
         s = self.solve((0.15, -0.1), None, rbd.KKT())
         forces = np.array([s.forces[f"leg{i}"] for i in range(4)])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -164,6 +166,30 @@ def test_another_pinocchio_is_refused(given: dict, match: str):
         engine.check(module)
 
 
+@pytest.mark.parametrize("content", [None, "raise RuntimeError('made for another Python')"])
+def test_a_pinocchio_that_cannot_be_imported_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str | None):
+    """None at all: what to install. One that fails: where it is, and how."""
+    if content is None:
+        monkeypatch.setitem(sys.modules, "pinocchio", None)
+        expected = "Pinocchio is not installed here. Try: pip install 'pin>=4.1'"
+    else:
+        (tmp_path / "pinocchio.py").write_text(content)
+        monkeypatch.delitem(sys.modules, "pinocchio")
+        monkeypatch.syspath_prepend(tmp_path)
+        expected = f"finds {tmp_path / 'pinocchio.py'}, which cannot be imported: RuntimeError: made for another Python"
+    with pytest.raises(WrongPinocchio) as error:
+        engine._found()
+    assert expected in str(error.value)
+
+
+def test_planar_is_there_when_it_is_first_asked_for(monkeypatch: pytest.MonkeyPatch):
+    """It needs SymPy, so `import rbd` leaves it alone; what there is not is said as Python says it."""
+    monkeypatch.delattr(rbd, "planar", raising=False)
+    assert rbd.planar.Chain(2).n == 2
+    with pytest.raises(AttributeError, match="module 'rbd' has no attribute 'plane'"):
+        rbd.plane  # noqa: B018
+
+
 # ------------------------------------------------------------------------------------------- holding, and what it leaves
 
 
@@ -192,6 +218,14 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
         with told:
             held = rbd.hold(talos.standing(), talos.soles(0.7))
         assert held.residual < 1e-7 * talos.mass * 9.81
+
+
+def test_torques_that_are_no_numbers_are_none(monkeypatch):
+    """A program whose numbers are lost: no torques, of an arm too, whose motors balance whatever its contacts do."""
+    arm = rbd.load_robot("ur5", root="fixed")
+    monkeypatch.setattr(equilibrium.qp, "attempts", off_by(np.nan))
+    with pytest.raises(CannotHold, match="no torques were found within tolerance"):
+        rbd.hold(rbd.State(arm, arm.neutral()), [rbd.PointContact("hand", "tool0", friction=0.5)])
 
 
 def test_a_posture_held_by_a_lock_and_soles_has_margins_of_the_soles(talos):

@@ -194,3 +194,23 @@ def test_residuals_cross_processes_with_their_scales():
     assert r.worst > 1e-3
     back = pickle.loads(pickle.dumps(r))
     assert back.scaled == r.scaled and back.values == r.values and float(back.cone) == 0.0
+
+
+def test_an_answer_that_is_no_number_is_worse_than_any():
+    """NaN never displaces a number, however bad; a number displaces NaN."""
+    nothing, bad, good = _by_hand(np.nan, np.nan).residuals, _by_hand(1e9, 1e9).residuals, _by_hand(0.0, 6.0).residuals
+    assert good.less_than(bad) and good.less_than(nothing) and bad.less_than(nothing)
+    assert not (bad.less_than(good) or nothing.less_than(good) or nothing.less_than(bad) or nothing.less_than(nothing))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_forces_that_are_no_numbers_are_blamed_on_their_constraint(bad):
+    """The second of two stops, though the first is missed too; of accelerations all constraints. No name is empty."""
+    rows = [Rows(name, np.array([line]), np.zeros(1), rbd.NonNegative(1)) for name, line in zip("xy", np.eye(2), strict=True)]
+    P = rbd.GaussProblem(np.eye(2), -np.ones(2), rows)
+    of_force = Solution(P, np.zeros(2), np.array([0.5, bad]), np.array([0.5, bad]), "convex", "by hand", 1, 0.0)
+    assert of_force.worst == "y was given no finite force" and of_force.status == "failed"
+    of_motion = Solution(P, np.array([bad, 0.0]), np.ones(2), np.ones(2), "convex", "by hand", 1, 0.0)
+    assert of_motion.worst == "the constraints were given no finite acceleration"
+    weights = Solution(P, np.zeros(2), np.ones(2), np.array([1.0, np.nan]), "convex", "by hand", 1, 0.0)
+    assert weights.worst.startswith("y ")

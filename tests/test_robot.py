@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -510,3 +511,12 @@ def test_the_model_is_pinocchios(talos: rbd.Robot) -> None:
     """`robot.model` is the pin.Model, for whatever is not wrapped here."""
     assert isinstance(talos.model, pin.Model)
     assert np.abs(pin.neutral(talos.model) - talos.neutral()).max() == 0.0
+
+
+def test_a_robot_with_feet_and_no_posture_is_told_to_be_given_one(monkeypatch):
+    """Nothing says how it stands: the remedy is named."""
+    robot = rbd.load_robot("bolt")
+    monkeypatch.setattr(robot, "source", replace(robot.source, posture=None))
+    monkeypatch.setattr(robot, "postures", {})
+    with pytest.raises(ModelError, match="no standing posture is known for bolt; .*Name one, standing.posture."):
+        robot.standing()

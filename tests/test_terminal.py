@@ -8,8 +8,11 @@ import os
 import re
 import subprocess
 import sys
+import time
+import urllib.request
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -17,7 +20,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import _write_json, app
-from rbd.cli.terminal import Table, answering, terminal
+from rbd.cli.terminal import Table, answering, open_console
 
 URDF = Path(__file__).parents[1] / "urdf"
 ODD = ("[/foo]", "[red]", "[bold", "o[x]", ":smiley:", "[link=http://x.example]y[/link]", "a[/]b", "\\[x]")
@@ -187,7 +190,7 @@ def test_numbers_that_json_has_not_are_null(tmp_path: Path):
 
 def test_the_console_reads_no_markup():
     """What every command prints with."""
-    console = terminal()
+    console = open_console()
     with console.capture() as told:
         console.print("[/foo] :smiley: [red]x[/]")
     assert told.get() == "[/foo] :smiley: [red]x[/]\n"
@@ -199,3 +202,34 @@ def test_no_other_module_makes_a_console():
         if path.name not in ("terminal.py", "progress.py"):  # whose bar has words of its own only
             text = path.read_text(encoding="utf-8")
             assert "Console(" not in text and "rich.markup" not in text and "rich.table import" not in text, path.name
+
+
+@pytest.mark.parametrize("command", [["stand", "bolt"], ["mechanism", str(URDF / "four_bar.urdf")]])
+def test_a_live_scene_is_served_until_ctrl_c(monkeypatch: pytest.MonkeyPatch, command: list[str]):
+    """Its address is told, the page is there meanwhile, and the answer is printed before."""
+    pages = []
+
+    def wait(seconds: float) -> None:
+        with urllib.request.urlopen(opened[0], timeout=10.0) as page:
+            pages.append(page.read().decode())
+        raise KeyboardInterrupt
+
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address, new=0: opened.append(address))
+    monkeypatch.setattr("rbd.cli.app.time", SimpleNamespace(sleep=wait, perf_counter=time.perf_counter))
+    code, out, _ = run(*command, "--show")
+    assert code == 0 and out.endswith(f"serving at {opened[0]}; Ctrl-C ends it\nended\n")
+    assert len(pages) == 1 and "</html>" in pages[0]
+
+
+def test_a_motion_stopped_before_it_began_has_no_tables(monkeypatch: pytest.MonkeyPatch):
+    """Nothing was computed: the reason alone, and code 1."""
+
+    def stop(*arguments: object, **settings: object) -> None:
+        raise rbd.SimulationStopped(
+            "the start has no solution", state=None, t=0.0, names=(), trajectory=None, cause=ValueError()
+        )  # fmt: skip
+
+    monkeypatch.setattr("rbd.cli.app.run", stop)
+    code, out, told = run("simulate", str(URDF / "box.urdf"), "--duration", "0.05")
+    assert code == 1 and "the start has no solution" in told and "steps" not in out

@@ -79,6 +79,7 @@ BROKEN: dict[str, tuple[str, str]] = {
     "no inertia": (swapped(INERTIA, "", 1), "inertia of link 'thigh'"),
     "half an inertia": (swapped(' iyz="0"', "", 1), "inertia of link 'thigh': iyz is missing"),
     "zero axis": (swapped("0 1 0", "0 0 0"), "joint 'hip' is revolute, and its axis is zero"),
+    "short axis": (swapped("0 1 0", "0 1e-7 0"), "joint 'hip' is revolute, and its axis is 1e-07 long; expected a unit vector"),
     "zero axis of a slide": (swapped("0 0 1", "0 0 0"), "joint 'knee' is prismatic, and its axis is zero"),
     "zero axis of a wheel": (swapped('xyz="1 0 0"', 'xyz="-0 0 0.0"'), "joint 'ankle' is continuous, and its axis is zero"),
     "tiny axis": (swapped("0 1 0", "0 1e-200 0"), "axis of joint 'hip'|joint 'hip' is revolute, and its axis is"),

@@ -46,7 +46,7 @@ def links() -> Path:
     one.set(xlim=(-0.25, 1.45), ylim=(-0.22, 1.36))
 
     arm = rbd.planar.Chain(2, lengths=(0.6, 0.5))
-    found = arm.inverse((0.62, 0.62))
+    found = rbd.planar.inverse(arm, (0.62, 0.62))
     for q, color in ((found.branches[1], OTHER), (found.branches[0], LINK)):
         points = arm.numeric.positions(q)
         _link(two, points, color)
@@ -69,7 +69,7 @@ def links() -> Path:
 def ellipses() -> Path:
     """Velocity and force ellipses of an arm that stretches."""
     arm = rbd.planar.Chain(2, lengths=(0.5, 0.5))
-    q = np.array([arm.inverse((x, 0.0), start=(0.5, -1.0)).q for x in (0.3, 0.6, 0.85)])
+    q = np.array([rbd.planar.inverse(arm, (x, 0.0), start=(0.5, -1.0)).q for x in (0.3, 0.6, 0.85)])
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     for ax, kind in zip(figure.subplots(1, 2), ("velocity", "force"), strict=True):
         plot_ellipses(ax, arm, q, kind=kind, count=3)

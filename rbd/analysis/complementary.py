@@ -31,6 +31,9 @@ from rbd.problem.rows import Rows
 STILL = SOLVED
 """Accelerations below this, over the terms of their own row or point, count as zero: it is what `solved` means."""
 
+_FLAT = 1e-3
+"""Facets of less friction bound the normal force by their rounding over the friction: its sign is asked for itself."""
+
 
 def admissible(
     problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str, *, tolerance: float = STILL
@@ -241,7 +244,8 @@ class _Collector:
         for i in range(3):
             column = np.zeros(len(self.weights_at))
             column[span] = back[:, i]
-            self._put(rows, piece, kind, column, force[i], (-math.inf, math.inf), np.eye(3), i)
+            pushes = i == 2 and piece.mu < _FLAT
+            self._put(rows, piece, kind, column, force[i], (0.0 if pushes else -math.inf, math.inf), np.eye(3), i)
         self.whole.append((slice(first, first + 3), span, piece.mu, piece.facets))
 
     def _add_constant(self, rows: Rows, piece: Piece, kind: str, j: int, value: float) -> None:

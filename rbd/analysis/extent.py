@@ -22,7 +22,7 @@ from rbd.analysis.separable import Separable, least_squares
 from rbd.arrays import Array, largest, lazy
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import Work
-from rbd.problem.programs import LinearAnswer, Outcome, linear_program
+from rbd.problem.programs import LinearAnswer, linear_program
 
 EXACT = 1e-10
 """How near an end is come to, over the size of the forces."""
@@ -119,8 +119,6 @@ class Reach:
     @lazy
     def closed(self) -> bool:
         """Whether it was found that no direction of the set goes on for ever."""
-        if not (self.normals @ self.basis).size:
-            return True
         found = self._along(self.normals.sum(axis=0))
         return found.solved and -found.value < 1e-7
 
@@ -239,8 +237,6 @@ class Reach:
         scale = largest(q)
         if not len(self.adm.mu):
             found = self._along(self.basis @ q / scale)
-            if found.outcome is Outcome.UNBOUNDED:
-                return True
             return -found.value > 1e-9 if found.solved else None
         on = self._cone_set[0]
         away = ConeSet(on.A, np.zeros_like(on.b), on.C, np.zeros_like(on.at), on.mu).boxed(1.0).widened(EXACT)
@@ -296,6 +292,4 @@ class Reach:
 def _on_planes(A: Array, b: Array, z: Array) -> Array:
     """The point moved onto the planes that it touches: the last digits, which the program's tolerance leaves open."""
     touched = np.abs(A @ z - b) <= 1e-8
-    if not touched.any():
-        return z
     return np.asarray(z + np.linalg.lstsq(A[touched], b[touched] - A[touched] @ z, rcond=1e-12)[0])

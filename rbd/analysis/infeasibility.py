@@ -318,10 +318,8 @@ def _polished(C: Conditions, z: Array, longest: float) -> Array:
     length[length <= _DEPENDENT * longest] = longest or 1.0
     x = z * length
     some = np.abs(x) > 1e-7 * largest(x)
-    for _ in range(len(z)):
+    while some.any():
         out = np.zeros(len(z))
-        if not some.any():
-            break
         U = (C.A[some] / length[some, None]).T
         _, s, Vt = np.linalg.svd(U, full_matrices=True)
         N = Vt[int((s > _DEPENDENT).sum()) :].T

@@ -23,14 +23,13 @@ from rbd.errors import InputError, nearest
 from rbd.problem.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem.problem import GaussProblem
 from rbd.problem.programs import nonnegative
-from rbd.problem.residuals import SOLVED
+from rbd.problem.residuals import ENOUGH
 from rbd.problem.rows import Rows
 from rbd.solvers import qp
 
 ROUNDING = 1e-11
 """A violation up to this, over max(1, |offset|), is none."""
 _EXACT = 1e-12  # scaled residuals up to this are not improved further
-_ENOUGH = 0.1 * SOLVED  # and up to this not by much effort
 _DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
 
 
@@ -54,7 +53,7 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
             sunk = c.sunk(found.a, found.s @ c.force)
             if (length := float(np.linalg.norm(sunk))) > _EXACT * found.rate:
                 worse.append((c, sunk / length))
-        if not worse or best.miss <= _ENOUGH or stuck > 15 or work.left < 0.0:
+        if not worse or best.miss <= ENOUGH or stuck > 15 or work.left < 0.0:
             break
         asked = asked.thinned(found.carries).with_rays(worse)
     assert best is not None
@@ -132,7 +131,7 @@ class _LeastSquares:
         b = self.C.b / self.rate
         C = np.eye(k)[~self.C.holds]
         self._guess()
-        if self.flat <= _ENOUGH:
+        if self.flat <= ENOUGH:
             return self
         policy = qp.POLICY[:3]
         for attempt in qp.attempts(self.H, b, self.U.T, np.zeros(r), C, np.zeros(len(C)), None, policy=policy, work=work):
@@ -140,7 +139,7 @@ class _LeastSquares:
             y = attempt.y
             for least in (1e-6, 1e-9, 1e-4):
                 self._polish(z, -self.to_a @ y, least)
-            if self.flat <= _ENOUGH:
+            if self.flat <= ENOUGH:
                 break
         return self
 

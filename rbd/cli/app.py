@@ -22,15 +22,16 @@ from rich.progress import track
 
 from rbd.arrays import Array, three
 from rbd.cli.stand_report import StandReport
-from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, terminal
+from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, open_console
 from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.least_constraint import solve
 from rbd.model.external_force import ExternalForce
+from rbd.model.installation import version
 from rbd.model.output_files import write_text
 from rbd.problem.cones import check_friction
 from rbd.robots.loop_file import ROOTS, Root
 from rbd.robots.robot import load_robot
-from rbd.simulation.door import simulate as run
+from rbd.simulation.run import simulate as run
 from rbd.statics.equilibrium import hold
 
 MOST_SAMPLES = 10_000
@@ -51,16 +52,14 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         import pinocchio
 
-        from rbd import __version__
-
-        versions = f"rbd {__version__} (Python {platform.python_version()}, pin {pinocchio.__version__})"
-        terminal().print(versions, highlight=False)
+        versions = f"rbd {version()} (Python {platform.python_version()}, pin {pinocchio.__version__})"
+        open_console().print(versions, highlight=False)
         raise typer.Exit
 
 
 @app.callback()
 def rbd(
-    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")] = False,
+    version_: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")] = False,
 ) -> None:
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
 
@@ -83,7 +82,7 @@ def stand(
     Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
     and prints what each foot carries.
     """
-    console = terminal()
+    console = open_console()
     with answering():
         force = _push(push, at)
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
@@ -126,10 +125,10 @@ def robots() -> None:
     from rbd.cli.listing import robot_lines, robots_table
     from rbd.robots import catalogue
 
-    console = terminal()
+    console = open_console()
     with answering():
         names = catalogue.robots()
-        shown = track(robot_lines(names), "loading", len(names), console=terminal(errors=True), transient=True)
+        shown = track(robot_lines(names), "loading", len(names), console=open_console(errors=True), transient=True)
         console.print(robots_table(list(shown)))
 
 
@@ -142,7 +141,7 @@ def info(
     """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
     from rbd.cli.listing import robot_info
 
-    console = terminal()
+    console = open_console()
     with answering():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # the doctor's findings are printed below in full
@@ -165,16 +164,16 @@ def mechanism(
 
     Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
     """
-    from rbd.cli.mechanism_report import check_tries, mechanism_report
+    from rbd.cli.mechanism_report import check_tries, report_mechanism
 
-    console = terminal()
+    console = open_console()
     with answering():
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=file)
         check_tries(seed, tries)
         loaded = load_robot(file, package_dirs=package_dir or ())
         name = posture if posture is not None else next(iter(loaded.postures), None)
         q = loaded.at().q if name is None else loaded.at(name).q
-        report = mechanism_report(loaded, q, seed=seed, tries=tries)
+        report = report_mechanism(loaded, q, seed=seed, tries=tries)
         _write_json(json_, report)
         console.print(str(report), highlight=False, soft_wrap=True)
         if html is not None or show:
@@ -227,7 +226,7 @@ def simulate(
     from rbd.cli.simulate_setup import loaded, pushes, setup
     from rbd.control.pushes import Pushes
 
-    console = terminal()
+    console = open_console()
     with answering():
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
         save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
@@ -292,7 +291,7 @@ def plane(
 
     The base is at the origin. For example: rbd plane --links 2 --from 1,0 --to 0.5,0.5 --out plane.png
     """
-    console = terminal()
+    console = open_console()
     with answering():
         try:
             from rbd.cli.plane_report import PlaneReport, check_picture, draw, plane_task

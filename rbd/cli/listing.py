@@ -13,6 +13,7 @@ from rich.text import Text
 
 from rbd.cli.terminal import Table
 from rbd.errors import ModelWarning, RbdError
+from rbd.robots.catalogue import licence
 from rbd.robots.checkup import doctor
 from rbd.robots.robot import Robot, load_robot
 from rbd.statics.equilibrium import hold
@@ -92,6 +93,8 @@ def robot_info(robot: Robot) -> Group:
         f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}, {robot.nu} motors, "
         f"{_BASES[robot.root]} base, file {robot.urdf.name}"
     )
+    told = licence(robot.source)
+    head.append(f"\nlicence of its files: {told or 'none is stated beside them'}")
     feet = ", ".join(f"{foot.name} ({foot.kind} on {foot.frame})" for foot in robot.source.feet) or "none known"
     postures = ", ".join(robot.postures) or "none known"
     frames = ", ".join(robot.frames())

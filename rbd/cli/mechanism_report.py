@@ -14,11 +14,11 @@ from rbd.errors import InputError, RbdError
 from rbd.mechanism import (
     Branches,
     Integrability,
+    MechanismClass,
     Mobility,
     Singularities,
     SingularitiesAlong,
     Trace,
-    Words,
     assemble,
     branches,
     classify,
@@ -29,7 +29,7 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
-from rbd.mechanism.branches import MOST_TRIES, SAME
+from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
 from rbd.mechanism.held import check_seed, turning
 from rbd.model.state import State
 from rbd.problem.rows import Rows
@@ -61,7 +61,7 @@ class MechanismReport:
 
     robot: Robot
     state: State
-    words: Words
+    words: MechanismClass
     mobility: Mobility
     fixed: dict[str, float]
     branches: Branches | None
@@ -133,7 +133,7 @@ class MechanismReport:
 
 
 def check_tries(seed: int, tries: int) -> None:
-    """Refuse what `mechanism_report` does not take, before anything is computed.
+    """Refuse what `report_mechanism` does not take, before anything is computed.
 
     Raises:
         InputError: a seed that is no whole number from 0, tries that are none from 1 to 1,000,000.
@@ -143,7 +143,7 @@ def check_tries(seed: int, tries: int) -> None:
         raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
 
 
-def mechanism_report(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:
+def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:
     """All answers about a mechanism near a configuration.
 
     Args:

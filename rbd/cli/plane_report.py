@@ -11,12 +11,12 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
 from rbd.arrays import Array, a_number
-from rbd.cli.terminal import FIGURES, Table
+from rbd.cli.terminal import Table
 from rbd.errors import InputError, NoSolution
 from rbd.model.output_files import write_file
 from rbd.planar.arm import beside
 from rbd.planar.chain import Chain
-from rbd.planar.inverse import Inverse, inverse
+from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.quintic import minimum_jerk
 
@@ -211,15 +211,13 @@ def plane_task(
 
 
 def check_picture(path: Path | None) -> None:
-    """Refuse a picture that could not be written, before anything is computed.
+    """Refuse a picture that could not be drawn, before anything is computed.
 
     Raises:
-        InputError: an ending that says nothing, or no Matplotlib.
+        InputError: no Matplotlib.
     """
     if path is None:
         return
-    if path.suffix.lower() not in FIGURES:
-        raise InputError(f"--out is {str(path)!r:.200}; expected a file that ends in {', '.join(FIGURES)}.")
     try:
         import matplotlib  # noqa: F401
     except ImportError:

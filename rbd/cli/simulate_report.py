@@ -21,9 +21,9 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.output_files import write_file
 from rbd.model.state import State
-from rbd.simulation.moment import HOLDS, OPEN, SLIPS
-from rbd.simulation.recording import RESIDUALS
+from rbd.simulation.events import HOLDS, OPEN, SLIPS
 from rbd.simulation.trajectory import Trajectory
+from rbd.simulation.trajectory_fields import RESIDUALS
 
 EVENTS = 8
 """So many are printed; all are in the file."""
@@ -92,8 +92,8 @@ class SimulateReport:
         """Everything as numbers, lists and text: SI units, world axes, forces on the robot."""
         x = self.trajectory
         robot = x.robot
-        residuals = {name: {"value": float(x.residuals[name].max()), "at": self._when(x.residuals[name]), "unit": unit}
-                     for name, unit in RESIDUALS.items()}  # fmt: skip
+        worst = {c.name: (x.residuals[c.name], c.unit) for c in RESIDUALS}
+        residuals = {name: {"value": float(r.max()), "at": self._when(r), "unit": unit} for name, (r, unit) in worst.items()}
         return {
             "robot": robot.name,
             "mass": robot.mass,
@@ -228,7 +228,7 @@ class SimulateReport:
         table.add_row("method", f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else ""))
         holds = any((modes == HOLDS).any() for modes in x.modes.values())
         told_of = {"law": True, "drift": holds, "drift_rate": holds, "penetration": bool(x.points)}
-        for name, unit in RESIDUALS.items():
+        for name, unit in [(c.name, c.unit) for c in RESIDUALS]:
             if not told_of.get(name, True):
                 continue
             worst = float(np.abs(x.residuals[name]).max())

@@ -11,23 +11,23 @@ from typing import TypeVar
 from rbd.arrays import three
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
-from rbd.control.controllers import HoldPosture
+from rbd.constraints.constraint import Constraint
+from rbd.control.posture import HoldPosture
 from rbd.control.pushes import Push
+from rbd.control.torques import Controller
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism import assemble
 from rbd.model.state import State
 from rbd.problem.rows import Rows
 from rbd.robots.loop_file import Root
 from rbd.robots.robot import Robot, load_robot
-from rbd.simulation.motion import Controller
 
 Value = TypeVar("Value")
 
 BODIES = "bodies_on_ground"
 """Name of the contacts of all bodies but the feet."""
-FAR = 10.0
-"""So far from the ground [m] shapes are looked for where a body is laid on it."""
+FAR = 1e5
+"""So far from the ground [m] shapes are looked for where a body is laid on it; so far away a state may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,10 +172,10 @@ def _has_position(rows: Rows) -> bool:
 
 
 def _others(robot: Robot, feet: Sequence[Constraint], friction: float) -> CollisionContacts:
-    """All shapes may touch but those that the feet's contacts stand for."""
+    """All shapes that move may touch but those that the feet's contacts stand for."""
     model = robot.collision_model
     soles = {robot.site(contact.frame)[0] for contact in feet}  # type: ignore[attr-defined]
-    names = tuple(g.name for g in model.geometryObjects if g.parentJoint not in soles)
+    names = tuple(g.name for g in model.geometryObjects if g.parentJoint not in {0, *soles})
     return CollisionContacts(BODIES, robot, friction=friction, ground=names)
 
 

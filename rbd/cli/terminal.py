@@ -48,7 +48,7 @@ class Table(rich.table.Table):
         super().add_row(*map(_as_it_is, cells), **options)
 
 
-def terminal(*, errors: bool = False) -> Console:
+def open_console(*, errors: bool = False) -> Console:
     """The console of standard output, or of the errors' stream.
 
     What the stream's encoding cannot say (a name that is not UTF-8, a ² on an ASCII terminal) is written with backslashes.
@@ -108,7 +108,7 @@ def _fail(what: str, error: RbdError, code: int) -> NoReturn:
 
 
 def _complain(what: str, color: str, words: str) -> None:
-    terminal(errors=True).print(Text.assemble((what, color), f": {words}"), soft_wrap=True)
+    open_console(errors=True).print(Text.assemble((what, color), f": {words}"), soft_wrap=True)
 
 
 def _as_it_is(cell: Any) -> Any:

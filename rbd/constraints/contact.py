@@ -2,7 +2,7 @@
 
 Rows are in contact axes (tangent, tangent, normal); the normal points out of what is touched, so that a positive normal
 force pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v
-its classical acceleration with the contact axes held still; both as seen from what is touched (`rbd.constraints.counterpart`).
+its classical acceleration with the contact axes held still; both as seen from what is touched (`rbd.constraints.surface`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rbd.constraints.contact_geometry import (
     rigid_placement,
     unit_normal,
 )
-from rbd.constraints.counterpart import Counterpart, anchor_placement, anchor_point, changed, counterpart, remember
+from rbd.constraints.surface import Counterpart, anchor_placement, anchor_point, changed, counterpart, remember
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
 from rbd.problem.ground import Ground, On

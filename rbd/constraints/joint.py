@@ -15,7 +15,7 @@ import numpy as np
 from rbd.arrays import Array, a_number, check_finite, numbers
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import JointPlace, PerRobot, joint_motion, with_one_freedom
+from rbd.model.joint_coordinates import JointPlace, PerRobot, joint_motion, with_one_freedom
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
 from rbd.problem.rows import Rows

@@ -9,7 +9,7 @@ from typing import Any
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import joint_motion
+from rbd.model.joint_coordinates import joint_motion
 from rbd.model.xml import read_xml
 
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, a_number
 from rbd.constraints.contact_geometry import check_names, check_state, ground_of, rigid_placement, unit_normal
-from rbd.constraints.counterpart import Counterpart, RelativeMotion, anchor_placement, changed, counterpart, remember
+from rbd.constraints.surface import Counterpart, RelativeMotion, anchor_placement, changed, counterpart, remember
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, LineCone, check_friction

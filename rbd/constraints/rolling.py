@@ -24,8 +24,8 @@ import pinocchio as pin
 
 from rbd.arrays import Array, a_number, cross_matrix, three
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
-from rbd.constraints.counterpart import twist
 from rbd.constraints.nonholonomic import check_words, unit_direction
+from rbd.constraints.surface import twist
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction

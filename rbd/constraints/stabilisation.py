@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.rows import Rows
-
-
-class Stabilisable(Protocol):
-    """Anything that gives named rows at a state."""
-
-    @property
-    def name(self) -> str:
-        """The role it plays, unique in a problem."""
-
-    def rows(self, state: State) -> Rows:
-        """Its rows at this state."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +50,7 @@ class Baumgarte:
         if not 0.0 <= a_number(self.damping_ratio) < 1e50:
             raise InputError(f"damping_ratio of Baumgarte is {self.damping_ratio!r:.80}; expected a number >= 0 (1: critical).")
 
-    def of(self, constraint: Stabilisable) -> Stabilised:
+    def of(self, constraint: Constraint) -> Stabilised:
         """The constraint under its own name, its rows with this feedback (in place of any that they had).
 
         Raises:
@@ -90,7 +79,7 @@ class Stabilised:
         by: What computes the feedback.
     """
 
-    constraint: Stabilisable
+    constraint: Constraint
     by: Baumgarte
 
     def __post_init__(self) -> None:

@@ -1,1 +1,7 @@
-"""What decides the motor torques over time: controllers, schedules and pushes."""
+"""What decides the motor torques and the pushes over time: controllers, schedules and pushes."""
+
+from rbd.control.posture import HoldPosture
+from rbd.control.pushes import Push, Pushes
+from rbd.control.torques import Sampled, TorqueScript
+
+__all__ = ["HoldPosture", "Push", "Pushes", "Sampled", "TorqueScript"]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-from rbd.model.external_force import ExternalForce
+from rbd.model.external_force import External, ExternalForce
 from rbd.model.state import State
 
+ExternalAt: TypeAlias = Callable[[State, float], External]
+"""Forces of the world at a state and a time [s]."""
 INSTANT = 1e-9
 """Times nearer than this [s] are the same: sums of steps are off by rounding, and a step that begins where a push ends must be
 free of it."""

@@ -1,20 +1,20 @@
 """Mechanisms: what closed loops and rolling let a robot do, and what not."""
 
 from rbd.mechanism.assembly import Assembly, assemble
-from rbd.mechanism.branches import Branch, Branches, branches
+from rbd.mechanism.assembly_modes import Branch, Branches, branches
+from rbd.mechanism.branch_tracing import Trace, trace
+from rbd.mechanism.degrees_of_freedom import Mobility, mobility
+from rbd.mechanism.frobenius import Integrability, integrability
 from rbd.mechanism.independent import independent_velocities
-from rbd.mechanism.integrability import Integrability, integrability
-from rbd.mechanism.mobility import Mobility, mobility
 from rbd.mechanism.partition import (
     AccelerationPartition,
     VelocityPartition,
     acceleration_partition,
     velocity_partition,
 )
-from rbd.mechanism.singularities import Singularities, SingularitiesAlong, singularities, singularities_along
-from rbd.mechanism.trace import Trace, trace
+from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
+from rbd.mechanism.topology import MechanismClass, classify
 from rbd.mechanism.velocity_projection import project_velocity
-from rbd.mechanism.words import Words, classify
 from rbd.robots.four_bars import four_bar, n_four_bar
 from rbd.robots.linkage import link_angles
 from rbd.robots.slider_cranks import slider_crank
@@ -30,7 +30,7 @@ __all__ = [
     "SingularitiesAlong",
     "Trace",
     "VelocityPartition",
-    "Words",
+    "MechanismClass",
     "acceleration_partition",
     "assemble",
     "branches",

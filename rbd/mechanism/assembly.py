@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, a_number, largest
+from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.least_constraint import Constraint
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
 from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import Descent, descend, settle

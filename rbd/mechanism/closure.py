@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, largest
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
 from rbd.errors import DuplicateName, InputError
-from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.held import of_its_file
 from rbd.model.checked_model import CheckedModel
@@ -114,10 +114,9 @@ class Closure:
             DuplicateName: two constraints of one name.
         """
         state = State(self.robot, self.pin(self.robot.check_q(q0)))
-        rows = rows_of(state, self._given)
-        self.constraints = (*self._given, *self._limits)
-        rows += rows_of(state, self._limits)
+        rows = rows_of(state, self._given) + rows_of(state, self._limits)
         self._check(rows)
+        self.constraints = (*self._given, *self._limits)
         return self._misfit(state, tuple(rows))
 
     def at(self, q: Array) -> Misfit:

@@ -14,7 +14,7 @@ from rbd.arrays import Array, check_finite, lazy, numbers
 from rbd.errors import InputError
 from rbd.mechanism.held import characteristic_length, turning
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import JointPlace, Piece, joint_motion
+from rbd.model.joint_coordinates import JointPlace, Piece, joint_motion
 
 FIXED = "fixed value of joint"
 

@@ -14,10 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number, largest
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import DuplicateName, InputError
-from rbd.least_constraint import Constraint, rows_of
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import Piece, joint_motion
+from rbd.model.joint_coordinates import Piece, joint_motion
 from rbd.model.state import State
 from rbd.problem.cones import Line
 from rbd.problem.rows import Rows

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rbd.arrays import Array, check_finite, largest, numbers
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.closure import SINGULAR, listed, unmet
 from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.held import CLOSED, of_its_file

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, largest, lazy
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError, SingularPose
-from rbd.least_constraint import Constraint
 from rbd.mechanism.closure import Closure, rank_of
 from rbd.mechanism.descent import branches_meet
 from rbd.mechanism.independent import HeldVelocities, Rates, independent_columns

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import largest
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import InputError, SingularInertia
-from rbd.least_constraint import Constraint, rows_of
 from rbd.mechanism.held import of_its_file
 from rbd.model.state import State
 from rbd.problem.cones import Box

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, largest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import joint_motion
+from rbd.model.joint_coordinates import joint_motion
 
 _NEAR = 1.0
 """Up to here [rad, m] the inverse of T is the Jacobian of the logarithm, which is faster; beyond pi that one jumps."""

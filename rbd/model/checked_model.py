@@ -281,8 +281,8 @@ class DataPool:
 
     def _take_back(self) -> None:
         """Make free what was given back; under the lock."""
-        while True:
-            try:  # rather than asking first: the garbage collector may come in between and take the last one
+        while self._returned:
+            try:  # the garbage collector may come in between and take the last one
                 slot, ticket = self._returned.popleft()
             except IndexError:
                 return

@@ -6,6 +6,7 @@ ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is 
 from __future__ import annotations
 
 import os
+from importlib import metadata
 
 from rbd.errors import WrongPinocchio
 
@@ -14,6 +15,14 @@ REMEDY = (
     "Try: unset PYTHONPATH, or a terminal that did not source ROS's setup; pip uninstall pinocchio; "
     "pip install --force-reinstall 'pin>=4.1'"
 )
+
+
+def version() -> str:
+    """The version of `rbd` that is installed; "unknown" where it runs without having been installed."""
+    try:
+        return metadata.version("rbd-contact")
+    except metadata.PackageNotFoundError:
+        return "unknown"
 
 
 def check(module: object) -> None:

@@ -100,14 +100,14 @@ class _Meshes:
 
     def usable(self, name: str, scale: str | None) -> Path | None:
         """The resolved path of a mesh that may be opened, or None."""
-        if name in self.refused:
+        if name in self.refused and name not in self._known:  # a known one had a bad scale elsewhere
             return None
         try:
-            check_scale(scale)
             if name not in self._known:
                 path = find_mesh(name, self._base, self._folders)
                 check_mesh(path, self._folders)
                 self._known[name] = path
+            check_scale(scale)
             return self._known[name]
         except ModelError as error:
             self.refused[name] = str(error)
@@ -125,14 +125,17 @@ class _Meshes:
 
     def read_each(self) -> bool:
         """Read every usable mesh, and refuse those that cannot be; whether there were any."""
-        before = len(self.refused)
-        for name, path in self._known.items():
+        before = len(self._known)
+        for name, path in list(self._known.items()):
             try:
-                if name not in self.refused:
-                    coal.MeshLoader().load(str(path), np.ones(3))
+                coal.MeshLoader().load(str(path), np.ones(3))
             except (ValueError, RuntimeError, MemoryError):
-                self.refused[name] = "cannot be read as a mesh"
-        return len(self.refused) > before
+                self._refuse(name, "cannot be read as a mesh")
+        return len(self._known) < before
+
+    def _refuse(self, name: str, reason: str) -> None:
+        self.refused[name] = reason
+        del self._known[name]
 
     def all_finite(self, found: pin.GeometryModel) -> bool:
         """Whether all vertices are numbers of a sensible size; meshes of others are refused."""
@@ -141,9 +144,9 @@ class _Meshes:
             if isinstance(obj.geometry, coal.BVHModelBase):
                 if not (np.abs(obj.geometry.vertices()) <= LARGEST).all():
                     wrong.add(obj.meshPath)
-        for name, path in self._known.items():
+        for name, path in list(self._known.items()):
             if str(path) in wrong:
-                self.refused[name] = f"has coordinates that are not finite, or above {LARGEST:g} m"
+                self._refuse(name, f"has coordinates that are not finite, or above {LARGEST:g} m")
         return not wrong
 
     def complaint(self) -> str:

@@ -41,7 +41,7 @@ def mjcf_geometry(
     found = pin.GeometryModel()
     stand_ins: set[str] = set()
     refused: dict[str, str] = {}
-    made: dict[str, coal.CollisionGeometry] = {}
+    made: dict[str, coal.CollisionGeometry | None] = {}
     for body in mjcf.bodies:
         frame = 0 if body.name == WORLD else model.getFrameId(body.name, pin.FrameType.BODY)
         carrier = model.frames[frame]
@@ -50,7 +50,7 @@ def mjcf_geometry(
             if shape.kind == "hfield" or not (shape.touches if kind == pin.GeometryType.COLLISION else shown):
                 continue
             name = shape.name or f"{body.name}Geom_{i}"
-            if found.existGeometryName(name):
+            while found.existGeometryName(name):
                 name = f"{body.name}_{name}_{i}"
             geometry = _geometry(mjcf, shape, made, refused, usable)
             if geometry is None:
@@ -67,7 +67,7 @@ def mjcf_geometry(
 def _geometry(
     mjcf: Mjcf,
     shape: Shape,
-    made: dict[str, coal.CollisionGeometry],
+    made: dict[str, coal.CollisionGeometry | None],
     refused: dict[str, str],
     usable: Callable[[str, str], None],
 ) -> coal.CollisionGeometry | None:
@@ -76,21 +76,18 @@ def _geometry(
         return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
     if not shape.mesh:
         return _PRIMITIVES[shape.kind](*(float(x) for x in shape.size))
-    if shape.mesh in made:
-        return made[shape.mesh]
-    file = mjcf.meshes.file(shape.mesh)
-    called = file[0] if file else shape.mesh
-    if called in refused:
+    if shape.kind != "mesh":
+        refused.setdefault(shape.mesh, f"is to be fitted by a {shape.kind}, which is not read")
         return None
-    try:
-        if file:
-            usable(*file)
-        if shape.kind != "mesh":
-            raise ValueError(f"is to be fitted by a {shape.kind}, which is not read")
-        made[shape.mesh] = _triangles(mjcf.meshes.load(shape.mesh))
-    except (ModelError, ValueError) as error:
-        refused[called] = str(error)
-        return None
+    if shape.mesh not in made:
+        file = mjcf.meshes.file(shape.mesh)
+        made[shape.mesh] = None
+        try:
+            if file:
+                usable(*file)
+            made[shape.mesh] = _triangles(mjcf.meshes.load(shape.mesh))
+        except (ModelError, ValueError) as error:
+            refused[file[0] if file else shape.mesh] = str(error)
     return made[shape.mesh]
 
 

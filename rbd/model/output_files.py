@@ -94,20 +94,9 @@ def _place(path: Path) -> tuple[Path, os.stat_result | None]:
     folder = place.parent
     if not folder.exists():
         raise FileNotFoundError(errno.ENOENT, f"there is no folder {str(folder)!r:.200}: {os.strerror(errno.ENOENT)}")
-    if not folder.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, f"{str(folder)!r:.200} is no folder")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, f"no file may be made in the folder {str(folder)!r:.200}: permission denied")
-    if len(os.fsencode(place.name)) > _longest_name(folder):
-        raise OSError(errno.ENAMETOOLONG, "its name is too long")
     return place, old
-
-
-def _longest_name(folder: Path) -> int:
-    try:
-        return os.pathconf(folder, "PC_NAME_MAX")
-    except (OSError, ValueError, AttributeError):
-        return 255
 
 
 def _complaint(path: Path, reason: OSError, what: str = "") -> str:

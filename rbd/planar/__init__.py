@@ -14,24 +14,25 @@ except ImportError:
 from rbd.planar.angles import AngleMap
 from rbd.planar.bodies import Bodies
 from rbd.planar.chain import Chain
-from rbd.planar.constrained import ConstrainedChain, constrained
-from rbd.planar.dynamics import Dynamics, dynamics
+from rbd.planar.constrained_chain import ConstrainedChain, constrained
 from rbd.planar.ellipse import Ellipse
-from rbd.planar.inverse import Inverse, inverse
-from rbd.planar.inverse_path import InversePath, inverse_path
-from rbd.planar.jacobian import jacobian
-from rbd.planar.modes import Linearised, Modes
+from rbd.planar.equations_of_motion import Dynamics, dynamics
+from rbd.planar.inverse_kinematics import Inverse, inverse, inverse_formulas
+from rbd.planar.kinematics import Split
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
+from rbd.planar.partial_derivatives import jacobian
+from rbd.planar.path_following import InversePath, inverse_path
 from rbd.planar.quintic import MinimumJerk, Peaks, minimum_jerk
 from rbd.planar.rates import joint_rates
-from rbd.planar.split import Split
-from rbd.planar.urdf import RobotCoordinates, robot_coordinates, to_urdf
-from rbd.planar.words import PlanarWords, words
+from rbd.planar.small_motion import Linearised, Modes
+from rbd.planar.topology import ChainClass, classify
+from rbd.planar.urdf import RobotCoordinates, robot_coordinates, to_robot, to_urdf
 
 __all__ = [
     "AngleMap",
     "Bodies",
     "Chain",
+    "ChainClass",
     "ConstrainedChain",
     "Dynamics",
     "Ellipse",
@@ -42,19 +43,20 @@ __all__ = [
     "Modes",
     "Peaks",
     "PlanarMotion",
-    "PlanarWords",
     "RobotCoordinates",
     "Split",
+    "classify",
     "constrained",
     "dynamics",
     "endpoint_motion",
     "inverse",
+    "inverse_formulas",
     "inverse_path",
     "jacobian",
     "joint_motion",
     "joint_rates",
     "minimum_jerk",
     "robot_coordinates",
+    "to_robot",
     "to_urdf",
-    "words",
 ]

@@ -8,17 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy
 
 from rbd.arrays import Array, check_finite, numbers
 from rbd.errors import InputError
-from rbd.planar.bodies import checked_chain
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain, check_chain
 
 ROUND_OFF = 8 * float(np.finfo(float).eps)
 """A point this near an edge of what the chain can reach, relative to its length, is on it: the point itself is no better."""
@@ -111,7 +107,7 @@ def arm_of(chain: Chain) -> Arm:
     Raises:
         InputError: if it is no chain, or a length is a symbol.
     """
-    checked_chain(chain)
+    check_chain(chain)
     if not chain.is_numeric:
         raise InputError(
             f"the chain's lengths are symbols, {', '.join(map(str, chain.lengths))}; expected numbers: "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import sympy as sp
@@ -12,9 +12,7 @@ from sympy.core.function import AppliedUndef
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain, check_chain
 
 Shapes = Literal["points", "rods"]
 MOST = 1e12
@@ -117,7 +115,7 @@ def bodies_of(
         InputError: wrong counts, masses or lengths not above zero, inertias below it, numbers that are not finite, what
             depends on time; points or rods with centres or inertias of their own.
     """
-    n = checked_chain(chain).n
+    n = check_chain(chain).n
     if bodies is not None and (not isinstance(bodies, str) or bodies not in ("points", "rods")):
         raise InputError(f"bodies is {bodies!r:.80}; expected 'points', 'rods', or None with centres and inertias.")
     if bodies is not None and (centres is not None or inertias is not None):
@@ -130,18 +128,6 @@ def bodies_of(
         half = tuple(x / 2 for x in ell)
         return Bodies(ell, m, half, tuple(k * x**2 / 12 for k, x in zip(m, ell, strict=True)))
     return Bodies(ell, m, _given("centres", centres, n, "d", chain.t), _given("inertias", inertias, n, "I", chain.t))
-
-
-def checked_chain(chain: Chain) -> Chain:
-    """The chain itself.
-
-    Raises:
-        InputError: if it is none.
-    """
-    # Not by its class: `rbd.planar.chain` imports this module's users, and imports go one way.
-    if isinstance(chain, type) or not hasattr(chain, "segment_angles"):
-        raise InputError(f"{chain!r:.80} is no chain; expected a planar one, such as rbd.planar.Chain(2).")
-    return chain
 
 
 def constant(what: str, value: Any, t: sp.Symbol | None = None) -> sp.Expr:

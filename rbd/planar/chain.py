@@ -1,39 +1,34 @@
-"""A chain of n links in a plane, in symbols: one object from which all of `rbd.planar` is asked.
+"""A chain of n links in a plane, in symbols: its lengths, its angles and its kinematics.
 
 The links have lengths ell_1..ell_n and are hinged end to end at the origin; x points to the right, y up, angles are
-counterclockwise. What a chain is asked is computed in the module that carries its name; this one only keeps the symbols.
-Source: [Duarte2021].
+counterclockwise. A chain keeps the symbols and knows its kinematics; dynamics, inverse kinematics, relations of its angles
+and its URDF file are functions of a chain: `rbd.planar.dynamics(chain)`. Source: [Duarte2021].
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 import sympy
+from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
-from rbd.arrays import Array, lazy
-from rbd.planar import expressions, kinematics
-from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention, to_segments
+from rbd.arrays import Array, a_number, lazy
+from rbd.errors import InputError
+from rbd.planar import printing
+from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention
 from rbd.planar.compiled import Compiled, compile_expression
 from rbd.planar.ellipse import Ellipse, end_point_ellipse
-from rbd.planar.lengths import check_count, check_lengths
+from rbd.planar.kinematics import Links, Split
 from rbd.planar.numeric import ChainNumbers
-from rbd.planar.split import Split, split_acceleration
 
-if TYPE_CHECKING:
-    from rbd.planar.bodies import Shapes
-    from rbd.planar.constrained import ConstrainedChain
-    from rbd.planar.dynamics import Dynamics
-    from rbd.planar.inverse import Inverse
-    from rbd.planar.inverse_path import InversePath
-    from rbd.planar.rates import JointRates
-    from rbd.planar.urdf import Plane, RobotCoordinates
-    from rbd.planar.words import PlanarWords
-    from rbd.robots.robot import Robot
+MOST_LINKS = 50
+"""A chain of more links is a rope; its expressions fill pages."""
+SHORTEST, LONGEST = 1e-30, 1e30
+"""Lengths whose fourth powers, as in det(J J^T), are still floats [m]."""
 
 
 @dataclass(frozen=True, init=False)
@@ -64,10 +59,10 @@ class Chain:
     angles: str
 
     def __init__(self, n: int, *, lengths: Sequence[Any] | Array | None = None, angles: str = JOINT) -> None:
-        count = check_count(n)
+        count = _check_count(n)
         object.__setattr__(self, "n", count)
         object.__setattr__(self, "angles", check_convention(angles))
-        object.__setattr__(self, "lengths", check_lengths(count, lengths))
+        object.__setattr__(self, "lengths", _check_lengths(count, lengths))
 
     # The symbols
 
@@ -99,8 +94,11 @@ class Chain:
     @lazy
     def segment_angles(self) -> Symbols:
         """Angle of every link from x [rad], shape (n, 1): phi = A q + b, see `rbd.planar.angles`."""
-        matrix, offset = to_segments(self.n, self.angles)
-        return (matrix * self.q + offset).as_immutable()
+        return self._links.phi
+
+    @lazy
+    def _links(self) -> Links:
+        return Links(self.lengths, self.q, self.angles)
 
     @property
     def is_numeric(self) -> bool:
@@ -147,39 +145,39 @@ class Chain:
 
     def position(self, i: int | None = None) -> Symbols:
         """Position of joint i [m], shape (2, 1): r = sum_k ell_k (cos phi_k, sin phi_k) over the links before it."""
-        return kinematics.motion(self, i, 0)
+        return self._links.motion(i, 0)
 
     def velocity(self, i: int | None = None) -> Symbols:
         """Velocity of joint i by differentiation [m/s], shape (2, 1), one term per link."""
-        return kinematics.motion(self, i, 1)
+        return self._links.motion(i, 1)
 
     def acceleration(self, i: int | None = None) -> Symbols:
         """Acceleration of joint i by differentiation [m/s^2], shape (2, 1), one term per link."""
-        return kinematics.motion(self, i, 2)
+        return self._links.motion(i, 2)
 
     def jerk(self, i: int | None = None) -> Symbols:
         """Jerk of joint i by differentiation [m/s^3], shape (2, 1), one term per link."""
-        return kinematics.motion(self, i, 3)
+        return self._links.motion(i, 3)
 
     def jacobian(self, i: int | None = None) -> Symbols:
         """Jacobian J of joint i [m], shape (2, n): J[a, j] = d r_a / d theta_j, so that v = J qd."""
-        return kinematics.jacobian(self, i, 0)
+        return self._links.jacobian(i, 0)
 
     def jacobian_rate(self, i: int | None = None) -> Symbols:
         """Time derivative of the Jacobian of joint i [m/s], shape (2, n)."""
-        return kinematics.jacobian(self, i, 1)
+        return self._links.jacobian(i, 1)
 
     def velocity_by_jacobian(self, i: int | None = None) -> Symbols:
         """J qd [m/s], shape (2, 1): the velocity again, its terms grouped by angle."""
-        return kinematics.by_jacobian(self, i, 1)
+        return self._links.by_jacobian(i, 1)
 
     def acceleration_by_jacobian(self, i: int | None = None) -> Symbols:
         """Jd qd + J qdd [m/s^2], shape (2, 1): the acceleration again, its terms grouped by angle."""
-        return kinematics.by_jacobian(self, i, 2)
+        return self._links.by_jacobian(i, 2)
 
     def jerk_by_jacobian(self, i: int | None = None) -> Symbols:
         """Jdd qd + 2 Jd qdd + J qddd [m/s^3], shape (2, 1): the jerk again, its terms grouped by angle."""
-        return kinematics.by_jacobian(self, i, 3)
+        return self._links.by_jacobian(i, 3)
 
     def determinant(self) -> sympy.Expr:
         """How the end-point Jacobian fills space; zero where it is singular.
@@ -187,7 +185,7 @@ class Chain:
         Two links: det J = ell_1 ell_2 sin theta_2 [m^2]. More: det(J J^T) [m^4], the sum of its squared 2 x 2 minors. One
         link: det(J^T J) = ell_1^2 [m^2], since J J^T of a column is always singular.
         """
-        return kinematics.determinant(self)
+        return self._links.determinant()
 
     def singular_configurations(self) -> tuple[sympy.Eq, ...]:
         """Conditions that make the end-point Jacobian lose rank, all of them at once: every link on one line.
@@ -195,11 +193,11 @@ class Chain:
         sin(phi_{k+1} - phi_k) = 0 for k = 1..n-1: each link continues the one before it or folds back on it. A single link
         has none: its end point always moves along the circle, and never off it.
         """
-        return kinematics.singular_configurations(self)
+        return self._links.singular_configurations()
 
     def split(self, i: int | None = None) -> Split[Symbols]:
-        """Acceleration of joint i in tangential, centripetal and Coriolis parts [m/s^2]; see `rbd.planar.split`."""
-        return split_acceleration(self, i)
+        """Acceleration of joint i in tangential, centripetal and Coriolis parts [m/s^2]; see `rbd.planar.kinematics`."""
+        return self._links.split(i)
 
     # Numbers and words
 
@@ -217,7 +215,7 @@ class Chain:
         Raises:
             InputError: if symbols are left without a number, or a number is not finite.
         """
-        return compile_expression(self, expr, parameters or {})
+        return compile_expression((self.q, self.qd, self.qdd, self.qddd), expr, parameters or {})
 
     @lazy
     def numeric(self) -> ChainNumbers:
@@ -226,7 +224,7 @@ class Chain:
         Raises:
             InputError: if lengths are symbols; `with_lengths` gives numbers.
         """
-        return ChainNumbers.of(self)
+        return ChainNumbers.of(self.lengths, self.angles)
 
     def ellipse(self, q: Sequence[float] | Array, kind: str = "velocity", *, i: int | None = None) -> Ellipse:
         """Velocity or force ellipse of joint i at a configuration; see `rbd.planar.ellipse`.
@@ -239,7 +237,7 @@ class Chain:
         Raises:
             InputError: on another word or shape, or where lengths are symbols.
         """
-        return end_point_ellipse(self, q, kind, i)
+        return end_point_ellipse(self.numeric, q, kind, i)
 
     def latex(self, expr: Any) -> str:
         r"""LaTeX of an expression, in Newton's dots: \ell_{1}, \theta_{1}, \dot{\theta}_{1}.
@@ -250,133 +248,77 @@ class Chain:
         Raises:
             InputError: on what is none of these.
         """
-        return expressions.latex(expr)
+        return printing.latex(expr)
 
-    def formula(self, expr: Any) -> expressions.Formula:
+    def formula(self, expr: Any) -> printing.Formula:
         """The same expression, shown typeset by a notebook.
 
         Raises:
             InputError: as `latex` does.
         """
-        return expressions.Formula(expr)
+        return printing.Formula(expr)
 
     def _repr_latex_(self) -> str:
         """Where the end point is, for notebooks."""
-        return expressions.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
+        return printing.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
 
-    # In modules of their own, imported when asked: there stand the formulas and what they raise.
 
-    def inverse(
-        self, target: Sequence[float] | Array, *, start: Sequence[float] | Array | None = None, tolerance: float = 1e-12
-    ) -> Inverse:
-        """Angles that bring the end point to a target [m]: all branches of one and two links; see `rbd.planar.inverse`."""
-        from rbd.planar.inverse import inverse
+def check_chain(chain: Chain) -> Chain:
+    """The chain itself.
 
-        return inverse(self, target, start=start, tolerance=tolerance)
+    Raises:
+        InputError: if it is none.
+    """
+    if not isinstance(chain, Chain):
+        raise InputError(f"{chain!r:.80} is no chain; expected a planar one, such as rbd.planar.Chain(2).")
+    return chain
 
-    def inverse_formulas(self, x: Any = None, y: Any = None) -> tuple[Symbols, ...]:
-        """The angles of one or two links in symbols, one column per branch; see `rbd.planar.inverse`."""
-        from rbd.planar.inverse import inverse_formulas
 
-        return inverse_formulas(self, x, y)
+def _check_count(n: object) -> int:
+    """A whole number of links.
 
-    def inverse_path(
-        self,
-        points: Sequence[Sequence[float]] | Array,
-        *,
-        start: Sequence[float] | Array | None = None,
-        branch: int = 0,
-        tolerance: float = 1e-12,
-        check: bool = True,
-    ) -> InversePath:
-        """Angles along a path of the end point, shape (samples, 2) [m], continuous; see `rbd.planar.inverse_path`."""
-        from rbd.planar.inverse_path import inverse_path
+    Raises:
+        InputError: on anything else, as 0, 2.5, True or 51.
+    """
+    whole = isinstance(n, int | np.integer | sympy.Integer) and not isinstance(n, bool)
+    if not whole or not 1 <= int(n) <= MOST_LINKS:  # type: ignore[call-overload]
+        raise InputError(f"n is {n!r:.80}; expected a whole number of links, 1 to {MOST_LINKS}, as Chain(2).")
+    return int(n)  # type: ignore[call-overload]
 
-        return inverse_path(self, points, start=start, branch=branch, tolerance=tolerance, check=check)
 
-    def joint_rates(
-        self,
-        q: Sequence[float] | Array,
-        velocity: Sequence[float] | Array,
-        acceleration: Sequence[float] | Array | None = None,
-        jerk: Sequence[float] | Array | None = None,
-        *,
-        at_singular: str = "raise",
-    ) -> JointRates:
-        """Rates of the angles that give the end point a velocity, acceleration and jerk; see `rbd.planar.rates`."""
-        from rbd.planar.rates import joint_rates
+def _check_lengths(n: int, lengths: object) -> tuple[sympy.Expr, ...]:
+    """The lengths of n links as expressions: symbols ell_1..ell_n of None, decimals as exact fractions.
 
-        return joint_rates(self, q, velocity, acceleration, jerk, at_singular=at_singular)
+    Raises:
+        InputError: on another count, or a length that is not positive, finite and constant.
+    """
+    if lengths is None:
+        return tuple(sympy.Symbol(f"ell_{k + 1}", positive=True) for k in range(n))
+    listed = isinstance(lengths, list | tuple | sympy.MatrixBase | sympy.Tuple)
+    listed = listed or isinstance(lengths, np.ndarray) and lengths.ndim > 0
+    given = list(lengths) if listed else None  # type: ignore[call-overload]
+    if given is None or len(given) != n:
+        came = f"{len(given)} of them" if given is not None else f"{lengths!r:.80}"
+        raise InputError(f"lengths came as {came}; expected {n}, one per link, as lengths=[0.5] * {n}.")
+    return tuple(_check_length(k, length) for k, length in enumerate(given))
 
-    def constrained(self, relation: Any, *, branch: int | None = None) -> ConstrainedChain:
-        """The chain under a relation of its angles, as a joint held; see `rbd.planar.constrained`."""
-        from rbd.planar.constrained import constrained
 
-        return constrained(self, relation, branch=branch)
-
-    def words(self, *, pinned: Any = None) -> PlanarWords:
-        """What the text calls this chain: open, serial, its mobility and redundancy; see `rbd.planar.words`."""
-        from rbd.planar.words import words
-
-        return words(self, pinned=pinned)
-
-    def dynamics(
-        self,
-        *,
-        bodies: Shapes | None = None,
-        masses: Iterable[Any] | None = None,
-        centres: Iterable[Any] | None = None,
-        inertias: Iterable[Any] | None = None,
-        gravity: Any = None,
-    ) -> Dynamics:
-        """Lagrange's equations of motion, M, C, g in symbols; see `rbd.planar.dynamics`."""
-        from rbd.planar.dynamics import dynamics
-
-        return dynamics(self, bodies=bodies, masses=masses, centres=centres, inertias=inertias, gravity=gravity)
-
-    def to_urdf(
-        self,
-        path: str | os.PathLike[str] | None = None,
-        *,
-        masses: Iterable[Any] | None = None,
-        lengths: Iterable[Any] | None = None,
-        centres: Iterable[Any] | None = None,
-        inertias: Iterable[Any] | None = None,
-        bodies: Shapes | None = None,
-        plane: Plane = "xz",
-        values: Mapping[Any, Any] | None = None,
-        name: str = "chain",
-    ) -> str:
-        """The text of a URDF file of the chain, written to `path` too; arguments as `rbd.planar.urdf.to_urdf`."""
-        from rbd.planar.urdf import to_urdf
-
-        return to_urdf(
-            self, path, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies, plane=plane,
-            values=values, name=name,
-        )  # fmt: skip
-
-    def robot(
-        self,
-        *,
-        masses: Iterable[Any] | None = None,
-        lengths: Iterable[Any] | None = None,
-        centres: Iterable[Any] | None = None,
-        inertias: Iterable[Any] | None = None,
-        bodies: Shapes | None = None,
-        plane: Plane = "xz",
-        values: Mapping[Any, Any] | None = None,
-        name: str = "chain",
-    ) -> Robot:
-        """The chain as a robot, for `rbd.solve` and `rbd.simulate`; arguments as `rbd.planar.urdf.to_urdf`."""
-        from rbd.planar.urdf import robot
-
-        return robot(
-            self, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies, plane=plane,
-            values=values, name=name,
-        )  # fmt: skip
-
-    def robot_coordinates(self) -> RobotCoordinates:
-        """The map between the chain's angles, rates and torques and its robot's; see `rbd.planar.urdf`."""
-        from rbd.planar.urdf import robot_coordinates
-
-        return robot_coordinates(self)
+def _check_length(k: int, length: object) -> sympy.Expr:
+    """A positive number, kept exactly as it is written; or an expression that is not known to be anything else."""
+    what = f"the length of link {k + 1}"
+    if isinstance(length, sympy.Expr) and not length.is_number:
+        moving = length.has(dynamicsymbols._t) or length.has(AppliedUndef)
+        if moving or length.is_positive is False or length.is_real is False:
+            raise InputError(f"{what} is {str(length):.80}; expected a positive expression that is constant in time.")
+        return length
+    exact = isinstance(length, sympy.Expr) and not length.has(sympy.Float)
+    try:
+        number = float(length) if isinstance(length, sympy.Expr) else a_number(length)
+    except (TypeError, ValueError, OverflowError):  # complex, or a zoo
+        number = np.nan
+    if not SHORTEST <= number <= LONGEST:
+        raise InputError(
+            f"{what} is {str(length):.80}; expected a positive finite number [m], {SHORTEST:g} to {LONGEST:g}, or a symbol."
+        )
+    # repr, not the float itself: 0.1 shall be 1/10, so that identities hold exactly.
+    return length if exact else sympy.Rational(repr(number))

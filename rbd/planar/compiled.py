@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy
@@ -19,10 +19,7 @@ from sympy.printing.numpy import NumPyPrinter
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-from rbd.planar.angles import samples
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.angles import Symbols, samples
 
 BLOCK = 4096
 """Samples per block: a dozen temporaries of them fit into 512 kB."""
@@ -120,17 +117,22 @@ def check_motion(n: int, given: tuple[Any, ...], needs: int) -> list[Array]:
     return out
 
 
-def compile_expression(chain: Chain, expr: Any, parameters: Mapping[Any, float]) -> Compiled:
+def compile_expression(motion: tuple[Symbols, ...], expr: Any, parameters: Mapping[Any, float]) -> Compiled:
     """A function of (q, qd, qdd, qddd) that computes an expression; see `Chain.function`.
+
+    Args:
+        motion: q, qd, qdd, qddd in symbols, shape (n, 1) each.
+        expr: The expression.
+        parameters: {symbol or its name: number} for all other symbols.
 
     Raises:
         InputError: if it is no expression, or symbols are left without a number.
     """
     shape, entries = _entries(expr)
-    dummies = [sympy.symbols(f"{name}_1:{chain.n + 1}", cls=sympy.Dummy) for name in RATES]
-    rates = [chain.q, chain.qd, chain.qdd, chain.qddd]
+    n = motion[0].rows
+    dummies = [sympy.symbols(f"{name}_1:{n + 1}", cls=sympy.Dummy) for name in RATES]
     # One exact replacement from the outside in: a derivative is replaced before the angle inside it is seen.
-    known = {old: new for olds, news in zip(rates, dummies, strict=True) for old, new in zip(olds, news, strict=True)}
+    known = {old: new for olds, news in zip(motion, dummies, strict=True) for old, new in zip(olds, news, strict=True)}
     plain = [entry.xreplace(known) for entry in entries]
     used = set().union(*(entry.free_symbols for entry in plain))
     numbers = _numbers(used.difference(*dummies), parameters)
@@ -147,7 +149,7 @@ def compile_expression(chain: Chain, expr: Any, parameters: Mapping[Any, float])
         compute = sympy.lambdify(arguments, plain, "numpy", cse=True, printer=_Printer)
     except (NotImplementedError, TypeError, ValueError, SyntaxError, KeyError) as error:
         raise InputError(f"the expression cannot be computed in NumPy: {str(error).splitlines()[0]:.200}") from None
-    return Compiled(chain.n, shape, needs, partial(compute, *numbers.values()), (chain, expr, numbers))
+    return Compiled(n, shape, needs, partial(compute, *numbers.values()), (motion, expr, numbers))
 
 
 def _entries(expr: Any) -> tuple[tuple[int, ...], list[sympy.Expr]]:

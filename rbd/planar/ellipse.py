@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,7 @@ from rbd.arrays import Array, a_number
 from rbd.errors import InputError, nearest
 from rbd.planar.angles import samples
 from rbd.planar.kinematics import check_joint
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.numeric import ChainNumbers
 
 VELOCITY, FORCE = "velocity", "force"
 
@@ -67,18 +64,18 @@ class Ellipse:
         return self.centre + np.column_stack([axes[0] * np.cos(around), axes[1] * np.sin(around)]) @ self.directions.T
 
 
-def end_point_ellipse(chain: Chain, q: Sequence[float] | Array, kind: str = VELOCITY, i: int | None = None) -> Ellipse:
+def end_point_ellipse(chain: ChainNumbers, q: Sequence[float] | Array, kind: str, i: int | None) -> Ellipse:
     """The velocity or force ellipse of joint i; see `Chain.ellipse`.
 
     Raises:
-        InputError: on another kind, shape or joint, or where lengths are symbols.
+        InputError: on another kind, shape or joint.
     """
     if not isinstance(kind, str) or kind not in (VELOCITY, FORCE):
         raise InputError(f"no ellipse is called {kind!r:.80}; {nearest(kind, (VELOCITY, FORCE))}.")
-    joint, given = check_joint(chain, i, first=1), samples("q", q, chain.n)
+    joint, given = check_joint(chain.n, i, first=1), samples("q", q, chain.n)
     if given.ndim != 1:
         raise InputError(f"q came with shape {given.shape}; expected one configuration, ({chain.n},).")
-    U, sigma, _ = np.linalg.svd(chain.numeric.jacobian(given, joint))
+    U, sigma, _ = np.linalg.svd(chain.jacobian(given, joint))
     axes = np.array([sigma[0], sigma[1] if len(sigma) == 2 else 0.0])
     # Rounding leaves a link on a line 1e-16 off it: below that, the direction is lost.
     if axes[1] <= 8 * chain.n * np.finfo(float).eps * axes[0]:
@@ -88,4 +85,4 @@ def end_point_ellipse(chain: Chain, q: Sequence[float] | Array, kind: str = VELO
         with np.errstate(divide="ignore"):
             axes, U = 1.0 / axes[::-1], U[:, ::-1]
     signs = np.where((U[0] < 0.0) | ((U[0] == 0.0) & (U[1] < 0.0)), -1.0, 1.0)
-    return Ellipse(kind, chain.numeric.position(given, joint), axes, U * signs, manipulability)
+    return Ellipse(kind, chain.position(given, joint), axes, U * signs, manipulability)

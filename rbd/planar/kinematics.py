@@ -1,46 +1,215 @@
-"""Position, velocity, acceleration, jerk of a chain's joints in symbols, and their Jacobians.
+"""Position, velocity, acceleration, jerk of the joints of a row of links in symbols, their Jacobians, and the text's split.
 
 Everything is a sum over segments, r = sum_k ell_k (cos phi_k, sin phi_k), so one segment is differentiated and the others
 are like it: a term never grows with the number of links, and every power of a rate stays around its own bracket,
 
     a = -sum_k ell_k [ phi_k'' (sin, -cos)(phi_k) + phi_k'^2 (cos, sin)(phi_k) ].
 
-Source: [Duarte2021], "Differential kinematics". Its printed acceleration of two links reads th1' + th2'^2 where the square of
-the sum, (th1' + th2')^2, belongs.
+The acceleration in the text's three parts: the chain rule gives a = J qdd + sum_ij r_ij qd_i qd_j, where r_ij is the second
+derivative of r:
+
+- tangential: J qdd, the terms in qdd_i;
+- centripetal: sum_i r_ii qd_i^2. In joint angles r_ii = -(P - joint i - 1), so each term points from P to the joint that turns;
+- Coriolis: 2 sum_{i<j} r_ij qd_i qd_j. In joint angles r_ij = -(P - joint j - 1), the later joint of the two.
+
+The parts depend on how angles are measured, their sum does not. In segment angles, and from the vertical, every link's
+direction is a function of its own angle alone: r_ij = 0 for i != j, and there is no Coriolis part; what it was in joint angles
+is then in the centripetal one, (th1' + th2')^2 being the square of one segment's rate.
+
+Source: [Duarte2021], "Differential kinematics", and two links after "Linear acceleration"; here for n. Its printed acceleration
+of two links reads th1' + th2'^2 where the square of the sum, (th1' + th2')^2, belongs.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import Generic, TypeVar
 
 import numpy as np
 import sympy
+from sympy.physics.mechanics import dynamicsymbols
 
+from rbd.arrays import Array, lazy
 from rbd.errors import InputError
-from rbd.planar.angles import Symbols, to_segments
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar import printing
+from rbd.planar.angles import JOINT, Symbols, to_segments
 
 MOST_MINORS = 6
 """Links up to which a determinant is written in sines of angles between links."""
+Value = TypeVar("Value", Symbols, Array)
 
 
-def check_joint(chain: Chain, i: object, *, first: int = 0) -> int:
-    """A joint's number: 0 is the base, n the end point, which None is too.
+def check_joint(n: int, i: object, *, first: int = 0) -> int:
+    """A joint's number of n links: 0 is the base, n the end point, which None is too.
 
     Raises:
         InputError: if it is none of first..n.
     """
     if i is None:
-        return chain.n
+        return n
     whole = isinstance(i, int | np.integer | sympy.Integer) and not isinstance(i, bool)
-    if not whole or not first <= int(i) <= chain.n:  # type: ignore[call-overload]
+    if not whole or not first <= int(i) <= n:  # type: ignore[call-overload]
         base = " (0 is the base)" if first == 0 else ""
-        raise InputError(f"there is no joint {i!r:.80}; expected {first} to {chain.n}{base}, or None for the end point.")
+        raise InputError(f"there is no joint {i!r:.80}; expected {first} to {n}{base}, or None for the end point.")
     return int(i)  # type: ignore[call-overload]
+
+
+@dataclass(frozen=True, eq=False)
+class Split(Generic[Value]):
+    """An acceleration in three parts [m/s^2]; in symbols (2, 1), in numbers (2,) or (samples, 2).
+
+    Attributes:
+        tangential: Terms in the angular accelerations.
+        centripetal: Terms in the square of one angular velocity.
+        coriolis: Terms in the product of two; zero in segment angles and from the vertical, and of a single link.
+        angles: The convention that the parts belong to.
+    """
+
+    tangential: Value
+    centripetal: Value
+    coriolis: Value
+    angles: str
+
+    @property
+    def total(self) -> Value:
+        """The acceleration itself, the sum of the parts."""
+        return self.tangential + self.centripetal + self.coriolis
+
+    @property
+    def note(self) -> str:
+        """Why there is a Coriolis part or not, in words."""
+        if self.angles == JOINT:
+            return "In joint angles a link turns with every joint before it: products of two rates remain, the Coriolis part."
+        return (
+            f"In {self.angles} angles every link turns by its own angle alone: no product of two rates occurs, so there is no "
+            "Coriolis part."
+        )
+
+    def _repr_latex_(self) -> str:
+        """The three parts below each other, for notebooks."""
+        return printing.in_dollars(printing.latex(self))
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """Links hinged end to end, the first at the origin, in symbols.
+
+    Attributes:
+        lengths: ell_k [m].
+        q: Their angles theta_k(t), shape (n, 1) [rad].
+        angles: How they are measured; see `rbd.planar.angles`.
+    """
+
+    lengths: tuple[sympy.Expr, ...]
+    q: Symbols
+    angles: str
+
+    @property
+    def n(self) -> int:
+        """How many."""
+        return len(self.lengths)
+
+    @lazy
+    def moved_by(self) -> Symbols:
+        """A of phi = A q + b, shape (n, n): which angles turn which link."""
+        return to_segments(self.n, self.angles)[0]
+
+    @lazy
+    def phi(self) -> Symbols:
+        """Angle of every link from x, phi = A q + b, shape (n, 1) [rad]."""
+        matrix, offset = to_segments(self.n, self.angles)
+        return (matrix * self.q + offset).as_immutable()
+
+    def rate(self, order: int) -> Symbols:
+        """The `order`-th time derivative of the angles q, shape (n, 1)."""
+        return self.q.diff(dynamicsymbols._t, order)
+
+    def segment_vectors(self, order: int, *, turned: bool = False) -> list[Symbols]:
+        """What every link adds: the `order`-th time derivative of ell_k (cos, sin)(phi_k), one (2, 1) per link.
+
+        Turned, of ell_k (-sin, cos)(phi_k), its derivative by phi_k.
+        """
+        unit, names = _unit(order, turned)
+        out = []
+        for length, phi in zip(self.lengths, self.phi, strict=True):
+            rates = [phi.diff(dynamicsymbols._t, k) if k else phi for k in range(order + 1)]
+            out.append(length * unit.xreplace(dict(zip(names, rates, strict=False))))
+        return out
+
+    def motion(self, i: int | None, order: int) -> Symbols:
+        """Position of joint i (order 0), velocity (1), acceleration (2) or jerk (3), shape (2, 1) [m, m/s, ...].
+
+        Raises:
+            InputError: if i is none of 0..n; likewise below.
+        """
+        return _total(self.segment_vectors(order)[: check_joint(self.n, i)])
+
+    def jacobian(self, i: int | None, order: int = 0) -> Symbols:
+        """Jacobian of joint i (order 0) or its first or second time derivative, shape (2, n).
+
+        Column j is sum_k A_kj ell_k (-sin, cos)(phi_k), as phi = A q + b.
+        """
+        last = check_joint(self.n, i)
+        turned = self.segment_vectors(order, turned=True)
+        columns = [_total([turned[k] for k in range(last) if self.moved_by[k, j]]) for j in range(self.n)]
+        return sympy.ImmutableMatrix(sympy.Matrix.hstack(*columns))
+
+    def by_jacobian(self, i: int | None, order: int) -> Symbols:
+        """Velocity J qd, acceleration Jd qd + J qdd, or jerk Jdd qd + 2 Jd qdd + J qddd of joint i, shape (2, 1).
+
+        Leibniz's rule for the derivatives of J qd.
+        """
+        terms = []
+        for k in range(order):
+            terms.append(sympy.binomial(order - 1, k) * self.jacobian(i, k) * self.rate(order - k))
+        return _total(terms)
+
+    def split(self, i: int | None) -> Split[Symbols]:
+        """The acceleration of joint i in its three parts, in symbols [m/s^2]."""
+        last, qd = check_joint(self.n, i), self.rate(1)
+        turned_again = [-vector for vector in self.segment_vectors(0)[:last]]
+
+        def second_derivative(j: int, k: int) -> Symbols:
+            return _total([vector for m, vector in enumerate(turned_again) if self.moved_by[m, j] and self.moved_by[m, k]])
+
+        return Split(
+            tangential=self.jacobian(last) * self.rate(2),
+            centripetal=_total([second_derivative(j, j) * qd[j] ** 2 for j in range(self.n)]),
+            coriolis=_total([second_derivative(j, k) * (2 * qd[j] * qd[k]) for j, k in combinations(range(self.n), 2)]),
+            angles=self.angles,
+        )
+
+    def determinant(self) -> sympy.Expr:
+        """The determinant of J for two links, det(J J^T) of more, det(J^T J) of one; zero where the chain is singular.
+
+        A 2 x 2 minor of columns i < j is sum ell_k ell_l sin(phi_l - phi_k), over the pairs of a link k that joint i moves and
+        a link l that joint j moves; pairs that both joints move cancel. By Cauchy and Binet det(J J^T) is the sum of their
+        squares. Their number grows with n^4; beyond 6 links it is left as |J_x|^2 |J_y|^2 - (J_x . J_y)^2, the rows of J.
+        """
+        if self.n == 1:
+            return self.lengths[0] ** 2
+        if self.n > MOST_MINORS:
+            J = self.jacobian(None)
+            xx, yy, xy = (sympy.Add(*(J[a, j] * J[b, j] for j in range(self.n))) for a, b in ((0, 0), (1, 1), (0, 1)))
+            return xx * yy - xy**2
+        minors = [self._minor(i, j) for i, j in combinations(range(self.n), 2)]
+        return minors[0] if self.n == 2 else sympy.Add(*(minor**2 for minor in minors))
+
+    def _minor(self, i: int, j: int) -> sympy.Expr:
+        phi, ell, moved_by = self.phi, self.lengths, self.moved_by
+        first = [k for k in range(self.n) if moved_by[k, i] and not moved_by[k, j]]
+        second = [k for k in range(self.n) if moved_by[k, j]]
+        return sympy.Add(*(ell[k] * ell[m] * sympy.sin(phi[m] - phi[k]) for k in first for m in second))
+
+    def singular_configurations(self) -> tuple[sympy.Eq, ...]:
+        """sin(phi_{k+1} - phi_k) = 0 for every neighbouring pair: all links on one line, stretched or folded.
+
+        J = [ell_k (-sin, cos)(phi_k)] A with A invertible, so its rank is that of the segments' directions.
+        """
+        phi = self.phi
+        return tuple(sympy.Eq(sympy.sin(phi[k + 1] - phi[k]), 0) for k in range(self.n - 1))
 
 
 @lru_cache(maxsize=8)
@@ -58,92 +227,6 @@ def _unit(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
     return flat.applyfunc(lambda x: sympy.collect(sympy.expand(x), sides)).as_immutable(), names
 
 
-def segment_vectors(chain: Chain, order: int, *, turned: bool = False) -> list[Symbols]:
-    """What every segment adds: the `order`-th time derivative of ell_k (cos, sin)(phi_k), one (2, 1) per link.
-
-    Turned, of ell_k (-sin, cos)(phi_k), its derivative by phi_k.
-    """
-    unit, names = _unit(order, turned)
-    out = []
-    for length, phi in zip(chain.lengths, chain.segment_angles, strict=True):
-        rates = [phi.diff(chain.t, k) if k else phi for k in range(order + 1)]
-        out.append(length * unit.xreplace(dict(zip(names, rates, strict=False))))
-    return out
-
-
-def total(vectors: list[Symbols]) -> Symbols:
+def _total(vectors: list[Symbols]) -> Symbols:
     """Sum of vectors (2, 1), the zero vector of none: sums are made at once, as SymPy's `+` copies what it has."""
     return sympy.ImmutableMatrix([sympy.Add(*(vector[axis] for vector in vectors)) for axis in range(2)])
-
-
-def motion(chain: Chain, i: int | None, order: int) -> Symbols:
-    """Position of joint i (order 0), velocity (1), acceleration (2) or jerk (3), shape (2, 1) [m, m/s, ...].
-
-    Raises:
-        InputError: if i is none of 0..n.
-    """
-    return total(segment_vectors(chain, order)[: check_joint(chain, i)])
-
-
-def jacobian(chain: Chain, i: int | None, order: int = 0) -> Symbols:
-    """Jacobian of joint i (order 0) or its first or second time derivative, shape (2, n).
-
-    Column j is sum_k A_kj ell_k (-sin, cos)(phi_k), as phi = A q + b.
-
-    Raises:
-        InputError: if i is none of 0..n.
-    """
-    last = check_joint(chain, i)
-    turned = segment_vectors(chain, order, turned=True)
-    moved_by, _ = to_segments(chain.n, chain.angles)
-    columns = [total([turned[k] for k in range(last) if moved_by[k, j]]) for j in range(chain.n)]
-    return sympy.ImmutableMatrix(sympy.Matrix.hstack(*columns))
-
-
-def by_jacobian(chain: Chain, i: int | None, order: int) -> Symbols:
-    """Velocity J qd, acceleration Jd qd + J qdd, or jerk Jdd qd + 2 Jd qdd + J qddd of joint i, shape (2, 1).
-
-    Leibniz's rule for the derivatives of J qd.
-
-    Raises:
-        InputError: if i is none of 0..n.
-    """
-    rates = [chain.qd, chain.qdd, chain.qddd]
-    terms = []
-    for k in range(order):
-        terms.append(sympy.binomial(order - 1, k) * jacobian(chain, i, k) * rates[order - 1 - k])
-    return total(terms)
-
-
-def determinant(chain: Chain) -> sympy.Expr:
-    """The determinant of J for two links, det(J J^T) of more, det(J^T J) of one; zero where the chain is singular.
-
-    A 2 x 2 minor of columns i < j is sum ell_k ell_l sin(phi_l - phi_k), over the pairs of a link k that joint i moves and a
-    link l that joint j moves; pairs that both joints move cancel. By Cauchy and Binet det(J J^T) is the sum of their squares.
-    Their number grows with n^4; beyond 6 links it is left as |J_x|^2 |J_y|^2 - (J_x . J_y)^2, the rows of J.
-    """
-    if chain.n == 1:
-        return chain.lengths[0] ** 2
-    if chain.n > MOST_MINORS:
-        J = jacobian(chain, None)
-        xx, yy, xy = (sympy.Add(*(J[a, j] * J[b, j] for j in range(chain.n))) for a, b in ((0, 0), (1, 1), (0, 1)))
-        return xx * yy - xy**2
-    minors = [_minor(chain, i, j) for i, j in combinations(range(chain.n), 2)]
-    return minors[0] if chain.n == 2 else sympy.Add(*(minor**2 for minor in minors))
-
-
-def _minor(chain: Chain, i: int, j: int) -> sympy.Expr:
-    moved_by, _ = to_segments(chain.n, chain.angles)
-    phi, ell = chain.segment_angles, chain.lengths
-    first = [k for k in range(chain.n) if moved_by[k, i] and not moved_by[k, j]]
-    second = [k for k in range(chain.n) if moved_by[k, j]]
-    return sympy.Add(*(ell[k] * ell[m] * sympy.sin(phi[m] - phi[k]) for k in first for m in second))
-
-
-def singular_configurations(chain: Chain) -> tuple[sympy.Eq, ...]:
-    """sin(phi_{k+1} - phi_k) = 0 for every neighbouring pair: all links on one line, stretched or folded.
-
-    J = [ell_k (-sin, cos)(phi_k)] A with A invertible, so its rank is that of the segments' directions.
-    """
-    phi = chain.segment_angles
-    return tuple(sympy.Eq(sympy.sin(phi[k + 1] - phi[k]), 0) for k in range(chain.n - 1))

@@ -2,26 +2,23 @@
 
 Written from the structure, as the recursion over segments: absolute rates are running sums of joint rates, one sine and one
 cosine per segment, and every sum over links is a product with the lengths. Samples go in blocks, links along the first axis.
-What it computes equals the symbols of `rbd.planar.kinematics` and `rbd.planar.split`; a test compares them.
+What it computes equals the symbols of `rbd.planar.kinematics`; a test compares them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import sympy
 
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.planar.angles import JOINT, VERTICAL
 from rbd.planar.compiled import check_motion
-from rbd.planar.kinematics import check_joint
-from rbd.planar.split import Split
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.kinematics import Split, check_joint
 
 CELLS = 8192
 """Numbers per array of a block: a dozen of them stay in the cache."""
@@ -37,30 +34,35 @@ class ChainNumbers:
     that are not there.
 
     Attributes:
-        chain: The chain.
         ell: Its lengths, shape (n,) [m].
+        angles: How its angles are measured; see `rbd.planar.angles`.
     """
 
-    chain: Chain
     ell: Array
+    angles: str
 
     @classmethod
-    def of(cls, chain: Chain) -> ChainNumbers:
-        """The functions of a chain.
+    def of(cls, lengths: tuple[sympy.Expr, ...], angles: str) -> ChainNumbers:
+        """The functions of a chain with these lengths.
 
         Raises:
             InputError: if its lengths are symbols.
         """
-        if not chain.is_numeric:
-            lengths = ", ".join(str(length) for length in chain.lengths[:4])
+        if not all(length.is_number for length in lengths):
+            first = ", ".join(str(length) for length in lengths[:4])
             raise InputError(
-                f"lengths are symbols ({lengths}); numbers are needed [m], as chain.with_lengths([0.5] * {chain.n})."
+                f"lengths are symbols ({first}); numbers are needed [m], as chain.with_lengths([0.5] * {len(lengths)})."
             )
-        return cls(chain, np.array([float(length) for length in chain.lengths]))
+        return cls(np.array([float(length) for length in lengths]), angles)
+
+    @property
+    def n(self) -> int:
+        """How many links."""
+        return len(self.ell)
 
     def positions(self, q: Any) -> Array:
         """Positions of all joints from the base to the end point [m], shape (n + 1, 2) or (samples, n + 1, 2)."""
-        n = self.chain.n
+        n = self.n
 
         def block(out: Array, q: Array) -> None:
             s, c = self._directions(q)
@@ -122,7 +124,7 @@ class ChainNumbers:
             s, c = self._directions(q)
             out[:, 0], out[:, 1] = self._columns(-ell * s).T, self._columns(ell * c).T
 
-        return self._run(block, (2, self.chain.n), (q,))
+        return self._run(block, (2, self.n), (q,))
 
     def jacobian_rate(self, q: Any, qd: Any, i: int | None = None) -> Array:
         """Time derivative of the Jacobian of joint i [m/s], shape (2, n) or (samples, 2, n)."""
@@ -133,7 +135,7 @@ class ChainNumbers:
             w = ell * self._rates(qd)
             out[:, 0], out[:, 1] = self._columns(-w * c).T, self._columns(-w * s).T
 
-        return self._run(block, (2, self.chain.n), (q, qd))
+        return self._run(block, (2, self.n), (q, qd))
 
     def split(self, q: Any, qd: Any, qdd: Any, i: int | None = None) -> Split[Array]:
         """Acceleration of joint i in its three parts [m/s^2], each of shape (2,) or (samples, 2)."""
@@ -148,35 +150,35 @@ class ChainNumbers:
             out[:, 2, 0], out[:, 2, 1] = -(ell @ (mixed * c)), -(ell @ (mixed * s))
 
         parts = self._run(block, (3, 2), (q, qd, qdd))
-        return Split(parts[..., 0, :], parts[..., 1, :], parts[..., 2, :], self.chain.angles)
+        return Split(parts[..., 0, :], parts[..., 1, :], parts[..., 2, :], self.angles)
 
     def _up_to(self, i: int | None) -> Array:
         """Lengths of the links before joint i, zeros beyond."""
         ell = self.ell.copy()
-        ell[check_joint(self.chain, i) :] = 0.0
+        ell[check_joint(self.n, i) :] = 0.0
         return ell
 
     def _rates(self, rates: Array) -> Array:
         """Rates of the segments' absolute angles, (n, samples)."""
-        return _running(rates) if self.chain.angles == JOINT else rates
+        return _running(rates) if self.angles == JOINT else rates
 
     def _directions(self, q: Array) -> tuple[Array, Array]:
         """Sine and cosine of the segments' absolute angles, (n, samples) each."""
-        if self.chain.angles == VERTICAL:  # phi = q - pi/2, exactly
+        if self.angles == VERTICAL:  # phi = q - pi/2, exactly
             return -np.cos(q), np.sin(q)
         phi = self._rates(q)
         return np.sin(phi), np.cos(phi)
 
     def _columns(self, segments: Array) -> Array:
         """Columns of the Jacobian out of the segments' shares: joint j moves every link after it."""
-        return _running(segments[::-1])[::-1] if self.chain.angles == JOINT else segments
+        return _running(segments[::-1])[::-1] if self.angles == JOINT else segments
 
     def _squares(self, qd: Array) -> tuple[Array, Array]:
         """Each segment's squared rate in its own squares and its mixed products, (n, samples) each.
 
         (qd_1 + .. + qd_k)^2 = sum_j qd_j^2 + 2 sum_j qd_j (qd_1 + .. + qd_{j-1}): nothing is subtracted.
         """
-        if self.chain.angles != JOINT:
+        if self.angles != JOINT:
             return qd**2, np.zeros_like(qd)
         before = np.zeros_like(qd)
         before[1:] = _running(qd[:-1])
@@ -184,7 +186,7 @@ class ChainNumbers:
 
     def _run(self, block: Callable[..., None], shape: tuple[int, ...], given: tuple[Any, ...]) -> Array:
         """Check, cut into blocks of (n, samples), fill."""
-        n = self.chain.n
+        n = self.n
         checked = check_motion(n, given, len(given))
         rows = [x.reshape(-1, n) for x in checked]
         out = np.empty((len(rows[0]), *shape))

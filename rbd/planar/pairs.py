@@ -8,22 +8,18 @@ links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:
 so the moment that moves link i is E_i = sum_j mu_ij (cos(phi_i - phi_j) dw_j/dt + sin(phi_i - phi_j) w_j^2) + g nu_i cos phi_i.
 Other angles are phi = S q + s with constant S: M, the Christoffel symbols and the forces transform with S as tensors, and
 nothing is differentiated or simplified. Two links meet in one cosine whose angle is the sum of the joint angles between them.
-`rbd.planar.lagrange` does it the long way, to the same end.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from rbd.arrays import lazy
 from rbd.planar.angles import Symbols
 from rbd.planar.bodies import Bodies
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,10 +23,8 @@ from rbd.arrays import Array, check_finite, numbers
 from rbd.errors import InputError, SingularPose
 from rbd.planar.angles import samples
 from rbd.planar.arm import Arm, arm_of
-from rbd.planar.inverse import SINGULAR
-
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain
+from rbd.planar.inverse_kinematics import SINGULAR
 
 CONTRADICTS = 1e-6
 """Part of a single link's end-point motion that may be off its circle: round-off of whoever computed it, and no more."""

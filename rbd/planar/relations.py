@@ -1,19 +1,32 @@
-"""Relations between the angles of a chain, as they come: read and checked."""
+"""Relations between the angles of a chain: read, solved where an angle occurs linearly, and checked against each other.
+
+A relation that some angle occurs in linearly, with a coefficient free of angles, is solved for that angle (the last such one);
+it is then substituted in the others. What remains, phi(s) = 0, is kept as it is: its derivative's null space carries the rates,
+
+    phi_d s_d' + phi_f s_f' = 0,   s_d' = -phi_d^-1 phi_f s_f',
+
+with as many angles s_d dependent as relations remain. Points on them are looked for in numbers, to tell relations that
+contradict each other, or say nothing new where they hold, from relations that do their part.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 import sympy
 from sympy.core.function import AppliedUndef
 
+from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.planar.angles import Symbols
+from rbd.planar.chain import Chain
 
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
+STARTS = 60
+"""Random configurations from which points on the relations are looked for."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +40,29 @@ class Relation:
 
     label: str
     expr: sympy.Expr
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A chain's angles under relations.
+
+    Attributes:
+        q: All angles as functions of the coordinates, shape (n, 1).
+        coordinates: Angles that were not solved for, shape (m, 1).
+        free: Those of them that move freely, shape (f, 1).
+        rates: d coordinates = rates d free, shape (m, f).
+        remaining: What is zero and was not solved, in the coordinates.
+        regular: Where this is zero, other angles must be taken as free; 1 if all relations were solved.
+        points: Numbers of the symbols and the coordinates at configurations that satisfy the relations.
+    """
+
+    q: Symbols
+    coordinates: Symbols
+    free: Symbols
+    rates: Symbols
+    remaining: tuple[sympy.Expr, ...]
+    regular: sympy.Expr
+    points: tuple[tuple[dict[sympy.Symbol, float], Array], ...]
 
 
 def read(chain: Chain, relation: Any) -> tuple[Relation, ...]:
@@ -116,3 +152,193 @@ def _checked(chain: Chain, label: str, expr: sympy.Expr) -> sympy.Expr:
             raise InputError(f"the relation {label:.120} holds always, and constrains nothing. Leave it out.")
         raise InputError(f"the relation {label:.120} has no angle of the chain in it; expected some of chain.q: {names}.")
     return expr
+
+
+def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None) -> Reduced:
+    """Solve what can be solved, and carry the rest along.
+
+    Raises:
+        InputError: on relations that contradict each other or say nothing new, naming them.
+    """
+    solved: dict[sympy.Expr, sympy.Expr] = {}
+    pending, used = list(relations), list[Relation]()
+    while True:
+        now = [_substituted(relation, solved, chain, used) for relation in pending]
+        chosen = next((k for k, expr in enumerate(now) if _linear(chain, expr) is not None), None)
+        value = _linear(chain, now[chosen]) if chosen is not None else None
+        if value is None and branch is not None and pending:
+            chosen, value = 0, _nonlinear(chain, pending[0], now[0], branch)
+        if chosen is None or value is None:
+            break
+        angle, solution = value
+        solved = {old: sympy.expand(new.xreplace({angle: solution})) for old, new in solved.items()} | {angle: solution}
+        used.append(pending.pop(chosen))
+    coordinates = [angle for angle in chain.q if angle not in solved]
+    q = sympy.ImmutableMatrix([solved.get(angle, angle) for angle in chain.q])
+    if not pending:
+        column = sympy.ImmutableMatrix(len(coordinates), 1, coordinates)
+        return Reduced(q, column, column, sympy.ImmutableMatrix(sympy.eye(len(coordinates))), (), sympy.Integer(1), ())
+    return _implicit(q, coordinates, pending, now)
+
+
+def _substituted(relation: Relation, solved: Mapping[Any, Any], chain: Chain, used: list[Relation]) -> sympy.Expr:
+    """The relation in the angles that are left, or an error if nothing of it is left."""
+    expr = sympy.expand(relation.expr.xreplace(solved))
+    if expr.has(*chain.q) and not all(_vanishes(expr.diff(angle), chain) for angle in chain.q):
+        return expr
+    rest = sympy.simplify(expr.xreplace({angle: sympy.Rational(k + 1, 7) for k, angle in enumerate(chain.q)}))
+    others = "; ".join(r.label for r in used) or "an identity"
+    if rest == 0 or _vanishes(rest, chain):
+        raise InputError(f"the relation {relation.label} says nothing new: it follows from {others}. Leave one of them out.")
+    full_turns = sympy.simplify(sympy.sin(rest / 2)) == 0
+    turns = " They differ by full turns, which are other poses here: leave one out." if full_turns else ""
+    raise InputError(f"the relation {relation.label} contradicts {others}: together they leave {rest} = 0.{turns}")
+
+
+def _vanishes(expr: sympy.Expr, chain: Chain) -> bool:
+    """Whether an expression is zero: by what is known of it, else by its value at points drawn at random."""
+    if expr.is_zero is not None:
+        return bool(expr.is_zero)
+    names = sorted(expr.atoms(AppliedUndef) | expr.free_symbols - {chain.t}, key=str)
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        point = {name: sympy.Float(float(rng.uniform(0.2, 1.3)), 40) for name in names}
+        try:
+            if abs(sympy.N(expr.xreplace(point), 30)) > 1e-20:
+                return False
+        except TypeError:  # a function without a value
+            return False
+    return True
+
+
+def _linear(chain: Chain, expr: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr] | None:
+    """The last angle that occurs linearly, numbers as coefficients before parameters, and what it is equal to."""
+    found = []
+    for angle in reversed(list(chain.q)):
+        factor = sympy.expand(expr.diff(angle))
+        if factor != 0 and not factor.has(*chain.q):
+            found.append((not factor.is_number, angle, factor))
+    if not found:
+        return None
+    _, angle, factor = min(found, key=lambda each: each[0])
+    return angle, sympy.expand(-(expr - factor * angle).expand() / factor)
+
+
+def _nonlinear(chain: Chain, relation: Relation, expr: sympy.Expr, branch: int) -> tuple[sympy.Expr, sympy.Expr] | None:
+    """One of the solutions of a relation that is linear in no angle, where SymPy finds some."""
+    unknown = sympy.Dummy("angle", real=True)
+    for angle in reversed([a for a in chain.q if expr.has(a)]):
+        try:
+            found = sympy.solve(expr.xreplace({angle: unknown}), unknown)
+        except NotImplementedError:
+            continue
+        real = [s for s in found if isinstance(s, sympy.Expr) and not s.has(sympy.I, unknown)]
+        if not real:
+            continue
+        if branch >= len(real):
+            listed = ", ".join(f"{k}: {s}" for k, s in enumerate(real))
+            raise InputError(f"branch is {branch}; the relation {relation.label} gives {angle} as {listed:.300}.")
+        return angle, real[branch]
+    raise InputError(
+        f"the relation {relation.label} could not be solved for an angle; leave branch out: its rates need no solution."
+    )
+
+
+def _implicit(q: Symbols, coordinates: list[sympy.Expr], pending: list[Relation], remaining: list[sympy.Expr]) -> Reduced:
+    k, m = len(remaining), len(coordinates)
+    names = "; ".join(relation.label for relation in pending)
+    if k > m:
+        raise InputError(
+            f"{k} relations are left for {m} angles: {names}. They contradict each other, or one says nothing new."
+        )
+    slopes = sympy.Matrix(remaining).jacobian(coordinates)
+    points, scale, jacobians = _points(coordinates, remaining, slopes, names)
+    _check_rank(pending, jacobians, scale)
+    best, size = tuple(range(m - k, m)), 0.0
+    for columns in combinations(range(m), k):  # the last that is nearly as good as the best: the first angles stay free
+        here = float(np.median([abs(np.linalg.det(J[:, columns])) for J in jacobians]))
+        if here > 0.0 and here >= 0.3 * size:
+            best, size = columns, max(here, size)
+    others = [j for j in range(m) if j not in best]
+    block = slopes.extract(list(range(k)), list(best))
+    regular = block.det()
+    solution = -block.adjugate() * slopes.extract(list(range(k)), others) / regular if others else sympy.zeros(k, 0)
+    rates = sympy.zeros(m, len(others))
+    for row, j in enumerate(best):
+        rates[j, :] = solution[row, :]
+    for column, j in enumerate(others):
+        rates[j, column] = 1
+    return Reduced(
+        q,
+        sympy.ImmutableMatrix(m, 1, coordinates),
+        sympy.ImmutableMatrix(len(others), 1, [coordinates[j] for j in others]),
+        rates.as_immutable(),
+        tuple(remaining),
+        regular,
+        tuple(points),
+    )
+
+
+def _points(
+    coordinates: list[sympy.Expr], remaining: list[sympy.Expr], slopes: Symbols, names: str
+) -> tuple[list[tuple[dict[sympy.Symbol, float], Array]], float, list[Array]]:
+    """Configurations that satisfy the relations, the size of slopes anywhere, and the slopes there."""
+    parameters = sorted(set().union(*(e.free_symbols for e in remaining)) - {s.args[0] for s in coordinates}, key=str)
+    plain = [sympy.Dummy() for _ in coordinates]
+    known = dict(zip(coordinates, plain, strict=True))
+    value = sympy.lambdify([*plain, *parameters], [e.xreplace(known) for e in remaining], "numpy")
+    slope = sympy.lambdify([*plain, *parameters], slopes.xreplace(known), "numpy")
+    rng = np.random.default_rng(5)
+    found, jacobians, anywhere, least = [], [], [], np.inf
+    with np.errstate(all="ignore"):
+        for _ in range(STARTS):
+            numbers = [float(rng.uniform(0.8, 1.2) if p.is_positive else rng.uniform(0.1, 0.6)) for p in parameters]
+            s = rng.uniform(-np.pi, np.pi, len(coordinates))
+            anywhere.append(np.array(slope(*s, *numbers), dtype=float))
+            s, misfit = newton(lambda s, p=numbers: (value(*s, *p), slope(*s, *p)), s)
+            least = min(least, misfit)
+            if misfit < 1e-9:
+                found.append((dict(zip(parameters, numbers, strict=True)), s))
+                jacobians.append(np.array(slope(*s, *numbers), dtype=float))
+    usable = [J for J in anywhere if np.isfinite(J).all()]
+    scale = float(np.median([np.abs(J).max() for J in usable])) if usable else 1.0
+    if not found and not parameters:
+        raise InputError(
+            f"no angles satisfy {names}: from {STARTS} starts the nearest miss is {least:.3g}. The relations contradict each "
+            "other, or have no real solution."
+        )
+    return found, scale, jacobians or usable
+
+
+def newton(function: Any, s: Array) -> tuple[Array, float]:
+    """Gauss and Newton's method with least steps, halved until the misfit falls."""
+    phi, J = (np.array(x, dtype=float) for x in function(s))
+    for _ in range(80):
+        if not (np.isfinite(phi).all() and np.isfinite(J).all()):
+            return s, np.inf
+        if np.abs(phi).max() < 1e-14:
+            break
+        step, moved = np.linalg.lstsq(J, phi, rcond=1e-12)[0], False
+        for halving in range(12):
+            trial = s - 0.5**halving * step
+            new, slope = (np.array(x, dtype=float) for x in function(trial))
+            if np.isfinite(new).all() and np.linalg.norm(new) < np.linalg.norm(phi):
+                s, phi, J, moved = trial, new, slope, True
+                break
+        if not moved:
+            break
+    return s, float(np.abs(phi).max())
+
+
+def _check_rank(pending: list[Relation], jacobians: list[Array], scale: float) -> None:
+    """Refuse relations that add nothing to the ones before them, wherever they hold."""
+    for k in range(len(pending)):
+        ranks = [int(np.sum(np.linalg.svd(J[: k + 1], compute_uv=False) > 1e-4 * scale)) for J in jacobians]
+        if max(ranks, default=k + 1) > k:
+            continue
+        before = "; ".join(relation.label for relation in pending[:k])
+        why = f"it follows from {before}" if k else "its derivative is zero wherever it holds"
+        raise InputError(
+            f"the relation {pending[k].label} gives no condition on rates: {why}. Leave it out, or write it in a way that "
+            "crosses zero, as th2 = 0 for cos(th2) = 1."
+        )

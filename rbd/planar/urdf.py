@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,14 +30,15 @@ from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.output_files import write_text
 from rbd.model.temporary_folders import new_folder
 from rbd.planar.angles import JOINT, AngleMap, samples
-from rbd.planar.bodies import Shapes, bodies_of, checked_chain, refuse_symbols
+from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
+from rbd.planar.chain import Chain, check_chain
+from rbd.planar.equations_of_motion import Dynamics
 from rbd.robots import catalogue
 from rbd.robots.robot import Robot, load_robot
 
-if TYPE_CHECKING:
-    from rbd.planar.chain import Chain
-
 Plane = Literal["xz", "xy"]
+EARTH = 9.81
+"""Gravity of robots of `rbd` [m/s2]."""
 END = "end"
 """The frame at the end point."""
 FARTHEST_TURN = 1e4
@@ -108,7 +109,7 @@ def robot_coordinates(chain: Chain) -> RobotCoordinates:
     >>> robot_coordinates(Chain(2, angles="vertical")).to_robot([0.0, 0.0])  # hangs down
     array([-1.57079633,  0.        ])
     """
-    return RobotCoordinates(checked_chain(chain).angle_map(JOINT))
+    return RobotCoordinates(check_chain(chain).angle_map(JOINT))
 
 
 def to_urdf(
@@ -159,33 +160,52 @@ def to_urdf(
     return text
 
 
-def robot(
-    chain: Chain,
+def to_robot(
+    chain: Chain | Dynamics,
     *,
     masses: Iterable[Any] | None = None,
     lengths: Iterable[Any] | None = None,
     centres: Iterable[Any] | None = None,
     inertias: Iterable[Any] | None = None,
     bodies: Shapes | None = None,
-    plane: Plane = "xz",
+    plane: Plane | None = None,
     values: Mapping[Any, Any] | None = None,
     name: str = "chain",
 ) -> Robot:
-    """The chain as a robot on a fixed base; arguments as `to_urdf`.
+    """A chain as a robot on a fixed base, for `rbd.solve` and `rbd.simulate`; arguments as `to_urdf`.
 
     Its file is kept as long as the process runs: `robot.urdf`. Gravity is that of all robots, 9.81 m/s2 along -z of W.
 
+    Args:
+        chain: The chain; or its dynamics, which know the masses already, and the plane: flat where their gravity is zero.
+        masses: As the others, for a chain alone.
+        lengths: See `to_urdf`.
+        centres: See `to_urdf`.
+        inertias: See `to_urdf`.
+        bodies: See `to_urdf`.
+        plane: See `to_urdf`; None is "xz".
+        values: {symbol or its name: number} for symbols that are left.
+        name: Of the robot.
+
     Raises:
-        InputError: as `to_urdf`.
+        InputError: as `to_urdf`; masses beside dynamics, or dynamics of a gravity other than 0 and 9.81.
         ModelError: a chain without inertia, whose M is singular.
 
-    >>> robot = rbd.planar.Chain(2, lengths=[1.0, 1.0]).robot(masses=[1.0, 1.0])
+    >>> robot = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
     >>> robot.nq, robot.nv, robot.nu
     (2, 2, 2)
     """
+    if isinstance(chain, Dynamics):
+        given = (("masses", masses), ("lengths", lengths), ("centres", centres), ("inertias", inertias), ("bodies", bodies))
+        own = ", ".join(what for what, value in (*given, ("plane", plane)) if value is not None)
+        if own:
+            raise InputError(f"{own} came beside dynamics, which have their own; expected dynamics alone, or a chain.")
+        dyn = _known(chain, values)
+        chain, values, plane = dyn.chain, None, "xy" if dyn.gravity == 0 else "xz"
+        masses, centres, inertias = dyn.bodies.masses, dyn.bodies.centres, dyn.bodies.inertias
     text = to_urdf(
-        chain, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies, plane=plane, values=values,
-        name=name,
+        chain, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies,
+        plane="xz" if plane is None else plane, values=values, name=name,
     )  # fmt: skip
     file = new_folder() / f"{name}.urdf"
     _write(file, text)
@@ -193,6 +213,18 @@ def robot(
         # Point masses are what was asked for: that no body is one need not be said again.
         warnings.filterwarnings("ignore", ".*inertias? that no body has", ModelWarning)
         return load_robot(file, root="fixed")
+
+
+def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
+    """Dynamics in numbers, with a gravity that robots know."""
+    dyn = dyn if values is None else dyn.subs(values)
+    refuse_symbols(dyn.unknowns, "a robot", how="values=")
+    if dyn.gravity != 0 and abs(float(dyn.gravity) - EARTH) > 1e-9:
+        raise InputError(
+            f"gravity of these dynamics is {float(dyn.gravity):g} m/s2, and robots fall with {EARTH}; expected that, or 0 "
+            f"for a chain that lies flat. to_robot(chain, masses=..., centres=..., inertias=...) does not ask."
+        )
+    return dyn
 
 
 def _urdf(name: str, plane: str, lengths: Array, masses: Array, centres: Array, inertias: Array) -> str:

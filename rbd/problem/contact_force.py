@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.cones import HalfLine, LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
+from rbd.problem.cones import LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
 from rbd.problem.rows import Patch, Rows
 
 CARRIES_NOTHING_N = 1e-6
@@ -77,12 +77,12 @@ def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool
     else:
         local, at = np.zeros((k, 3)), 0
         for i, part in enumerate(rows.cone.generators()[1]):
-            if isinstance(part, HalfLine):
-                local[i, 2] = weights[at]
-                at += 1
-            elif isinstance(part, SecondOrderCone):
+            if isinstance(part, SecondOrderCone):
                 local[i] = pyramid(part.mu, part.facets, inscribed=inscribed) @ weights[at : at + part.facets]
                 at += part.facets
+            else:  # a half-line: without friction
+                local[i, 2] = weights[at]
+                at += 1
     return local @ rows.patch.axes.T
 
 

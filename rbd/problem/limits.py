@@ -54,6 +54,8 @@ VIOLATION_CUTS = 40
 """Rounds of refinement of circular cones in the least violation."""
 MODE_NODES = 5000
 """Nodes of the tree of contact modes of points that already slide."""
+MODE_WORK = 5e9
+"""Multiplications of that tree, about 2 s: a hundred points reach it long before the nodes."""
 
 
 class Work:

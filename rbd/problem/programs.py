@@ -104,8 +104,8 @@ def _nothing(outcome: Outcome, pivots: int = 0) -> LinearAnswer:
 
 def nonnegative(A: Array, b: Array) -> Array | None:
     """The x >= 0 with the least |A x - b| [LawsonHanson1974], shape (n,); None where it is not found."""
-    if not A.shape[1]:
-        return np.zeros(0)
+    if not A.size:  # of no rows SciPy returns what was in its memory, and no columns end the process
+        return np.zeros(A.shape[1])
     if not (is_finite(A) and is_finite(b)):
         return None
     try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -209,6 +210,19 @@ def robots_folder() -> Path:
     if not folder.is_dir():
         raise ModelError(f"{DATA} is installed, but without the folder {ROBOTS!r} of its pip package; {remedy}")
     return folder
+
+
+def licence(source: Source) -> str:
+    """Under which licence a robot's files are distributed, as their own README states it; empty where nothing is stated."""
+    if MODELS is not None and source.urdf.is_relative_to(MODELS):
+        return "BSD-2-Clause"
+    if not source.known:
+        return ""
+    folder = robots_folder()
+    page = folder / source.urdf.resolve().relative_to(folder.resolve()).parts[0] / "README.md"
+    head = page.read_text(encoding="utf-8", errors="replace")[:2000] if page.is_file() else ""
+    stated = re.search(r"^license: *(\S.*?) *$", head, re.MULTILINE)
+    return stated[1] if stated else ""
 
 
 def _by_name(name: str) -> Path | None:

@@ -210,11 +210,9 @@ def _subtree(model: pin.Model, joint: str) -> set[int]:
 
 def _joint_of(model: pin.Model, index: int, begin: str, size: str) -> str:
     """The name of the joint that has this index of q or v."""
-    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
-        first = getattr(joint, begin)
-        if 0 <= first <= index < first + getattr(joint, size):
-            return str(name)
-    return "universe"
+    both = zip(model.names, model.joints, strict=True)
+    spans = [(str(name), getattr(joint, begin), getattr(joint, size)) for name, joint in both]
+    return next(name for name, first, count in spans[1:] if first <= index < first + count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +302,7 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
         if closed:
             told += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
         elif not found:
-            told += "has no place at which it is closed: it couples velocities alone, or is not defined in these postures"
+            told += "has no place at which it is closed: it is not defined in these postures"
         else:
             where, least, _ = min(found, key=lambda each: each[1])
             told += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
@@ -323,8 +321,7 @@ def _gap(loop: Any, state: State) -> tuple[float, float] | None:
         rows = loop.rows(state)
     except InputError:
         return None
-    if rows.error is None or not len(rows):
-        return None
+    assert rows.error is not None  # of closures, gears and locks alike
     gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
     reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
     return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf

@@ -17,7 +17,7 @@ from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_motion import joint_motion, with_one_freedom
+from rbd.model.joint_coordinates import joint_motion, with_one_freedom
 from rbd.model.mjcf.equality import WORLD, Equality
 from rbd.robots.loop_file import Closure, Coupling, LoopFile, Mark, Wheel
 
@@ -164,11 +164,9 @@ def _read(model: pin.Model, file: str, equality: Equality) -> Entry:
     rest = _reference(model)
     if equality.kind == "joint":
         return _gear(model, file, equality, rest)
-    kinds = (pin.FrameType.OP_FRAME,) if equality.sites else (pin.FrameType.BODY,)
-    one, other = (0 if name == WORLD and not equality.sites else _frame_id(model, name, kinds) for name in equality.ends)
-    if one is None or other is None:
-        lost = equality.ends[0] if one is None else equality.ends[1]
-        raise ModelError(f"{file}: equality {equality.name!r:.80} ties {lost!r:.80}, which Pinocchio's model lacks. {_OPEN}")
+    kind = pin.FrameType.OP_FRAME if equality.sites else pin.FrameType.BODY
+    at = {f.name: i for i, f in enumerate(model.frames) if f.type == kind}
+    one, other = (0 if name == WORLD and not equality.sites else at[name] for name in equality.ends)
     X_one, X_other = pin.SE3.Identity(), pin.SE3.Identity()
     if not equality.sites:
         X_12 = _pose_between(model, one, other, rest)

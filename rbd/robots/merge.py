@@ -12,8 +12,8 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.contact_geometry import rigid_placement
-from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
+from rbd.constraints.surface import changed
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State

@@ -368,12 +368,10 @@ def _built(file: RobotFile, root: Root) -> pin.Model:
     try:
         if file.mjcf is not None:
             model = mjcf.build(file.mjcf)
-        elif file.urdf is not None and root == "fixed":
-            model = pin.buildModelFromXML(file.urdf.text)
-        elif file.urdf is not None:
-            base = pin.JointModelPlanar() if root == "planar" else pin.JointModelFreeFlyer()
-            model = pin.buildModelFromXML(file.urdf.text, base, BASE_JOINT)
-        if file.urdf is not None:
+        else:
+            assert file.urdf is not None
+            base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
+            model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
             _add_rotors(model, file.urdf)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 from rbd.arrays import Array, zeros
+from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.errors import InputError
-from rbd.least_constraint import Constraint
+from rbd.control.pushes import ExternalAt
+from rbd.control.torques import Controller, asked
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
-from rbd.simulation.moment import Moment
+from rbd.simulation.events import Moment
 
-Controller: TypeAlias = Callable[[State, float], Array]
-"""Torques (nu,) of a state and a time [s]."""
-ExternalAt: TypeAlias = Callable[[State, float], External]
-"""Forces of the world at a state and a time [s]."""
 Stabilisation: TypeAlias = Projection | Baumgarte | None
 """How constraints that hold are kept: by projection, by feedback, or not at all."""
 
@@ -63,18 +60,6 @@ class Motion:
         external = asked("external", self.external, state, t) if callable(self.external) else self.external
         tau = self.robot.check_tau(tau)
         return tau, free_force(state, tau, external)[0]
-
-
-def asked(what: str, given: Callable[[State, float], Any], state: State, t: float) -> Any:
-    """What a user's function of state and time says.
-
-    Raises:
-        InputError: if it cannot be called so.
-    """
-    try:
-        return given(state, t)
-    except TypeError as error:
-        raise InputError(f"{what} {given!r:.80} was called with (state, t) at t = {t:.6g} s, and failed: {error}.") from error
 
 
 class Integrator(Protocol):

@@ -10,13 +10,12 @@ import numpy as np
 from rbd.arrays import Array, is_finite
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
-from rbd.simulation.moment import OPEN, Moment, Touch
+from rbd.simulation.events import OPEN, Moment, Touch
 from rbd.simulation.motion import Motion
+from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
 
-RESIDUALS = {"law": "1", "drift": "m or rad", "drift_rate": "m/s or rad/s", "penetration": "m or rad"}
-"""What each moment says of its own errors, and the unit."""
-_VECTORS = ("q", "v", "a", "tau", "momentum", "com")
-_NUMBERS = ("times", "kinetic", "potential", *RESIDUALS)
+_VECTORS = tuple(c for c in COLUMNS if c.axis)
+_NUMBERS = ("times", "kinetic", "potential", *(c.name for c in RESIDUALS))
 _NO_POINTS = -1
 
 Layout = tuple[tuple[str, int, int, int], ...]
@@ -38,8 +37,7 @@ class Recording:
 
     def __init__(self, motion: Motion) -> None:
         self.motion = motion
-        robot = motion.robot
-        self._sizes = (robot.nq, robot.nv, robot.nv, robot.nu, 6, 3)
+        self._sizes = tuple(c.row(motion.robot)[0] for c in _VECTORS)
         self._width = sum(self._sizes) + len(_NUMBERS)
         #: Of each moment: its numbers, the modes of its constraints, and how the numbers are to be read.
         self._moments: list[tuple[Array, tuple[str, ...], Layout]] = []
@@ -78,7 +76,7 @@ class Recording:
         """All that is one row a moment: times, q, v, a, tau, momentum, com, kinetic, potential and the residuals."""
         whole = np.array([row[: self._width] for row, _, _ in self._moments])
         ends = np.cumsum(self._sizes)
-        out = {name: whole[:, end - size : end] for name, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}
+        out = {c.name: whole[:, end - size : end] for c, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}
         return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)}
 
     def touches(self) -> dict[str, dict[str, Array]]:
@@ -126,7 +124,7 @@ class Recording:
 
 def _culprit(parts: list[Any], touches: Mapping[str, Touch]) -> str:
     """Which of the parts of a moment is not finite."""
-    for name, x in zip((*_VECTORS, "a residual, or the energy,"), parts[: len(_VECTORS) + 1], strict=True):
+    for name, x in zip((*(c.name for c in _VECTORS), "a residual, or the energy,"), parts[: len(_VECTORS) + 1], strict=True):
         if not is_finite(np.asarray(x)):
             return name
     for name, touch in touches.items():

@@ -13,19 +13,21 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, largest
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint import JointLock
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
-from rbd.least_constraint import OPEN, Constraint, rows_of
-from rbd.mechanism.held_rows import NEAR, HeldRows, StageSolver, holds, velocity_of
+from rbd.least_constraint import OPEN
+from rbd.mechanism.held_rows import HeldRows, holds, velocity_of
 from rbd.mechanism.projection import Projection, shortened
+from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
-from rbd.model.joint_motion import joint_motion
+from rbd.model.joint_coordinates import joint_motion
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.simulation.moment import HOLDS, Moment, Touch
+from rbd.simulation.events import HOLDS, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.solution import Solution
 

@@ -28,21 +28,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
+from rbd.constraints.sources import sources_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
 from rbd.model.bases import Bases
 from rbd.model.state import State
-from rbd.simulation.carry import Carry
-from rbd.simulation.closing import Closing, first_crossing
-from rbd.simulation.least_forces import least_forces
-from rbd.simulation.moment import Moment
+from rbd.simulation.begun import Begun
+from rbd.simulation.closing import Closing, Nearness, first_crossing
+from rbd.simulation.contact_points import SLIDES, Carry, Layout, Points, Snapshot, slide, stopping, turned_back
+from rbd.simulation.events import Moment, Watch
 from rbd.simulation.motion import Motion
-from rbd.simulation.nearness import Nearness
-from rbd.simulation.sliding import stopping, turned_back
-from rbd.simulation.snapshot import Layout, Points, Snapshot, touches_of
-from rbd.simulation.sources import sources_of
+from rbd.simulation.recorded_forces import least_forces, touches_of
 from rbd.simulation.velocity_problem import VelocityAnswer, VelocitySolver
-from rbd.simulation.watch import SLIDES, Watch, slide
 
 _STILL = 1e-7
 """A point that arrives slower than this [m/s, rad/s] needs no impulse."""
@@ -85,39 +82,6 @@ class TimeStepping:
         return _Run(self, motion, state).moments(times)
 
 
-@dataclass(frozen=True, eq=False)
-class _Begun:
-    """A step's first half, or a whole step: from where, with which points, what came of it; tau where it was asked for.
-
-    h is the length of the step, and u the points' velocities that it began with.
-    """
-
-    at: Snapshot
-    active: Array
-    tau: Array | None
-    answer: VelocityAnswer
-    h: float
-    u: Array
-
-    def seen_in(self, layout: Layout) -> _Seen:
-        """What is known of the points, in another layout."""
-        if layout is self.at.layout:
-            return _Seen(self.active, self.u, self.at.error, self.answer)
-        carry = Carry(self.at.layout, layout)
-        answer = replace(self.answer, impulse=carry.rows(self.answer.impulse), velocity=carry.rows(self.answer.velocity))
-        return _Seen(carry.points(self.active, False), carry.rows(self.u), carry.rows(self.at.error), answer)
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Points at a step's beginning: which act, how they move, how far they are off, what came of it."""
-
-    active: Array
-    velocity: Array
-    error: Array
-    answer: VelocityAnswer
-
-
 class _Run:
     """One simulation: what stands between the steps."""
 
@@ -135,7 +99,8 @@ class _Run:
         self.force = np.zeros(0)  # row forces to start from, of the last layout
         self.at = self.points.at(start, 0.0)
         self.closed = self.at.gap <= self.nearness.of(self.at).loose  # what touched in the step before
-        self.before: _Begun | None = None  # the step before, where this one goes on like it
+        self.away = np.zeros(len(self.at.gap), bool)  # what touches and flies off: it does not act in the step that begins here
+        self.before: Begun | None = None  # the step before, where this one goes on like it
         self.told: Array | None = None  # the points' velocities as the law of the step before has them
 
     def moments(self, times: Sequence[float]) -> Iterator[Moment]:
@@ -153,27 +118,24 @@ class _Run:
 
     # -- one step --------------------------------------------------------------------------------------------------------
 
-    def _coming(self, t: float, h: float) -> _Begun:
+    def _coming(self, t: float, h: float) -> Begun:
         """The first half of a step: solved, or as the step before went on. It does not depend on what is recorded."""
         at, before = self.at, self.before
         if not self.settings.extrapolate or before is None or not np.array_equal(self._touching(), before.active):
             return self._begin(t, h)
         part = 0.5 * h / before.h
-        v, u = at.state.v, at.velocity
-        if self.feedback is not None and self.told is not None:
-            u = np.where(at.layout.held, self.told, u)
+        v, u = at.state.v, self._rates(before.active)
         v_h = v + part * (v - before.at.state.v) + 0.5 * h * self.bases.spin(v)
-        u_h = u + part * (u - before.at.velocity)
-        return _Begun(at, before.active, None, VelocityAnswer(v_h, part * before.answer.impulse, u_h, 0.0), h, u)
+        u_h = u + part * (at.velocity - before.at.velocity)
+        return Begun(at, before.active, None, VelocityAnswer(v_h, part * before.answer.impulse, u_h, 0.0), h, u)
 
-    def _begin(self, t: float, h: float, more: Array | None = None) -> _Begun:
+    def _begin(self, t: float, h: float, more: Array | None = None) -> Begun:
         """The first half of a step from where we are."""
         at, half = self.at, 0.5 * h
         active = self._touching() if more is None else self._touching() | more
         tau, force = self.motion.forces(at.state, t)
         v, spin = at.state.v, self.bases.spin(at.state.v)
-        # The law knows that what is closed is still; J v is so to O(h^2) only, which half a step would make O(h) of a force.
-        u = at.velocity if self.told is None else np.where(np.repeat(active, at.layout.widths), self.told, at.velocity)
+        u = self._rates(active)
         turned = v + half * spin
         offset = u - at.J @ turned + half * at.bias
         rhs = at.state.M @ turned + half * force
@@ -185,15 +147,26 @@ class _Run:
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
                 answer = self.solver.solve(at, active, rhs, offset, half, answer.impulse, shift)
-        return _Begun(at, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+        return Begun(at, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+
+    def _rates(self, active: Array) -> Array:
+        """Velocities of the points where we are, shape (p,): of those that act as the law of the step before has them.
+
+        It knows that what is closed is still; J v is so to O(h^2) only, which half a step would make O(h) of a force.
+        """
+        at = self.at
+        return at.velocity if self.told is None else np.where(np.repeat(active, at.layout.widths), self.told, at.velocity)
 
     def _touching(self) -> Array:
-        """Which points touch where we are, shape (k,): those at no gap, and those that were closed and have not gone far."""
+        """Which points touch where we are, shape (k,): those at no gap, and those that were closed and have not gone far.
+
+        Not those that fly off after a blow: at its end the step would hold down what is on its way back by then.
+        """
         gap, near = self.at.gap, self.nearness.of(self.at)
-        touching: Array = (gap <= near.tight) | (self.closed & (gap <= near.loose))
+        touching: Array = ((gap <= near.tight) | (self.closed & (gap <= near.loose))) & ~self.away
         return touching
 
-    def _finish(self, t: float, begun: _Begun, h: float) -> tuple[Snapshot, VelocityAnswer, Snapshot]:
+    def _finish(self, t: float, begun: Begun, h: float) -> tuple[Snapshot, VelocityAnswer, Snapshot]:
         """(where a step of length h ends before positions are put right, velocities and impulses, its middle)."""
         bases, q, v = self.bases, begun.at.state.q, begun.at.state.v
         v_h = begun.answer.v if h == begun.h else v + (begun.answer.v - v) * (h / begun.h)
@@ -222,7 +195,7 @@ class _Run:
         change: Array = (at.velocity - before.at.velocity) * (half / before.h)
         return change
 
-    def _to(self, t: float, t_end: float, begun: _Begun) -> None:
+    def _to(self, t: float, t_end: float, begun: Begun) -> None:
         """From a begun step to its end, through the impacts on the way."""
         step = t_end - t
         for _ in range(self.settings.impacts):
@@ -248,7 +221,7 @@ class _Run:
             begun = self._begin(t, t_end - t)
         self._plastic(t, t_end, begun)
 
-    def _plastic(self, t: float, t_end: float, begun: _Begun) -> None:
+    def _plastic(self, t: float, t_end: float, begun: Begun) -> None:
         """The rest of a step in which too much strikes: what would come through its surface is stopped without a bounce."""
         h = t_end - t
         more = np.zeros(len(begun.active), bool)
@@ -261,7 +234,7 @@ class _Run:
             more = more | through
             begun = self._begin(t, h, more)
 
-    def _through(self, begun: _Begun, end: Snapshot) -> Array:
+    def _through(self, begun: Begun, end: Snapshot) -> Array:
         """Which points have come through their surface without acting, shape (k,) of the end's layout.
 
         One that comes into sight below the surface and moves away, as another corner of a hull may, has not come through it.
@@ -271,7 +244,7 @@ class _Run:
             deep &= Carry(begun.at.layout, end.layout).known | (end.approach < -_STILL)
         return deep
 
-    def _stop(self, t: float, begun: _Begun, answer: VelocityAnswer, h: float) -> float:
+    def _stop(self, t: float, begun: Begun, answer: VelocityAnswer, h: float) -> float:
         """When within the step what slides stops, or turns back, and friction jumps; zero if nothing does."""
         layout = begun.at.layout
         stops = stopping(layout, begun.u, answer.velocity, begun.answer.impulse)
@@ -286,7 +259,7 @@ class _Run:
         s = s[(s > 1e-3 * h) & (s < (1.0 - 1e-3) * h) & (left < 0.1 * np.hypot(*u0.T))]
         return float(s.min(initial=h)) % h
 
-    def _located(self, t: float, h: float, begun: _Begun, end: Snapshot) -> tuple[float, Snapshot, VelocityAnswer, Snapshot]:
+    def _located(self, t: float, h: float, begun: Begun, end: Snapshot) -> tuple[float, Snapshot, VelocityAnswer, Snapshot]:
         """A shorter step, to where the first point touches."""
         low, high, at_low, at_high = 0.0, h, begun.at, end
         for _ in range(30):
@@ -309,7 +282,7 @@ class _Run:
                 high, at_high = s, found
         return s, found, answer, middle
 
-    def _accept(self, t: float, h: float, begun: _Begun, answer: VelocityAnswer, middle: Snapshot, end: Snapshot) -> None:
+    def _accept(self, t: float, h: float, begun: Begun, answer: VelocityAnswer, middle: Snapshot, end: Snapshot) -> None:
         """Take a step: keep its forces, tell what ended, put positions right, strike what arrives."""
         then = begun.seen_in(end.layout)
         if middle.layout is not end.layout:
@@ -327,24 +300,33 @@ class _Run:
                 if end.layout is layout:
                     answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
         same = begun.at.layout is end.layout
-        self.before = _Begun(begun.at, begun.active, None, answer, h, begun.u) if same else None
-        self.told = answer.velocity if end.layout is layout else None
-        self.force = self.force if end.layout is layout else np.zeros(len(end.velocity))
+        self.before = Begun(begun.at, begun.active, None, answer, h, begun.u) if same else None
         self.at = end
         if end.layout is layout:
-            self.closed = then.active
+            self.told, self.closed = answer.velocity, then.active
         else:
-            self.closed = Carry(layout, end.layout).points(then.active, False)
-        self._strike(t + h, then.active if end.layout is layout else None)
+            carry = Carry(layout, end.layout)
+            known = np.repeat(carry.known, end.layout.widths)
+            self.told = np.where(known, carry.rows(answer.velocity), end.velocity)
+            self.force, self.closed = carry.rows(self.force), carry.points(then.active, False)
+        self._strike(t + h, self.closed)
 
     def _strike(self, t: float, closed: Array | None = None) -> None:
-        """Impacts of the points that touch and approach: of those that were not closed before, however slowly they come."""
+        """Impacts of the points that touch and approach: of those that were not closed before, however slowly they come.
+
+        Args:
+            t: When [s].
+            closed: Which points were closed before, shape (k,); None at the start.
+        """
         at, layout = self.at, self.at.layout
+        self.away = np.zeros(len(at.gap), bool)
         touches, approach = self._touching(), at.approach
         slow = -self.settings.impact_speed
-        limit = np.where(closed, slow, -_STILL) if closed is not None and len(closed) == len(touches) else -_STILL
+        limit = -_STILL if closed is None else np.where(closed, slow, -_STILL)
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (closed is not None or at.drift_rate <= _STILL):
+            if closed is None:
+                self.away = self._rises()
             return
         if arrives.any():  # what is as near as closed points may be is struck together with what arrives
             touches = touches | (at.gap <= self.nearness.of(at).loose)
@@ -357,12 +339,16 @@ class _Run:
         M = at.state.M
         answer = self.solver.solve(at, touches, M @ at.state.v, offset, 0.0, np.zeros(len(offset)))
         self.at, self.before, self.told = self.points.at(at.state.with_velocity(answer.v), t), None, None
-        bounces = self.at.approach > self.settings.impact_speed
-        self.watch.impact(t, layout, arrives, at.approach, answer.impulse[layout.normals], bounces)
+        self.away = self._rises()
+        self.watch.impact(t, layout, arrives, at.approach, answer.impulse[layout.normals], self.away)
+
+    def _rises(self) -> Array:
+        """Which points move away from their surface, faster than what comes to rest, shape (k,)."""
+        return self.at.layout.pushes & (self.at.approach > self.settings.impact_speed)
 
     # -- what is told ----------------------------------------------------------------------------------------------------
 
-    def _moment(self, t: float, coming: _Begun, h: float, *, recorded: bool) -> Moment:
+    def _moment(self, t: float, coming: Begun, h: float, *, recorded: bool) -> Moment:
         """What is known at t; of a moment that is not recorded, no forces, and the acceleration of the step before."""
         at = coming.at
         if not recorded:

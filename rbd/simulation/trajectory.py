@@ -5,22 +5,21 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number
+from rbd.control.pushes import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
-from rbd.simulation.moment import Event, Moment
-from rbd.simulation.motion import ExternalAt, Integrator, Motion
-from rbd.simulation.recording import RESIDUALS, Recording
-from rbd.simulation.sample import Sample, kept, kept_words
+from rbd.simulation.events import Event, Moment
+from rbd.simulation.motion import Integrator, Motion
+from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory_dataset import (
     arrays_of,
     arrays_of_netcdf,
@@ -29,8 +28,8 @@ from rbd.simulation.trajectory_dataset import (
     for_netcdf,
     header_of,
 )
+from rbd.simulation.trajectory_fields import RESIDUALS, checked, table
 from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
-from rbd.simulation.trajectory_table import table
 
 if TYPE_CHECKING:
     import os
@@ -39,6 +38,43 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sample:
+    """A trajectory at one recorded time.
+
+    Attributes:
+        robot: The robot.
+        t: Time [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,) [m/s, rad/s].
+        a: Acceleration, shape (nv,) [m/s2, rad/s2].
+        tau: Motor torques, shape (nu,) [N, N m].
+        forces: {constraint: force on the robot}, as `Trajectory.forces`.
+        points: {contact: where it touches, shape (k, 3)} in W [m], those that are there at this time.
+        point_forces: {contact: force at each of these, shape (k, 3)} in W [N].
+        modes: {constraint: "open", "sticks", "slips", "holds" or "pushes"}.
+    """
+
+    robot: CheckedModel
+    t: float
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    forces: Mapping[str, Array]
+    points: Mapping[str, Array]
+    point_forces: Mapping[str, Array]
+    modes: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        return f"Sample({self.robot.name!r}, t={self.t:g})"
+
+    @property
+    def state(self) -> State:
+        """The robot at (q, v)."""
+        return State(self.robot, self.q, self.v)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -99,37 +135,8 @@ class Trajectory:
     interrupted: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.robot, CheckedModel):
-            raise InputError(f"robot of a trajectory is {self.robot!r:.80}; expected a robot.")
-        put, n = partial(object.__setattr__, self), np.size(self.times)
-        put("times", kept("times", self.times, (n,)))
-        if not n or not (np.diff(self.times) > 0.0).all():
-            raise InputError(f"times of a trajectory are {self.times[:6]}; expected one or more, increasing.")
-        nq, nv, nu = self.robot.nq, self.robot.nv, self.robot.nu
-        sizes: dict[str, tuple[int, ...]] = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nu)}
-        sizes |= {"kinetic": (n,), "potential": (n,), "momentum": (n, 6), "com": (n, 3)}
-        for name, shape in sizes.items():
-            put(name, kept(name, getattr(self, name), shape))
-        if sorted(self.residuals) != sorted(RESIDUALS):
-            raise InputError(f"residuals are {', '.join(map(str, self.residuals)):.80}; expected {', '.join(RESIDUALS)}.")
-        put("residuals", {name: kept(f"residual {name!r}", self.residuals[name], (n,)) for name in RESIDUALS})
-        if list(self.modes) != list(self.forces) or list(self.point_forces) != list(self.points):
-            raise InputError("forces and modes, points and point_forces must name the same constraints in the same order.")
-        if not set(self.points) <= set(self.forces):
-            raise InputError("points name contacts that have no forces.")
-        put("forces", {name: kept(f"force of {name!r:.80}", x, (n, None)) for name, x in self.forces.items()})
-        put("modes", {name: kept_words(name, x, n) for name, x in self.modes.items()})
-        put("points", {name: kept(f"points of {name!r:.80}", x, (n, None, 3), holes=True) for name, x in self.points.items()})
-        forces = {name: (self.point_forces[name], x.shape) for name, x in self.points.items()}
-        put("point_forces", {name: kept(f"point forces of {name!r:.80}", x, shape) for name, (x, shape) in forces.items()})
-        put("events", tuple(self.events))
-        if any(not isinstance(e, Event) for e in self.events):
-            raise InputError("events of a trajectory must be rbd.simulation Events.")
-        for word in ("integrator", "law", "stabilisation", "interrupted"):
-            if not isinstance(getattr(self, word), str):
-                raise InputError(f"{word} of a trajectory is {getattr(self, word)!r:.80}; expected text.")
-        if not a_number(self.step) >= 0.0 or a_number(self.step) == np.inf:
-            raise InputError(f"step of a trajectory is {self.step!r:.80}; expected seconds.")
+        for name, value in checked(vars(self)).items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def of(
@@ -164,7 +171,7 @@ class Trajectory:
         if not len(recording):
             raise InputError("a trajectory has one moment or more; none was recorded.")
         arrays: dict[str, Any] = {**recording.arrays(), **recording.touches()}
-        residuals = {name: arrays.pop(name) for name in RESIDUALS}
+        residuals = {c.name: arrays.pop(c.name) for c in RESIDUALS}
         return cls(
             robot=motion.robot,
             **arrays,
@@ -239,7 +246,7 @@ class Trajectory:
         return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.times[0]:g} to {self.times[-1]:g} s{ended})"
 
     def __str__(self) -> str:
-        return table(self)
+        return table(vars(self))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it to a file: .npz, which NumPy alone reads, or .nc, netCDF, with the extra `study`.
@@ -253,9 +260,9 @@ class Trajectory:
         where = a_trajectory_path(path)
         check_place(where)
         if where.suffix == ".nc":
-            write_netcdf(where, *for_netcdf(self))
+            write_netcdf(where, *for_netcdf(vars(self)))
         else:
-            write_npz(where, header_of(self), arrays_of(self))
+            write_npz(where, header_of(vars(self)), arrays_of(vars(self)))
 
     @staticmethod
     def load(path: str | os.PathLike[str], robot: CheckedModel | None = None) -> Trajectory:
@@ -292,7 +299,7 @@ class Trajectory:
 
         >>> trajectory.to_xarray().tau.sel(motor="leg_left_4_joint").max()
         """
-        return dataset_of(self)
+        return dataset_of(vars(self))
 
     def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
         """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""

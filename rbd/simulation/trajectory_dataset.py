@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,40 +14,22 @@ import numpy as np
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.installation import version
 from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
-from rbd.simulation.moment import Event
-from rbd.simulation.recording import RESIDUALS
+from rbd.simulation.events import Event
 from rbd.simulation.robot_recipe import recipe, robot_numbers, robot_of
+from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Column, Fields
 from rbd.simulation.trajectory_file import xarray_or_error
 
 if TYPE_CHECKING:
     import xarray
 
-    from rbd.simulation.trajectory import Trajectory
-
-COLUMNS = ("q", "v", "a", "tau", "kinetic", "potential", "momentum", "com")
-WORDS = ("integrator", "law", "stabilisation", "interrupted")
 AXES = ["x", "y", "z"]
 SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
 NUMBERS = "robot_numbers"
 
-_UNITS = {"kinetic": "J", "potential": "J", "energy": "J", "momentum": "N s, then N m s", "com": "m"}
-_UNITS |= {f"residual_{name}": unit for name, unit in RESIDUALS.items()}
-_LONG = {
-    "q": "configuration",
-    "v": "velocity, of a floating base in the base's axes",
-    "a": "acceleration, of a floating base in the base's axes",
-    "tau": "motor torques",
-    "kinetic": "kinetic energy",
-    "potential": "potential energy, zero at the world's origin",
-    "energy": "kinetic and potential energy",
-    "momentum": "linear, then angular momentum about the centre of mass, world axes",
-    "com": "centre of mass in W",
-    "residual_law": "how far the forces are from their law, scaled",
-    "residual_drift": "largest position error of the constraints that hold",
-    "residual_drift_rate": "largest velocity error of the constraints that hold",
-    "residual_penetration": "how deep the deepest contact is in what it touches",
-}
+_TOLD = {c.name: c for c in COLUMNS} | {f"residual_{c.name}": c for c in RESIDUALS}
+_TOLD["energy"] = Column("energy", "", "J", "kinetic and potential energy")
 
 
 def keys(names: tuple[str, ...]) -> dict[str, str]:
@@ -57,28 +38,28 @@ def keys(names: tuple[str, ...]) -> dict[str, str]:
     return {name: name if plain.fullmatch(name) else f"constraint_{i}" for i, name in enumerate(names)}
 
 
-def header_of(trajectory: Trajectory) -> dict[str, Any]:
+def header_of(fields: Fields) -> dict[str, Any]:
     """All that is not arrays."""
     return {
-        "rbd": _version(),
-        "robot": recipe(trajectory.robot),
-        "constraints": list(trajectory.forces),
-        "contacts": list(trajectory.points),
-        "step": float(trajectory.step),
-        **{word: getattr(trajectory, word) for word in WORDS},
-        "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in trajectory.events],
+        "rbd": version(),
+        "robot": recipe(fields["robot"]),
+        "constraints": list(fields["forces"]),
+        "contacts": list(fields["points"]),
+        "step": float(fields["step"]),
+        **{word: fields[word] for word in WORDS},
+        "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
     }
 
 
-def arrays_of(trajectory: Trajectory) -> dict[str, Array]:
+def arrays_of(fields: Fields) -> dict[str, Array]:
     """{variable: array}, one row a sample, and the robot's numbers."""
-    out = {"times": trajectory.times, **{name: getattr(trajectory, name) for name in COLUMNS}}
-    out |= {f"residual_{name}": x for name, x in trajectory.residuals.items()}
-    for name, key in keys(tuple(trajectory.forces)).items():
-        out[f"force_{key}"], out[f"mode_{key}"] = trajectory.forces[name], trajectory.modes[name]
-        if name in trajectory.points:
-            out[f"points_{key}"], out[f"point_forces_{key}"] = trajectory.points[name], trajectory.point_forces[name]
-    return out | {NUMBERS: robot_numbers(trajectory.robot)}
+    out = {"times": fields["times"], **{c.name: fields[c.name] for c in COLUMNS}}
+    out |= {f"residual_{name}": x for name, x in fields["residuals"].items()}
+    for name, key in keys(tuple(fields["forces"])).items():
+        out[f"force_{key}"], out[f"mode_{key}"] = fields["forces"][name], fields["modes"][name]
+        if name in fields["points"]:
+            out[f"points_{key}"], out[f"point_forces_{key}"] = fields["points"][name], fields["point_forces"][name]
+    return out | {NUMBERS: robot_numbers(fields["robot"])}
 
 
 def fields_of(
@@ -105,8 +86,8 @@ def fields_of(
     return {
         "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
         "times": found("times"),
-        **{name: found(name) for name in COLUMNS},
-        "residuals": {name: found(f"residual_{name}") for name in RESIDUALS},
+        **{c.name: found(c.name) for c in COLUMNS},
+        "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
         "forces": {name: found(f"force_{key[name]}") for name in names},
         "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
         "points": {name: found(f"points_{key[name]}") for name in contacts},
@@ -117,16 +98,17 @@ def fields_of(
     }
 
 
-def dataset_of(trajectory: Trajectory) -> xarray.Dataset:
+def dataset_of(fields: Fields) -> xarray.Dataset:
     """The trajectory with named dimensions, labels and units; see `Trajectory.to_xarray`."""
-    xr, arrays = xarray_or_error(), arrays_of(trajectory)
+    xr, arrays = xarray_or_error(), arrays_of(fields)
     del arrays[NUMBERS]
-    arrays["energy"] = trajectory.energy
-    coords: dict[str, Any] = {"time": ("time", arrays.pop("times"), {"units": "s"}), **_labels(trajectory.robot)}
-    dims = {"q": ["position"], "v": ["velocity"], "a": ["velocity"], "tau": ["motor"], "momentum": ["spatial"], "com": ["axis"]}
-    units, told = dict(_UNITS), dict(_LONG)
-    for name, word in keys(trajectory.names).items():
-        contact, m = name in trajectory.points, trajectory.forces[name].shape[1]
+    arrays["energy"] = arrays["kinetic"] + arrays["potential"]
+    coords: dict[str, Any] = {"time": ("time", arrays.pop("times"), {"units": "s"}), **_labels(fields["robot"])}
+    dims = {c.name: [c.axis] for c in COLUMNS if c.axis}
+    units = {name: c.unit for name, c in _TOLD.items() if c.unit}
+    told = {name: c.meaning for name, c in _TOLD.items()}
+    for name, word in keys(tuple(fields["forces"])).items():
+        contact, m = name in fields["points"], fields["forces"][name].shape[1]
         dims[f"force_{word}"] = [f"{word}_row"]
         coords[f"{word}_row"] = SPATIAL[:m] if contact and m in (3, 6) else np.arange(m).astype(str)
         units[f"force_{word}"] = "N, then N m" if m == 6 else "N" if contact else "N or N m"
@@ -141,10 +123,10 @@ def dataset_of(trajectory: Trajectory) -> xarray.Dataset:
     for name, x in arrays.items():
         attrs = {"long_name": told[name]} | ({"units": units[name]} if name in units else {})
         variables[name] = (["time", *dims.get(name, [])], x, attrs)
-    about: dict[str, Any] = {"title": f"motion of {trajectory.robot.name}", "step": float(trajectory.step), "rbd": _version()}
-    about |= {word: getattr(trajectory, word) for word in WORDS}
+    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": version()}
+    about |= {word: fields[word] for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
-    return xr.Dataset(variables | _event_variables(trajectory.events), coords, about)
+    return xr.Dataset(variables | _event_variables(fields["events"]), coords, about)
 
 
 def _labels(robot: CheckedModel) -> dict[str, Any]:
@@ -173,18 +155,18 @@ def _event_variables(events: tuple[Event, ...]) -> dict[str, Any]:
     }
 
 
-def for_netcdf(trajectory: Trajectory) -> tuple[dict[str, Any], xarray.Dataset]:
+def for_netcdf(fields: Fields) -> tuple[dict[str, Any], xarray.Dataset]:
     """Header and dataset that netCDF 3 can hold: no arrays without entries, and modes as numbers with a key (CF's flags)."""
-    header, dataset = header_of(trajectory), dataset_of(trajectory)
-    dataset[NUMBERS] = (("joint", "number"), robot_numbers(trajectory.robot))
-    words = sorted({str(word) for modes in trajectory.modes.values() for word in np.unique(modes)})
+    header, dataset = header_of(fields), dataset_of(fields)
+    dataset[NUMBERS] = (("joint", "number"), robot_numbers(fields["robot"]))
+    words = sorted({str(word) for modes in fields["modes"].values() for word in np.unique(modes)})
     for name in [name for name in dataset.data_vars if str(name).startswith("mode_")]:
         codes = np.searchsorted(words, dataset[name].values).astype(np.int8)
         meanings = " ".join(w.replace(" ", "_") for w in words)
         attrs = {"flag_values": np.arange(len(words), dtype=np.int8), "flag_meanings": meanings}
         dataset[name] = ("time", codes, {**dataset[name].attrs, **attrs})
     empty = [name for name, x in dataset.variables.items() if not x.size]
-    arrays = arrays_of(trajectory)
+    arrays = arrays_of(fields)
     header |= {"arrays": sorted(arrays), "modes": words, "empty": {str(x): list(dataset[x].shape) for x in empty}}
     dataset = dataset.drop_vars(empty)
     for variable in dataset.variables.values():
@@ -227,13 +209,6 @@ def _checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
         text = "\0".join(x.tolist()).encode(errors="surrogatepass") if x.dtype.kind == "U" else x.astype("<f8").tobytes()
         found.update(name.encode(errors="surrogatepass") + text)
     return found.hexdigest()
-
-
-def _version() -> str:
-    try:
-        return version("rbd")
-    except PackageNotFoundError:  # a copy of the sources that nobody installed
-        return ""
 
 
 def _list(header: Mapping[str, Any], what: str) -> list[Any]:

@@ -22,14 +22,14 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, is_finite, largest
 from rbd.errors import NoSolution
-from rbd.mechanism.held_rows import CONTRADICTION, OWED
+from rbd.mechanism.projection import ZERO
+from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
 from rbd.problem.cones import Box, Cone, Product
 from rbd.problem.parts import Parts, parts_of
 from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
-from rbd.simulation.redundant_rows import RedundantRows
-from rbd.simulation.snapshot import Layout, Snapshot
+from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
 from rbd.solvers.admm import ADMM, holding
 from rbd.solvers.contact_solve import Stillness
@@ -75,17 +75,15 @@ class _Chosen:
     Attributes:
         index: Which rows.
         groups: (constraint, its rows among them, their set).
-        parts: Their sets as weights.
-        plain: Whether weights are the row impulses themselves.
+        parts: Their sets as weights, which are the row impulses themselves: each set is one point's own.
         bilateral: Whether all hold, whatever it takes.
         held: Which of the rows hold, whatever it takes; indices.
-        stillness: Of plain ones.
+        stillness: Of the parts, if there are any.
     """
 
     index: Array | slice
     groups: tuple[tuple[str, slice, Cone], ...]
     parts: Parts
-    plain: bool
     bilateral: bool
     held: Array
     stillness: Stillness | None
@@ -186,13 +184,10 @@ class VelocitySolver:
             if still is not None:
                 return *still, False
         T = chosen.parts
-        if not chosen.plain:
-            D, u, guess = T.H.T @ D @ T.G, T.H.T @ u, T.project(T.H.T @ guess)
-            shift = None if shift is None else T.H.T @ shift
         if shift is not None:
             x, merit, S = self._tried(D, u + shift, T, guess)
             if merit <= _exact(S):
-                return T.G @ T.project(S.weights(x)), merit, False
+                return T.project(S.weights(x)), merit, False
             # Sole and load may be such that no friction opposes the velocity in the middle: then that at the end.
         x, merit, S = self._tried(D, u, T, guess)
         exact = _exact(S)
@@ -201,7 +196,7 @@ class VelocitySolver:
         if merit > exact:
             x, merit = yielding_steps(S, np.zeros(T.size), coulomb=self.coulomb)
         if merit <= exact:
-            return T.G @ T.project(S.weights(x)), merit, False
+            return T.project(S.weights(x)), merit, False
         return *self._searched(problem()), False
 
     def _tried(self, D: Array, u: Array, T: Parts, guess: Array) -> tuple[Array, float, Scaled]:
@@ -240,6 +235,55 @@ class VelocitySolver:
         return known
 
 
+class RedundantRows:
+    """The held rows of one layout that repeat each other, at a pose that is a little off; it remembers their largest norms.
+
+    A hinge that closes a planar loop has five rows, two of which are independent; of the hinge that closes Bricard's
+    mechanism four of five are. That is so on the constraints only. Where the pose is off by `drift`, as in the middle of a
+    step, the rows differ from each other by as much, and all of them together would allow no motion. With W = L^-1 J^T and
+    rows divided by their norms, singular values below `OWED` times drift, over the largest, are therefore left out, and
+    what the rows ask there too.
+
+    Attributes:
+        found: Whether those that it was asked for last repeat each other.
+    """
+
+    def __init__(self) -> None:
+        self.found = False
+        self._norms = np.zeros(0)
+
+    def reduced(self, W: Array, c: Array, held: Array, drift: float) -> tuple[Array, Array, float]:
+        """(W, c, the largest part of c that was left out): the same arrays where the held rows are well independent.
+
+        Args:
+            W: L^-1 J^T, shape (nv, m).
+            c: Velocity of the rows less J v, shape (m,).
+            held: Which rows are held, indices.
+            drift: How far their position is off [m, rad].
+        """
+        H = W[:, held]
+        norms = np.sqrt(np.einsum("ij,ij->j", H, H))
+        if len(norms) == len(self._norms):
+            norms = np.maximum(norms, self._norms)
+        most = float(norms.max())
+        self._norms = norms = np.maximum(norms, 1e-6 * most) if most > 0.0 else np.ones(len(norms))
+        R, info = lapack.dpotrf(H.T @ H, lower=0, clean=0)
+        self.found = info != 0 or not (R.diagonal() > INDEPENDENT * norms).all()
+        if not self.found:
+            return W, c, 0.0
+        U, s, Vt = np.linalg.svd(H / norms, full_matrices=False)
+        kept = s > max(ZERO, OWED * drift) * s[0]
+        self.found = not kept.all() or len(s) < len(held)
+        if not self.found:
+            return W, c, 0.0
+        U, s, Vt = U[:, kept], s[kept], Vt[kept]
+        told = c[held] / norms
+        within = Vt.T @ (Vt @ told)
+        W, c = W.copy(), c.copy()
+        W[:, held], c[held] = (U * s) @ Vt * norms, within * norms
+        return W, c, largest((told - within) * norms)
+
+
 def _exact(S: Scaled) -> float:
     """The merit that will do: where next to nothing moves, rounding is more than `EXACT` of it."""
     return max(EXACT, _ROUNDING / S.rate)
@@ -266,10 +310,9 @@ def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
         at += cone.dim
     # Sets alone matter here: rows of zeros stand in for those of a state.
     parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
-    plain = _plain(parts)
     bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
     held = np.flatnonzero(layout.held[index])
-    return _Chosen(index, tuple(groups), parts, plain, bilateral, held, Stillness(parts) if plain and parts.size else None)
+    return _Chosen(index, tuple(groups), parts, bilateral, held, Stillness(parts) if parts.size else None)
 
 
 def _held(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:
@@ -292,8 +335,3 @@ def _over(cone: Cone, h: float) -> Cone:
     if not isinstance(cone, Box):
         return cone
     return Box(*(np.where(np.isfinite(bound), 0.0, bound) if h == 0.0 else h * bound for bound in (cone.lo, cone.hi)))
-
-
-def _plain(parts: Parts) -> bool:
-    """Whether weights are the row forces themselves."""
-    return parts.G.shape[0] == parts.G.shape[1] and bool((parts.G.diagonal() == 1.0).all())

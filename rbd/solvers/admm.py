@@ -277,7 +277,7 @@ class _Search:
         if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
             found = refined(found, by_newton(self.S, self.P.parts, coulomb=self.coulomb), self.P.parts)
         if not found.residuals.within(SOLVED):
-            if self.best is None or not self.best.residuals.worst <= found.residuals.worst:
+            if self.best is None or found.residuals.less_than(self.best.residuals):
                 self.best = found
             return False
         if all(largest(found.a - other.a) > 1e-6 * max(1.0, largest(found.a)) for other in self.answers):

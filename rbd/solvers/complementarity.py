@@ -25,6 +25,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.problem import limits
+from rbd.problem.limits import Work
 from rbd.problem.programs import nonnegative
 from rbd.solvers import qp
 
@@ -36,6 +37,9 @@ TINY = 1e-11
 
 SAME = 1e-7
 """Motions nearer to each other than this, relative, are one."""
+
+_SVD, _PROGRAM = 20.0, 2e6
+"""Multiplications of singular values, over the cube of their number; what a linear program costs besides ten times that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,7 @@ class Mixed:
         upper: Shape (p,); inf where there is none.
         first: Entries to branch on first.
         budget: Nodes of the tree to visit at most.
+        work: Multiplications in them at most.
     """
 
     A: Array
@@ -59,6 +64,7 @@ class Mixed:
     upper: Array
     first: Sequence[int] = ()
     budget: int = limits.MODE_NODES
+    work: float = limits.MODE_WORK
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +85,11 @@ class Found:
 
 
 def all_solutions(problem: Mixed) -> Found:
-    """Every motion that solves the problem, as far as the budget goes."""
+    """Every motion that solves the problem, as far as budget and work go."""
     tree = _Tree(problem)
     tree.visit(tree.root)
     member = [tree.belongs(i) for i in range(len(tree.weights))]
-    return Found(tuple(tree.weights), tuple(tree.family), tuple(member), tree.visited <= problem.budget)
+    return Found(tuple(tree.weights), tuple(tree.family), tuple(member), not tree.cut)
 
 
 @dataclass
@@ -93,9 +99,11 @@ class _Tree:
     family: list[bool] = field(default_factory=list)
     modes: list[Array] = field(default_factory=list)
     visited: int = 0
+    cut: bool = False
 
     def __post_init__(self) -> None:
         P = self.problem
+        self.work = Work(P.work)
         self.fixed = P.lower == P.upper
         lines = ~np.isfinite(P.lower) & ~np.isfinite(P.upper)
         self.root = np.where(lines, FREE, np.where(self.fixed, LOW, OPEN))
@@ -110,7 +118,8 @@ class _Tree:
     def visit(self, modes: Array) -> bool:
         """Search below a node; True if the node has one motion and it was found."""
         self.visited += 1
-        if self.visited > self.problem.budget:
+        if self.visited > self.problem.budget or self.work.left < 0.0:
+            self.cut = True
             return False
         undecided = [i for i in self.order if modes[i] == OPEN]
         if not undecided:
@@ -160,13 +169,12 @@ class _Tree:
         return False
 
     def _one_motion(self, modes: Array) -> bool:
-        """Whether the modes decided so far leave one motion at most, whatever the others are."""
+        """Whether the modes decided so far leave one motion at most, whatever the others, at least one, are."""
         P = self.problem
         moving = np.flatnonzero(modes <= FREE)  # FREE or OPEN
         A, free = P.A[np.ix_(moving, moving)], modes[moving] == FREE
         N = _null_space(A[free]) if free.any() else np.eye(len(moving))
-        if not N.shape[1]:
-            return True
+        self.work.spend(_SVD * float(len(moving)) ** 3)
         size, turned = np.linalg.eigh(0.5 * N.T @ (A + A.T) @ N)
         if size[0] < -TINY * self.scale:
             return False
@@ -192,6 +200,7 @@ class _Tree:
         C = np.vstack([I[has_low], -I[has_high], A[up], -A[down]])
         l = np.concatenate([lower[has_low], -upper[has_high], -known[up], known[down]])
         free = modes == FREE
+        self.work.spend(_PROGRAM + 10.0 * _SVD * float(len(b)) ** 3)
         violation = qp.least_violation(A[free], -known[free], C, l)
         return violation > 1e-6
 
@@ -209,7 +218,7 @@ class _Tree:
             if w is not None:
                 self._keep(w, now, motions > 0)
                 return True
-            if trial is None:
+            if trial is None or self.work.left < 0.0:
                 return None
             y = P.A @ trial + P.b
             state, x, z = now[undecided], trial[undecided], y[undecided]
@@ -250,6 +259,7 @@ class _Tree:
         if not len(E):
             return (w if self._signs(w, y, modes) else None), w, 0
         A = P.A[np.ix_(E, E)]
+        self.work.spend(_SVD * float(len(E)) ** 3)
         U, s, Vt = np.linalg.svd(A)
         kept = s > TINY * max(float(s[0]), TINY * self.scale)
         inverse = (Vt[kept].T / s[kept]) @ U[:, kept].T

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, identity, largest, zeros
+from rbd.arrays import Array, identity, is_finite, largest, zeros
 from rbd.problem.answer import Answer
 from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.programs import nonnegative
 from rbd.problem.rays import Rays
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
@@ -20,6 +21,12 @@ from rbd.solvers.refinement import rays_refined
 
 POLISH = 1e-12
 """An answer whose residuals are above this, over the largest numbers of its problem, gets a step on its active rays."""
+
+_ROUNDING = float(np.finfo(float).eps)
+_POLISHED = 4
+"""Rounds of that step at most: more than one where little weights would turn negative."""
+_STEEP = 1e4
+"""Friction up to this loses no more than 1e-12 of a normal force."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,47 @@ class ProxQP:
         return best
 
 
+def eased(answer: Answer) -> Answer:
+    """The same answer of `ProxQP`, its contacts not squeezing each other.
+
+    ProxSuite's forces between them may be a million times as large as they need be, and leave the rounding of that in what is
+    found from them.
+    """
+    P, w = answer.problem, answer.weights
+    if w is None:
+        return answer
+    along, opening, holds = _ray_rows(P, np.asarray(np.linalg.qr(P.whitened, mode="r")))
+    if P.rays.has_intervals:
+        w = _Bounded(P.rays, along, opening).polished(w, few=True)
+    else:
+        w = _polished(w, along, opening, holds, few=True)
+    f = P.rays.G @ w
+    return replace(answer, a=constrained(P, f), multipliers=f, weights=w)
+
+
+def too_steep(failed: Answer) -> str:
+    """Words on friction so great that rounding of the rays' forces is what is missed; empty where it is not.
+
+    A normal force is a sum of rays; their tangential parts, mu times as large, cancel and leave their rounding.
+    """
+    P, w, T = failed.problem, failed.weights, failed.problem.parts
+    if w is None or "facets" not in failed.law or not is_finite(w):
+        return ""
+    terms, most, out = np.abs(P.rays.G) @ np.abs(w), 0.1 * failed.residuals.worst, ""
+    for rows, columns in zip(P.rows, T.slices, strict=True):
+        own, mu = P.slices[rows.name], T.mu[(T.cone_at >= columns.start) & (T.cone_at < columns.stop)].max(initial=0.0)
+        relative = float((terms[own] / failed.residuals.scales.row_forces[own]).max(initial=0.0))
+        lost = _ROUNDING * max(relative, mu)  # of next to no force, what any would lose
+        if mu > _STEEP and lost > most:
+            most = lost
+            out = (
+                f"{rows.name} has friction {mu:.3g}, too much for a pyramid in double precision: its normal force is a sum of "
+                "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ADMM(), whose "
+                "cones are true ones, or friction=None for a contact that holds"
+            )
+    return out
+
+
 class _Bounded:
     """Rows whose weights have bounds other than [0, inf), posed in weights u >= 0: w = base + sign u, u <= room.
 
@@ -163,10 +211,10 @@ class _Bounded:
         u[~self.holds] = np.maximum(attempt.z[: np.count_nonzero(~self.holds)], 0.0)
         return self._all(u * scale)
 
-    def polished(self, weights: Array) -> Array:
-        """Weights moved, those at a bound excepted, so that what can give keeps still to rounding."""
+    def polished(self, weights: Array, few: bool = False) -> Array:
+        """`_polished`, of the weights w."""
         u = (self.sign * (weights - self.base))[self.kept]
-        return self._all(_polished(u, self.along, self.opening, self.holds, self.room))
+        return self._all(_polished(u, self.along, self.opening, self.holds, self.room, few))
 
     def _all(self, u: Array) -> Array:
         w = self.base.copy()
@@ -197,18 +245,47 @@ def _exact(found: Answer) -> bool:
 
 
 def _better(one: Answer, other: Answer) -> Answer:
-    return other if not other.residuals.worst >= one.residuals.worst else one
+    return other if other.residuals.less_than(one.residuals) else one
 
 
-def _polished(weights: Array, along: Array, opening: Array, holds: Array, room: Array | float = math.inf) -> Array:
-    """Weights moved, within the rays that carry something but not all they can, so that those rays keep still to rounding."""
-    small = 1e-8 * max(1.0, float(np.abs(weights).max(initial=0.0)))
-    active = holds | ((weights > small) & (weights < room - small))
-    B = along[active]
-    miss = B @ (along.T @ weights) + opening[active]
-    moved = weights.copy()
-    moved[active] -= np.linalg.lstsq(B.T, np.linalg.lstsq(B, miss, rcond=1e-12)[0], rcond=1e-12)[0]
-    return np.where(holds, moved, np.maximum(moved, 0.0))
+def _polished(
+    weights: Array, along: Array, opening: Array, holds: Array, room: Array | float = math.inf, few: bool = False
+) -> Array:
+    """Weights moved, within the rays that carry something but not all they can, so that those rays keep still to rounding.
+
+    Args:
+        weights: Shape (r,).
+        along: As of `_ray_rows`.
+        opening: Likewise.
+        holds: Likewise.
+        room: Upper bounds of the weights.
+        few: Let as few rays as can carry the same before.
+    """
+    moved = _on_few(weights, along, holds, room) if few else weights.copy()
+    for _ in range(_POLISHED):
+        small = 1e-8 * max(1.0, float(np.abs(moved).max(initial=0.0)))
+        active = holds | ((moved > small) & (moved < room - small))
+        B = along[active]
+        miss = B @ (along.T @ moved) + opening[active]
+        moved[active] -= np.linalg.lstsq(B.T, np.linalg.lstsq(B, miss, rcond=1e-12)[0], rcond=1e-12)[0]
+        pulls = ~holds & (moved < 0.0)
+        if not pulls.any():
+            break
+        moved[pulls] = 0.0  # those that carried least of all; without them once more
+    return moved
+
+
+def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> Array:
+    """Weights, few of them other than zero, that do the same; themselves where they are not found."""
+    moved, some = weights.copy(), holds | ((weights > 0.0) & ~np.isfinite(room))
+    E, lines = along[some].T, holds[some]
+    u = nonnegative(np.hstack([E, -E[:, lines]]), E @ weights[some])
+    if u is None:
+        return moved
+    n = E.shape[1]
+    u[:n][lines] -= u[n:]
+    moved[some] = u[:n]
+    return moved
 
 
 def law_name(P: GaussProblem) -> str:

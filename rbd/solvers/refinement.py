@@ -24,15 +24,13 @@ from rbd.arrays import Array, is_finite
 from rbd.problem.answer import Answer
 from rbd.problem.parts import Parts
 from rbd.problem.rays import Rays
-from rbd.problem.residuals import SOLVED
+from rbd.problem.residuals import ENOUGH
 from rbd.solvers.newton import Scaled, last_step, scaled, steps_from
 
 ROUNDS = 4
 """Corrections at most; one or two do where the modes of the contacts are right."""
 NEAR = 1e-2
 """Scaled residuals up to which modes may be right, and refinement is tried."""
-ENOUGH = 0.1 * SOLVED
-"""Scaled residuals that are refined no further."""
 
 Correction: TypeAlias = Callable[[Array, Array], Array]
 """The change of forces (of rows, or weights) that answers the row accelerations c, shape (m,), which those given make."""
@@ -64,7 +62,7 @@ def refined(found: Answer, correct: Correction, parts: Parts | None = None) -> A
             break
         f, weights = (x, found.weights) if parts is None else (parts.G @ x, x)
         trial = replace(found, a=a, multipliers=f, weights=weights)
-        if trial.residuals.worst < best.residuals.worst:
+        if trial.residuals.less_than(best.residuals):
             best = trial
         if best.residuals.within(ENOUGH):
             break

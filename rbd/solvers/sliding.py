@@ -9,23 +9,29 @@ no answer among accelerations. Source: [Painleve1895]; [GenotBrogliato1999] for 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, islice, product
 
 import numpy as np
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, identity, largest
 from rbd.problem.answer import Answer
 from rbd.problem.parts import Sliding
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
-from rbd.solvers.newton import scaled, solve_newton
+from rbd.solvers.newton import scaled, solve_newton, steps_from
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
 STARTS = 64
 """Combinations of pressing and leaving to start Newton from, at most, where contacts at rest rub too."""
+COMPLIANCES = tuple(10.0 ** (-0.5 * i) for i in range(2, 15))
+"""Of points that yield, over their own mobility, one after the other: from 0.1 to 1e-7."""
+
+_OF_MANY = (
+    "of so many points that slide not all motions were searched: this is the one to which points lead that yield less and less"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +90,12 @@ class _Search:
         good.sort(key=lambda i: (found.member[i], self._gauss(found.weights[i])))
         weights = [self.T.project(found.weights[i]) for i in good]
         complete, even = found.complete and not family and len(good) == len(found.weights), family
+        if not (found.complete or weights):
+            weights = [w for w in self._yielding() if self._holds(w)]
+            if weights and not len(self.T.mu):
+                answer = self._certified(weights[0])
+                assert answer.weights is not None
+                return SlidingAnswers(((answer.a, answer.multipliers, answer.weights),), False, _OF_MANY)
         if len(self.T.mu):
             weights, complete = self._by_newton(found.weights, weights, family), False
         undecided = [name for w in weights for name in self._undecided(w)]
@@ -124,6 +136,20 @@ class _Search:
         if not family:
             return sorted(known + new, key=self._gauss)
         return known + sorted(new, key=self._gauss)  # the member of least norm is known; these are others
+
+    def _yielding(self) -> Iterator[Array]:
+        """Where points lead that yield less and less, if Newton's method follows them.
+
+        With compliance k on the diagonal of the scaled A answers stand alone, and each is a guess of the next one's modes.
+        """
+        S = scaled(self.mixed.A, self.mixed.b, self.T)
+        w = np.zeros(len(S.q))
+        for k in COMPLIANCES:
+            softened = replace(S, D=S.D + k * identity(len(w)))
+            w, merit, _ = steps_from(softened, w, coulomb=True, iterations=60, proximal=0.0)
+            if merit > 1e-10:
+                return
+        yield self.T.project(S.weights(w))
 
     def _undecided(self, w: Array) -> list[str]:
         """The contacts whose loads can change together with the motion, each contact point kept in its mode."""

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal, lazy
+from rbd.arrays import Array, block_diagonal, is_finite, lazy
 from rbd.constraints.collision import CollisionContacts
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
-from rbd.constraints.counterpart import changed
 from rbd.constraints.line_contact import LineContact
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.surface import changed
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
-from rbd.least_constraint import Constraint, rows_of, warn_of_distant
+from rbd.least_constraint import warn_of_distant
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import checked, free_force
 from rbd.model.external_force import External
@@ -36,6 +37,7 @@ AT_REST = 1e-9
 """Largest |v| of a robot at rest."""
 FORCE_WEIGHT = 1e-4
 """Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
+_LONG = 1e2  # of rays of friction 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,16 +194,9 @@ class _Statics:
         r = len(self.low)
         if not r:
             return np.zeros(0)
-        scale = np.where(self.limited, self.limit, self.unit)
-        T, t = self.T / scale[:, None], self.t / scale
-        H = 2.0 * (T.T @ T + FORCE_WEIGHT * np.eye(r))
-        C = np.vstack([np.eye(r), T[self.limited]])
-        low = np.concatenate([self.low, t[self.limited] - 1.0])
-        high = np.concatenate([self.high, t[self.limited] + 1.0])
         best, miss = np.zeros(r), np.inf
-        attempts = qp.attempts(H, -2.0 * T.T @ t, self.A / self.unit, self.b / self.unit, C, low, high)
-        for attempt in attempts:
-            x = self._exact(np.clip(attempt.x, self.low, self.high))
+        for attempt in self._attempts():
+            x = self._exact(np.clip(attempt, self.low, self.high))
             if (found := self._miss(x)) < miss:
                 best, miss = x, found
             if miss <= SOLVED:
@@ -212,13 +207,29 @@ class _Statics:
         warnings.warn(f"{robot.name} is held with a relative error of {miss:.1e}.", InaccurateWarning, stacklevel=3)
         return best * self.unit
 
+    def _attempts(self) -> Iterator[Array]:
+        """Weights that the QP finds: of the rays as they are, and where friction makes them long, of rays of length one."""
+        length = np.linalg.norm(self.G, axis=0)
+        scale = np.where(self.limited, self.limit, self.unit)
+        for size in (np.ones(len(length)), 1.0 / length)[: 1 + bool((length > _LONG).any())]:
+            T, t = self.T / scale[:, None] * size, self.t / scale
+            H = 2.0 * (T.T @ T + FORCE_WEIGHT * np.diag(size**2))
+            C = np.vstack([np.eye(len(size)), T[self.limited]])
+            low = np.concatenate([self.low / size, t[self.limited] - 1.0])
+            high = np.concatenate([self.high / size, t[self.limited] + 1.0])
+            A, b = self.A / self.unit * size, self.b / self.unit
+            for attempt in qp.attempts(H, -2.0 * T.T @ t, A, b, C, low, high):
+                yield size * attempt.x
+
     def _unbalanced(self, x: Array) -> float:
         """What is left where no motor is, each row over its own terms (as in `rbd.problem.scales`)."""
         terms = np.maximum(np.maximum(np.abs(self.A) @ np.abs(x), np.abs(self.b)), self.least)
         return float((np.abs(self.A @ x - self.b) / terms).max(initial=0.0))
 
     def _miss(self, x: Array) -> float:
-        """Largest violation of equilibrium, cones and torque limits, each relative to its scale."""
+        """Largest violation of equilibrium, cones and torque limits, each relative to its scale; infinite of NaN."""
+        if not is_finite(x):
+            return np.inf
         out = max(self._unbalanced(x), float(np.maximum(self.low - x, x - self.high).max(initial=0.0)))
         return max(out, float((np.abs(self.t - self.T @ x) / self.limit).max(initial=0.0)) - 1.0)
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, largest
+from rbd.constraints.constraint import Constraint
 from rbd.errors import NoSolution
-from rbd.least_constraint import Constraint, assembled
+from rbd.least_constraint import assembled
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.answer import Status

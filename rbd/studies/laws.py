@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.least_constraint import Constraint, answered, assembled
+from rbd.constraints.constraint import Constraint
+from rbd.least_constraint import answered, assembled
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.contact_force import CARRIES_NOTHING_N

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.least_constraint import Constraint
 from rbd.model.state import State
 from rbd.problem.rows import Patch, Rows
 from rbd.testing.contracts import ConstraintWrong

@@ -9,11 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall
-from rbd.least_constraint import Constraint, gauss_problem
+from rbd.least_constraint import gauss_problem
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import ExternalForce
 from rbd.model.state import State

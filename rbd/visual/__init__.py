@@ -1,14 +1,14 @@
 """Pictures: the robot with its forces in three dimensions, at rest and in motion, curves, and a browser that photographs."""
 
 from rbd.visual.animation import export_motion, motion_sheet, replay
+from rbd.visual.browser import find_browser, screenshot
 from rbd.visual.colors import contact_colors
-from rbd.visual.contact_sheet import contact_sheet
 from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.planar_scene import export_planar, replay_planar
 from rbd.visual.planar_sticks import plot_ellipses, plot_sticks
 from rbd.visual.plots import plot_ranges
+from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
-from rbd.visual.screenshot import find_browser, screenshot
 from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
 __all__ = [

@@ -19,10 +19,10 @@ from rbd.model.state import State
 from rbd.visual.animation_frames import Pushes, PushesAt, checked, frames_of, positive, robot_of
 from rbd.visual.animation_score import Score
 from rbd.visual.arguments import a_count, a_page, a_path, a_picture
+from rbd.visual.browser import screenshot
 from rbd.visual.page import write_page
-from rbd.visual.robot_parts import robot_parts
+from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene
-from rbd.visual.screenshot import screenshot
 
 if TYPE_CHECKING:
     from rbd.simulation.trajectory import Trajectory

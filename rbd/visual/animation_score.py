@@ -15,11 +15,11 @@ from rbd.arrays import Array, lazy
 from rbd.visual.animation_frames import OPEN, Frames, Track
 from rbd.visual.colors import COM_COLOR, PUSH_COLOR, contact_colors
 from rbd.visual.marks import Sizes
-from rbd.visual.robot_parts import RobotPart
+from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import outermost
 
 if TYPE_CHECKING:
-    from rbd.simulation.moment import Event
+    from rbd.simulation.events import Event
 
 LONGEST_ARROW = 0.8
 """In sizes of the robot: the arrow of an impact of a millisecond would leave the picture."""

@@ -25,7 +25,7 @@ from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, distinct
 from rbd.visual.forces import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
 from rbd.visual.page import offline_page, write_page
 from rbd.visual.recorder import Recorder
-from rbd.visual.robot_parts import RobotPart, largest_color, robot_parts
+from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.server import LiveServer
 from rbd.visual.shapes import Mesh, outermost, round_number
 

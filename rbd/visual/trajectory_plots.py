@@ -12,10 +12,10 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
-from rbd.simulation.moment import HOLDS, OPEN, PUSHES, SLIPS, STICKS
+from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.colors import CONTACT_COLORS, contact_colors
-from rbd.visual.joint_curves import Curve, joint_curves
+from rbd.visual.curves import Curve, joint_curves
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -45,3 +45,24 @@ def test_a_point_inside_is_found_from_the_boundary():
     flat = ConeSet(np.array([[0.0, 0.0, -1.0]]), np.zeros(1), CAPPED.C, CAPPED.at, CAPPED.mu)
     assert interior(flat, np.zeros(3), 0.01) is None
     assert flat.widened(1e-10).margin(np.zeros(3)) == pytest.approx(1e-10)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-9])
+def test_over_bounds_alone_the_least_is_the_clipped_point(gap):
+    """Least |z - p|^2 / 2 over 0 <= z <= 1, no cones: p brought between the bounds, coordinate by coordinate."""
+    p = np.array([-0.5, 0.3, 2.0])
+    sides, bounds = np.vstack([np.eye(3), -np.eye(3)]), np.r_[np.zeros(3), -np.ones(3)]
+    unit = ConeSet(sides, bounds, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0))
+    z = least(np.eye(3), -p, unit, np.full(3, 0.5), gap)
+    exact = np.clip(p, 0.0, 1.0)
+    assert unit.margin(z) > 0.0
+    assert 0.5 * (z - p) @ (z - p) - 0.5 * (exact - p) @ (exact - p) <= gap
+
+
+def test_a_gap_below_rounding_leaves_a_point_inside(rng):
+    """Where steps no longer lessen the value in its digits the path ends: inside still, and as near as digits go."""
+    for _ in range(5):
+        d = rng.normal(size=3)
+        z = least(np.zeros((3, 3)), -d, CAPPED, INSIDE, 1e-40)
+        best = max(0.0, MU * np.hypot(d[0], d[1]) + d[2])
+        assert CAPPED.margin(z) > 0.0 and best - 1e-9 <= d @ z <= best + 1e-15

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.optimize import linprog, minimize
+from scipy.optimize import linprog, minimize, nnls
 
 import rbd
 from rbd.analysis.admissible import ray_weights
-from rbd.analysis.force_choice import minimum_norm
+from rbd.analysis.force_choice import _least_distance, minimum_norm
 from rbd.errors import InputError, NoSolution, UnknownName
 from rbd.problem.cones import pyramid
 from rbd.problem.parts import project_cones
@@ -329,3 +331,104 @@ def test_nothing_is_chosen_before_it_is_asked_for(talos):
     s = rbd.solve(talos.standing(), np.zeros(talos.nu), talos.soles(0.7))
     assert "_admissible" not in vars(s) and s.forces and "_admissible" not in vars(s)
     assert s.corner_forces and "_admissible" in vars(s)
+
+
+class TestLeastDistance:
+    """|H z + c| is least with A z >= b: the plain function behind bounds and pyramids."""
+
+    def test_where_no_row_is_felt_it_is_least_squares(self):
+        """The free minimum lies inside: z = -c."""
+        z = _least_distance(np.eye(2), np.array([-1.0, -2.0]), np.eye(2), np.zeros(2))
+        assert z == pytest.approx([1.0, 2.0], abs=1e-14)
+
+    def test_rows_that_contradict_each_other_have_no_nearest_point(self):
+        """At least 1, and at most -1."""
+        assert _least_distance(np.eye(1), np.zeros(1), np.array([[1.0], [-1.0]]), np.ones(2)) is None
+
+    @pytest.mark.parametrize("wedge", [False, True], ids=["open", "wedge"])
+    def test_what_is_found_is_the_nearest_or_it_is_not_found(self, wedge):
+        """Fifteen planes about a point: the nearest is in none of them, and pushed to where it is by those that it touches.
+
+        Where two planes are nearly opposite, at 1e-5 to 1e-8 rad, digits do not always suffice; then None is said.
+        """
+        missed = 0
+        for seed in range(300):
+            rng = np.random.default_rng(seed)
+            A, c = rng.normal(size=(15, 5)), rng.normal(size=5)
+            if wedge:
+                A[-1] = -A[0] + 10.0 ** rng.uniform(-8, -5) * rng.normal(size=5)
+            A /= np.linalg.norm(A, axis=1)[:, None]
+            point = rng.normal(size=5) * 10.0 ** rng.uniform(0, 3 if wedge else 2)
+            b = A @ point - rng.uniform(size=15) * (rng.random(15) < 0.5)
+            z = _least_distance(np.eye(5), c, A, b)
+            if z is None:
+                missed += 1
+                continue
+            size = max(1.0, float(np.abs(z).max()))
+            touched = A @ z - b <= 1e-9 * size
+            assert (b - A @ z).max() <= 1e-9 * size
+            push = A[touched].T
+            left = nnls(push, z + c)[1] if touched.any() else np.linalg.norm(z + c)
+            assert left <= 1e-9 * size  # z + c is a sum of the planes' pushes: nothing nearer
+        assert missed <= (30 if wedge else 0)
+
+
+def many_legs(friction) -> rbd.Solution:
+    """A table whose weight stands near one leg."""
+    return table((0.45, 0.2), friction)
+
+
+class TestOtherWays:
+    """Each way to the shortest forces gives what the others give, or says that there was none."""
+
+    @pytest.mark.parametrize("friction", [0.0, 0.5])
+    def test_the_dual_and_the_barrier_stand_in_for_the_active_set(self, monkeypatch, friction):
+        """Over bounds and pyramids, where nonnegative least squares gives up: the same loads, 250, 100, 50 and 0 N."""
+        s = many_legs(friction)
+        monkeypatch.setattr("rbd.analysis.force_choice.nonnegative", lambda *_: None)
+        assert normals(s.with_forces()) == pytest.approx([250, 100, 50, 0], abs=1e-6)
+        monkeypatch.setattr("rbd.analysis.force_choice.least_squares", lambda *_: None)
+        assert normals(s.with_forces()) == pytest.approx([250, 100, 50, 0], abs=1e-5)
+
+    def test_without_the_dimension_of_the_set_nothing_is_chosen(self, monkeypatch):
+        """No linear program, and no dual: the forces stay as they were, and say so."""
+        s = many_legs(0.5)
+        monkeypatch.setattr("rbd.analysis.force_choice._least_distance", lambda *_: None)
+        monkeypatch.setattr("rbd.analysis.force_choice.least_squares", lambda *_: None)
+        monkeypatch.setattr("rbd.problem.limits.PROGRAM_PIVOTS", 0)
+        monkeypatch.setattr("rbd.problem.limits.PROGRAM_SECONDS", 0.0)
+        kept = s.with_forces()
+        assert kept.force_choice == "as ProxQP left it" and np.array_equal(kept.multipliers, s.multipliers)
+
+    def test_where_cones_leave_one_point_it_is_the_answer(self, monkeypatch):
+        """Two feet in line, pushed with mu m g: each rubs with mu N at the edge of its cone, N by moments about the other."""
+        places = {"front": 0.2, "back": -0.2}
+        feet = [rbd.PointContact(name, "box", offset=(x, 0.0, -0.1), friction=0.6) for name, x in places.items()]
+        state, push = rbd.State(box(), np.array([0, 0, 0.1, 0, 0, 0, 1.0])), 0.6 * 98.1
+        force = rbd.ExternalForce("box", (push, 0.0, 0.0))
+        s = rbd.solve(state, np.zeros(0), feet, external=force, solver=rbd.ADMM(law="coulomb"))
+        monkeypatch.setattr("rbd.analysis.force_choice.least_squares", lambda *_: None)
+        for name, sign in (("front", 1.0), ("back", -1.0)):
+            N = 0.5 * 98.1 + sign * push * 0.1 / 0.4
+            assert s.with_forces().forces[name] == pytest.approx([-0.6 * N, 0.0, N], abs=1e-6)
+
+
+def test_weights_that_are_not_given_are_any_that_make_the_force(noisy):
+    """Of soles that stick all weights are lawful, and the forces those of least norm; of corners that slip only some are."""
+    sticks = noisy[0]
+    f, w = minimum_norm(sticks.problem, sticks.a, sticks.multipliers, None, sticks.law)
+    assert f == pytest.approx(sticks.multipliers, abs=1e-9) and sticks.problem.rays.G @ w == pytest.approx(f, abs=1e-9)
+    slips = replace(noisy[9], weights=None)
+    assert noisy[9].status is rbd.Status.SOLVED and slips.status is rbd.Status.FAILED
+    with pytest.raises(NoSolution):
+        slips.with_forces()
+
+
+def test_rays_without_friction_are_all_one():
+    """Of mu = 0 the four rays are the normal; two cones side by side share a load of 6 evenly, whichever rays carried it."""
+    rows = [Rows(name, np.eye(3), np.zeros(3), rbd.FrictionCone(0.0)) for name in ("one", "two")]
+    P = rbd.GaussProblem(np.eye(3), np.array([0.0, 0.0, -6.0]), rows)
+    f, weights = np.array([0, 0, 6.0, 0, 0, 0]), np.r_[1.0, 2.0, 0.0, 3.0, np.zeros(4)]
+    f, w = minimum_norm(P, np.zeros(3), f, weights, "convex, 4 facets")
+    assert f == pytest.approx([0, 0, 3, 0, 0, 3], abs=1e-12) and P.rays.G @ w == pytest.approx(f, abs=1e-12)
+    assert ray_weights(np.array([0.0, 0.0, 2.0]), 0.0, 4) == pytest.approx(np.full(4, 0.5))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import pickle
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +13,13 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.infeasibility import Contradiction, contradiction, split
+from rbd.analysis.conditions import conditions_of
+from rbd.analysis.infeasibility import Contradiction, _polished, contradiction, split
+from rbd.analysis.violation import smallest_violation
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Patch, Rows
+from rbd.solvers.qp import QPResult
 from rbd.testing.reference import box
 
 MU = 0.5
@@ -230,6 +233,25 @@ def test_floor_and_ceiling_with_feedback(law: str) -> None:
     assert found.violation == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("law", ["convex", "coulomb", "convex, 4 facets"])
+def test_what_moves_away_takes_no_part(law: str) -> None:
+    """A floor that the point leaves at 1 m/s pushes nothing: of a lift and a lid the two are named, and never the floor."""
+    leaves = replace(rows("floor", np.eye(3), [0, 0, 3], rbd.FrictionCone(MU)), velocity=np.array([0.0, 0.0, 1.0]))
+    P = problem(leaves, rows("lift", [[0, 0, 1]], [-1], rbd.NonNegative(1)), rows("lid", [[0, 0, -1]], [0], rbd.NonNegative(1)))
+    found = contradiction(P, law)
+    assert found is not None and set(found.rows) == {"lift", "lid"} and found.smallest
+    assert found.violation == pytest.approx(0.5, abs=TINY) and not found.certificate["floor"].any()
+
+
+def test_rows_of_a_patch_that_are_no_wrench_are_counted() -> None:
+    """Two rows at a place, neither a force nor a wrench: rows 1 and 2, not axes."""
+    patch = Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), None)
+    P = problem(replace(rows("odd", [[1.0, 0.0], [1.0, 0.0]], [1.0, 2.0], rbd.Free(2)), patch=patch))
+    found = contradiction(P)
+    assert found is not None and dict(found.rows) == {"odd": ("row 1", "row 2")}
+    assert "'odd' (row 1, row 2) contradicts itself" in found.claim
+
+
 def test_a_sliding_point_counts_along_its_normal() -> None:
     """Under Coulomb's law a point that slides must not sink; its friction proves nothing, so f is along the normal."""
     slides = Rows("floor", np.eye(3), np.array([0.0, 0.0, -1.0]), rbd.FrictionCone(MU), np.array([1.0, 0.0, 0.0]))
@@ -348,6 +370,54 @@ def test_dependence_to_rounding_is_needed_not_to_a_thousandth() -> None:
     for angle in (1e-2, 1e-4):
         P = problem(rows("one", [[1, 0]], [0], rbd.Free(1)), rows("other", [[1, angle]], [1], rbd.Free(1)))
         assert contradiction(P) is None
+
+
+def ladder_of_stops(n: int) -> rbd.GaussProblem:
+    """a_1 >= 1, each next one at least 1 above, and the last at most n / 2: n + 1 rows, none of which can be left out."""
+    J = np.eye(n) - np.eye(n, k=-1)
+    steps = [rows(f"step {i}", J[i : i + 1], [-1.0], rbd.NonNegative(1)) for i in range(n)]
+    return problem(*steps, rows("lid", -np.eye(n)[-1:], [0.5 * n], rbd.NonNegative(1)))
+
+
+def test_of_many_that_contradict_each_other_eight_are_named() -> None:
+    """Nine steps and a lid: each of ten rows missed by n / 2 / 10, seven are named and three counted; the table names all."""
+    P = ladder_of_stops(9)
+    found = contradiction(P)
+    assert_proved(P, found)
+    assert found is not None and len(found.rows) == 10 and found.violation == pytest.approx(0.45, abs=TINY)
+    assert found.who.endswith("'step 6' and 3 others") and "'step 7'" not in found.who
+    assert "  step 8 " in str(found) and "  lid " in str(found)
+
+
+def test_where_nothing_is_held_no_row_is_said_to_be_unmet() -> None:
+    """Two stops: the proof is listed, and least squares over rows that hold has nothing to say."""
+    found = contradiction(squeezed())
+    assert found is not None and found.unmet_most == "" and "least squares" not in str(found)
+    assert str(found).splitlines()[-1].split() == ["high", "[0.3333]"]
+
+
+@pytest.mark.parametrize("limit", ["CERTIFICATE_LEFT_OUT", "CERTIFICATE_PROGRAMS"])
+def test_a_search_that_ends_at_its_limit_does_not_claim_the_smallest(monkeypatch: pytest.MonkeyPatch, limit: str) -> None:
+    """The contradiction is proved as ever; that no smaller one exists is not said."""
+    monkeypatch.setattr(f"rbd.analysis.infeasibility.{limit}", 0)
+    found = contradiction(ladder_of_stops(3))
+    assert_proved(ladder_of_stops(3), found)
+    assert found is not None and not found.smallest and "A smaller set was not excluded." in str(found)
+
+
+def test_a_linear_program_that_gives_up_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a pivot no certificate is found; None, not a wrong one."""
+    monkeypatch.setattr("rbd.problem.limits.PROGRAM_PIVOTS", 0)
+    monkeypatch.setattr("rbd.problem.limits.PROGRAM_SECONDS", 0.0)
+    assert contradiction(ladder_of_stops(3)) is None
+
+
+def test_forces_of_the_wrong_sign_leave_a_certificate() -> None:
+    """Three stops on one line, 1 + 1e-5, 1 and 1e-6: balance would make the third pull, so the first two are left, even."""
+    P = problem(*(rows(n, [[s]], [-1.0], rbd.NonNegative(1)) for n, s in (("a", 1.0), ("b", -1.0), ("c", 1.0))))
+    z = _polished(conditions_of(P, "convex").fan(), np.array([1.0 + 1e-5, 1.0, 1e-6]), 1.0)
+    assert z[2] == 0.0 and z[0] == pytest.approx(1.0 + 5e-6, abs=1e-12) and abs(z[0] - z[1]) < 1e-15
+    assert not _polished(conditions_of(P, "convex").fan(), np.array([1.0, 0.0, 0.0]), 1.0).any()  # one force cannot balance
 
 
 def test_a_law_that_is_none_is_refused() -> None:
@@ -490,6 +560,51 @@ def test_true_cones_have_a_nearest_motion_too(law: str) -> None:
     apart = (slope * math.sqrt(2.0) - normal) / math.hypot(1.0, slope)
     assert np.linalg.norm(near.violation["floor"]) == pytest.approx(0.5 * apart, abs=1e-9)
     assert np.linalg.norm(near.violation["pull"]) == pytest.approx(0.5 * apart, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.0, 4.0])
+def test_a_true_cone_is_met_where_it_is_not_along_a_first_ray(angle: float) -> None:
+    """Drawn along any direction: rays are added where the cone is sunk into, until the shared distance is the closed form's."""
+    along = np.array([math.cos(angle), math.sin(angle)])
+    P = problem(rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU)), rows("pull", np.eye(3), [*-along, 0.0], rbd.Free(3)))
+    near = rbd.nearest_motion(P, solver=rbd.ADMM(law="convex"))
+    assert_least(P, near)
+    half = 0.5 * MU / math.hypot(1.0, MU)  # from (along, 0) to c_n >= mu |c_t|, shared by two
+    expected = half * np.r_[-MU * along, 1.0] / math.hypot(1.0, MU)
+    assert np.linalg.norm(near.violation["floor"]) == pytest.approx(half, abs=1e-9)
+    # Its conditions hold to 1e-10, and so does its square: of a strictly convex minimum the place is known to the root of that.
+    assert np.linalg.norm(near.violation["floor"] - expected) <= math.sqrt(2e-10)
+
+
+def drawn_along() -> rbd.GaussProblem:
+    """A point on a rough floor that is drawn along it, at a radian from x."""
+    pull = rows("pull", np.eye(3), [-math.cos(1.0), -math.sin(1.0), 0.0], rbd.Free(3))
+    return problem(rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU)), pull)
+
+
+@pytest.mark.parametrize("P", [drawn_along(), squeezed()], ids=["cone", "stops"])
+@pytest.mark.parametrize("way", ["no guess", "cuts", "nothing", "zeros"])
+def test_a_violation_is_judged_by_its_own_conditions(monkeypatch: pytest.MonkeyPatch, way: str, P: rbd.GaussProblem) -> None:
+    """Without its first way the second finds the same; without both, the optimality says that it is not the least."""
+    expected, miss = smallest_violation(P, "convex")
+    assert miss < 1e-9
+    if way == "cuts":
+        monkeypatch.setattr("rbd.analysis.violation.VIOLATION_CUTS", 1)
+    else:
+        monkeypatch.setattr("rbd.analysis.violation.nonnegative", lambda *_: None)
+    if way == "nothing":
+        monkeypatch.setattr("rbd.analysis.violation.qp.attempts", lambda *_, **__: iter(()))
+    elif way == "zeros":
+
+        def at_zero(H: Array, *_: object, **__: object) -> Iterator[QPResult]:
+            yield QPResult(np.zeros(len(H)), np.zeros(P.nv), np.zeros(0), 1)
+
+        monkeypatch.setattr("rbd.analysis.violation.qp.attempts", at_zero)
+    s, optimality = smallest_violation(P, "convex")
+    if way == "no guess" or (way == "cuts" and P.nv == 1):  # stops need no rays
+        assert optimality < 1e-9 and np.abs(s - expected).max() < 1e-9
+    else:
+        assert optimality > 1e-6 and np.abs(s - expected).max() <= 10.0 * optimality
 
 
 def test_weights_that_are_none_are_refused() -> None:

@@ -230,6 +230,22 @@ class TestWork:
         assert r.at_lowest is None and r.at_highest is None and math.isfinite(r.value)
         assert "? .. ?" in str(u) and "not found" in str(u) and "nan" not in str(u)
 
+    def test_whatever_the_work_allowed_an_end_is_right_or_not_found(self, monkeypatch):
+        """From too little for one end to enough for all, along the barrier's path: what is printed is never a wrong number."""
+        monkeypatch.setattr(extent, "_PROXIMAL", ())
+        s = sole()
+        expected = s.uniqueness().contacts["floor"].corners
+        known = []
+        for work in (1e5, 3e6, 1e7, 3e7, 1e8):
+            monkeypatch.setattr("rbd.analysis.uniqueness.ENDS_WORK", work)
+            u = s.uniqueness()
+            for one, full in zip(u.contacts["floor"].corners, expected, strict=True):
+                for found, end in ((one.lowest, full.lowest), (one.highest, full.highest)):
+                    assert math.isnan(found) or found == pytest.approx(end, abs=1e-9)
+            known.append(sum(r.found for r in u.contacts["floor"].corners))
+            assert u.found == (known[-1] == 4)
+        assert known == sorted(known) and known[0] == 0 and 0 < known[-2] < 4 and known[-1] == 4
+
     def test_a_dimension_that_was_not_found_is_told(self, monkeypatch):
         """Without one pivot no linear program tells which planes hold all forces."""
         s = sole()

@@ -61,3 +61,11 @@ def test_an_empty_set_and_no_work_have_no_answer():
     good = cones(1, 0.6, R, np.array([1.0]), np.zeros(3))
     assert least_squares(good)[0] == pytest.approx([0.0, 0.0, 1.0])
     assert least_squares(good, work=Work(0.0)) is None
+
+
+def test_equations_beyond_newtons_method_have_no_answer():
+    """0 y = 1, whose derivative is zero; and a row of 1e80, whose products would leave double precision."""
+    free = np.full(2, np.inf)
+    for R, b in ((np.zeros((1, 2)), 1.0), (np.array([[1e80, 0.0]]), 1e80)):
+        P = Separable(np.ones(2), np.zeros(2), R, np.array([b]), -free, free, np.zeros((0, 3), int), np.zeros(0))
+        assert least_squares(P) is None

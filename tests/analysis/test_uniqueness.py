@@ -10,8 +10,10 @@ import pytest
 from scipy.optimize import linprog
 
 import rbd
+from rbd.analysis.extent import Reach
 from rbd.errors import NoSolution
 from rbd.problem.cones import pyramid
+from rbd.problem.limits import Work
 from rbd.problem.rows import Rows
 from rbd.testing import box
 
@@ -382,3 +384,38 @@ def test_what_is_no_answer_has_no_uniqueness():
     rows = [Rows("one", e, np.zeros(1), rbd.Free(1)), Rows("two", e, np.ones(1), rbd.Free(1))]
     with pytest.raises(NoSolution, match="no answer, and its uniqueness"):
         rbd.solve_problem(rbd.GaussProblem(np.eye(3), np.ones(3), rows), solver=rbd.KKT(), check=False).uniqueness()
+
+
+def test_a_contact_that_happens_to_carry_nothing_is_judged_where_it_carries():
+    """Two soles in one place, all load on the first: the second could take it, anywhere within the sole."""
+    s = pushed([patch(name="one"), patch(name="other")], solver=rbd.ADMM(law="coulomb"))
+    idle = s.uniqueness().contacts["other"].normal.at_lowest
+    assert idle is not None
+    one_carries = replace(s, multipliers=idle.multipliers, weights=idle.weights, chosen_corners=None)
+    other = one_carries.uniqueness().contacts["other"]
+    assert abs(other.normal.value) < 1e-7 and ends(other.normal) == pytest.approx((0.0, 98.1), abs=1e-7)
+    assert other.unique_centre_of_pressure is False
+
+
+def test_walls_that_carry_nothing_but_could_have_no_one_centre_of_pressure():
+    """Opposed smooth walls of four corners each, unpushed: they may squeeze without end, wherever they like."""
+    walls = []
+    for name, side in (("a", -1.0), ("b", 1.0)):
+        X = np.eye(4)
+        X[:3, :3] = np.array([[0.0, 0.0, -side], [0.0, 1.0, 0.0], [side, 0.0, 0.0]])
+        X[:3, 3] = side * 0.2, 0.0, 0.0
+        walls.append(rbd.SurfaceContact(name, "box", half_lengths=(0.05, 0.1), placement=X, friction=0.0))
+    u = pushed([*walls, patch(friction=0.6)], solver=rbd.ADMM(law="coulomb")).uniqueness()
+    for name in ("a", "b"):
+        c = u.contacts[name]
+        assert abs(c.normal.value) < 1e-9 and c.normal.highest == np.inf and c.unique_centre_of_pressure is False
+
+
+def test_what_every_choice_agrees_on_is_reached_as_it_is():
+    """The weight of a box is carried whatever its corners do: its largest value is its value; a corner's is not."""
+    adm = pushed([patch()], solver=rbd.ADMM(law="coulomb"))._admissible
+    reach = Reach(adm, Work(1e12))
+    weight = np.tile([0.0, 0.0, 1.0], 4) @ adm.corners
+    found = reach.largest(weight)
+    assert found.value == pytest.approx(98.1, abs=1e-9) and np.array_equal(found.x, adm.start)
+    assert reach.largest(np.eye(12)[2] @ adm.corners).value == pytest.approx(49.05, abs=1e-7)

@@ -364,6 +364,16 @@ def test_a_stack_of_two_presses_with_its_weight(bodies):
         assert abs(solution.forces["between"][2::3].sum() - 2.0 * GRAVITY) < 1e-8
 
 
+def test_bricks_whose_corners_could_meet_and_do_not_have_no_rows(bodies):
+    """One brick 0.02 m above the other: the balls about them overlap, their faces are apart, and the upper one falls."""
+    pair = rbd.combine(bodies["brick"], bodies["brick"])
+    state = pair.at(pair.q(pin.SE3ToXYZQUAT(placed(0.0, 0.0, 0.17)), pin.SE3ToXYZQUAT(placed(0.0, 0.0, 0.05))))
+    between = CollisionContacts("between", pair, ground=False, pairs=[("a_brick_0", "b_brick")])
+    assert len(between.rows(state)) == 0
+    solution = rbd.solve(state, np.zeros(0), [CollisionContacts("ground", pair), between])
+    assert solution.a[[2, 8]] == pytest.approx([-GRAVITY, 0.0], abs=1e-9)
+
+
 def test_all_pairs_leave_out_neighbours():
     """pairs=True takes all shapes of bodies that no joint connects; a model's own collision pairs go before."""
     solo = rbd.load_robot("solo12")

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from rbd.constraints.convex.closest_points import meeting
-from rbd.constraints.convex.outline import inside, on_edge, outline, overlap
+from rbd.constraints.convex.outlines import inside, on_edge, outline, overlap
 from rbd.constraints.convex.polygon import convex_hull
 from rbd.constraints.convex.reduced import MOST_POINTS, across, spread
 from rbd.constraints.convex.rounds import Ball, Oval, Rim
@@ -58,6 +58,7 @@ def test_the_overlap_of_two_outlines():
 def test_inside_and_on_the_edge():
     """The middle is inside; the edge is not, and says its number."""
     assert inside((0.5, 0.5), SQUARE) and not inside((1.0, 0.5), SQUARE) and not inside((0.5, 0.5), SQUARE[:2])
+    assert on_edge((2.0, 0.0), SQUARE) == on_edge((-0.5, 1.0), SQUARE) == -1  # on the line of an edge, beyond its end
     assert [on_edge(p, SQUARE) for p in ((0.5, 0.0), (1.0, 0.5), (0.5, 1.0), (0.0, 0.5), (0.5, 0.5))] == [0, 1, 2, 3, -1]
 
 
@@ -99,6 +100,34 @@ def test_a_flat_mesh_touches_with_its_corners():
     points = np.array([(x, y, 0.0) for x in (0, 1) for y in (0, 1)], float)
     shape = shape_of(mesh_of(points))
     assert len(shape.low(np.array([0.0, 0.0, 1.0]), 0.1)[0]) == 4 and len(shape.faces) == 0
+
+
+@pytest.mark.parametrize("lean", [0.0, 1e-4])
+def test_a_sheet_lies_on_a_box_with_its_corners(lean):
+    """Turned about y by an angle, 1 mm above: each gap is that of its corner, x tan(lean) from the middle's."""
+    sheet = shape_of(mesh_of(np.array([(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.1, 0.1)])))
+    X = pin.SE3(pin.rpy.rpyToMatrix(0.0, lean, 0.0), np.array([0.0, 0.0, 0.501]))
+    found = meeting(sheet, X, shape_of(coal.Box(1.0, 1.0, 1.0)), pin.SE3.Identity(), 0.01)
+    assert found is not None and np.abs(found.normal - [0.0, 0.0, 1.0]).max() < 1e-3 and len(found.crossings) == 4
+    for crossing in found.crossings:
+        x = crossing.position[0]
+        assert abs(abs(x) - 0.1) < 1e-6 and abs(crossing.gap - (1e-3 - x * np.tan(lean))) < 1e-9
+
+
+def test_shapes_far_apart_do_not_meet():
+    """Half a metre is more than a margin of 0.4 m, and less than one of 0.6 m."""
+    one, other = shape_of(coal.Box(1.0, 1.0, 1.0)), shape_of(coal.Sphere(0.1))
+    above = pin.SE3(np.eye(3), np.array([0.0, 0.0, 1.1]))
+    assert meeting(other, above, one, pin.SE3.Identity(), 0.4) is None
+    near = meeting(other, above, one, pin.SE3.Identity(), 0.6)
+    assert near is not None and [c.gap for c in near.crossings] == pytest.approx([0.5], abs=1e-9)
+
+
+def test_a_coin_that_lies_flat_has_no_lowest_point_that_wanders():
+    """All of its rim is equally low."""
+    rim = Rim(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, slice(0, 0))
+    up, rate = np.array([0.0, 0.0, 1.0]), np.array([0.1, 0.2, 0.0])
+    assert rim.lowest(up) is None and rim.wander(up, rate).tolist() == [0.0, 0.0, 0.0] and not rim.stands(up)
 
 
 SOLIDS = [coal.Box(0.2, 0.3, 0.1), coal.Cylinder(0.1, 0.4), coal.Cone(0.1, 0.4), coal.Capsule(0.1, 0.4)]

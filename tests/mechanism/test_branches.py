@@ -12,7 +12,7 @@ from planar_models import absolute, checked, four_bar, four_bar_angles, six_bar,
 
 import rbd
 from rbd.errors import CannotAssemble
-from rbd.mechanism import branches
+from rbd.mechanism import assemble, branches
 from rbd.mechanism.coordinates import coordinates_of
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -161,6 +161,21 @@ def test_what_is_given_wrong_is_not_taken_for_a_bad_draw():
     robot, _ = four_bar(1.0, 3.0, 2.5, 3.0)
     with pytest.raises(rbd.FrameNotFound, match="coupler_tip"):
         branches(robot, [rbd.LoopClosure("loop", "coupler_tib", "rocker_tip")])
+
+
+def test_constraints_that_ask_for_no_place_are_refused_by_name_and_not_by_what_follows():
+    """A contact that can slip, friction alone, one name twice: each is said, as `assemble` says it."""
+    robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
+    slips = rbd.PointContact("slips", "rocker_tip", friction=0.5, anchor=(0.0, 0.0, 0.0))
+    for given, error, match in (
+        ([*loops, slips], rbd.InputError, "'slips' can slip or break"),
+        ([rbd.JointFriction("rubs", "crank", 1.0)], rbd.InputError, "no constraint says where .*'rubs' resists a motion"),
+        ([*loops, *loops], rbd.DuplicateName, "two constraints are called 'loop'"),
+    ):
+        with pytest.raises(error, match=match):
+            branches(robot, given, fixed={"crank": 0.7}, tries=20)
+        with pytest.raises(error, match=match):
+            assemble(robot, given, np.array([0.7, -0.03, 1.5]))
 
 
 def every_joint() -> rbd.model.checked_model.CheckedModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from linkages import Builder, at, bennett, closed, free, pinned, planar_chain
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, RollingBall, RollingDisk, VelocityConstraint
 from rbd.mechanism import integrability
-from rbd.mechanism.brackets import ad, brackets, derivative
+from rbd.mechanism.frobenius import ad, brackets, derivative
 from rbd.mechanism.held import Held
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -59,6 +60,11 @@ class TestBrackets:
         np.testing.assert_allclose(found, [np.sin(0.7), -np.cos(0.7), 0.0], atol=1e-12)
         rise = derivative(held, fields, q, np.array([0.0, 0.0, 2.0]))[:, 0]
         np.testing.assert_allclose(rise, [-2.0 * np.sin(0.7), 2.0 * np.cos(0.7), 0.0], atol=1e-11)
+
+    def test_along_no_direction_nothing_changes(self):
+        """The derivative along zero is zero, of fields that vary."""
+        held = Held(rbd.State(free(X()), np.zeros(1)), [])
+        assert not derivative(held, lambda q: np.array([[np.sin(q[0]) + 1.0]]), np.array([0.3]), np.zeros(1)).any()
 
     def test_the_jacobi_identity_holds_two_deep(self, rng: np.random.Generator):
         """[X, [Y, Z]] + [Y, [Z, X]] + [Z, [X, Y]] = 0 for fields that vary, on a floating base."""
@@ -296,3 +302,29 @@ class TestPoints:
         found = integrability(free(X(), TURN()), [JointLock("lock", "j1", position=0.7)])
         np.testing.assert_allclose(found.points[:, 1], 0.7, atol=1e-12)
         assert found.growth == (1,)
+
+    def test_what_is_held_altogether_goes_nowhere(self):
+        """A hinge whose rate is held: no freedom of velocity, none of configuration."""
+        found = integrability(free(TURN()), [VelocityConstraint("held", [1.0])])
+        assert found.growth == (0,) and found.holonomic and found.configuration_dof == 0 and found.reports[0].regular
+
+    @pytest.mark.parametrize(("limit", "value", "growth"), [("_DEEPEST", 1, (2, 3)), ("_EVALUATIONS", 20, (2, 3))])
+    def test_a_growth_that_was_cut_short_says_so(self, monkeypatch: pytest.MonkeyPatch, limit: str, value: int, growth: object):
+        """A rolling disk grows (2, 3, 4): with one bracket, or work for one, it is not said to reach no more than three."""
+
+        def rolls(q: np.ndarray) -> np.ndarray:
+            return np.array([[1.0, 0.0, 0.0, -0.3 * np.cos(q[2])], [0.0, 1.0, 0.0, -0.3 * np.sin(q[2])]])
+
+        disk = free(X(), Y(), TURN(), TURN())
+        assert integrability(disk, [VelocityConstraint("rolls", rolls)]).growth == (2, 3, 4)
+        monkeypatch.setattr(sys.modules["rbd.mechanism.integrability"], limit, value)
+        found = integrability(disk, [VelocityConstraint("rolls", rolls)])
+        assert found.growth == growth and not found.complete
+        assert "it was still growing" in str(found)
+
+    def test_draws_where_a_rank_changes_nearby_are_left_out(self):
+        """A row that comes and goes every hundredth of a radian, zero or one: only points where it holds are looked at."""
+        row = VelocityConstraint("comb", lambda q: np.array([float(np.floor(100.0 * q[0]) % 2.0), 0.0]))
+        found = integrability(free(TURN(), TURN()), [row], seed=1)
+        assert len(found.reports) == 3 and all(r.rank == 1 and r.regular for r in found.reports)
+        assert all(np.floor(100.0 * q[0]) % 2.0 == 1.0 for q in found.points)

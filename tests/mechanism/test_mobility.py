@@ -25,6 +25,8 @@ from linkages import (
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, LoopClosure
 from rbd.mechanism import mobility
+from rbd.mechanism.finite import _regular
+from rbd.mechanism.held import Held
 
 NORTON = (40.0, 120.0, 80.0, 100.0)
 
@@ -302,6 +304,23 @@ class TestFiniteMotionOfSurfaces:
         """X^2 + y^2 + z^2 = 0."""
         found = surface(lambda q: [q @ q], lambda q: 2.0 * q, 3)
         assert (found.instantaneous, found.finite, found.branches) == (3, 0, ())
+
+    def test_two_points_beside_each_other_are_points(self):
+        """X^2 (x - 0.1) = 0: what is found a step away stands alone there, so nothing moves."""
+        found = surface(lambda q: [q[0] ** 2 * (q[0] - 0.1)], lambda q: [3.0 * q[0] ** 2 - 0.2 * q[0]], 1)
+        assert (found.instantaneous, found.finite, found.branches) == (1, 0, ())
+
+    def test_a_point_where_two_planes_meet_is_looked_at_beside(self):
+        """X y z = 0 on the x axis has no rank; a step off, on one plane, it has one, and two freedoms."""
+        robot = free(pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ())
+        phi = FunctionConstraint(
+            "phi", lambda q: [q[0] * q[1] * q[2]], jacobian=lambda q: np.array([[q[1] * q[2], q[0] * q[2], q[0] * q[1]]])
+        )
+        q = np.array([0.5, 0.0, 0.0])
+        held = Held(rbd.State(robot, q), [phi])
+        point, tangent = _regular(held, held.at(q), np.random.default_rng(0))
+        off = np.sort(np.abs(point.q))
+        assert off[0] < 1e-7 < off[1] and tangent.shape == (3, 2)
 
     def test_a_platform_on_six_legs_moves_if_it_is_similar_to_its_base(self):
         """Two regular hexagons, leg to leg: with six legs of one length it screws up and down; otherwise six legs hold it."""

@@ -13,6 +13,7 @@ import sympy
 from rbd.errors import InputError
 from rbd.planar.angles import CONVENTIONS
 from rbd.planar.chain import Chain
+from rbd.planar.urdf import to_robot
 
 MARK_MS = 20.0
 ASKED = {"position": 1, "velocity": 2, "acceleration": 3, "jerk": 4, "jacobian": 1, "jacobian_rate": 2}
@@ -67,7 +68,7 @@ def test_any_number_of_links_moves_as_its_position_does(n, word):
 def test_pinocchio_moves_the_end_point_alike(n):
     """Position, velocity, classical acceleration and Jacobian of the exported robot's end, in its x-z plane."""
     chain = chain_of(n)
-    robot = chain.robot(masses=[1.0] * n)
+    robot = to_robot(chain, masses=[1.0] * n)
     model, data = robot.model, robot.model.createData()
     end, axes = model.getFrameId("end"), [0, 2]
     for q, qd, qdd in motion_of(n, 5)[:3].swapaxes(0, 1):

@@ -5,16 +5,17 @@ from __future__ import annotations
 import time
 from functools import cache
 
+import lagrange
 import numpy as np
 import pytest
 import scipy.linalg
 import sympy as sp
 
 from rbd.errors import InputError, SingularInertia
-from rbd.planar import lagrange
 from rbd.planar.bodies import bodies_of
 from rbd.planar.chain import Chain
-from rbd.planar.dynamics import Dynamics, dynamics
+from rbd.planar.equations_of_motion import Dynamics, dynamics
+from rbd.planar.urdf import to_robot
 
 ANGLES = ("joint", "segment", "vertical")
 m, L, g = sp.symbols("m L g", positive=True)
@@ -281,7 +282,7 @@ def test_symbols_that_are_left_are_named():
     """Numbers are asked of symbols: all of them are named, and how to put numbers in."""
     dyn = dynamics(Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0], inertias=[0.1, 0.1])
     zero = np.zeros(2)
-    for ask in (lambda: dyn.forward(zero, zero), lambda: dyn.inverse(zero, zero, zero), dyn.robot):
+    for ask in (lambda: dyn.forward(zero, zero), lambda: dyn.inverse(zero, zero, zero), lambda: to_robot(dyn)):
         with pytest.raises(InputError, match=r"still symbols: d_1, d_2, g\. .*subs\(|still symbols: d_1, d_2, g\. .*values="):
             ask()
     with pytest.raises(InputError, match="d_1"):
@@ -348,13 +349,6 @@ def test_a_posture_is_n_angles(posture):
     """Small motion is about n finite angles that do not move."""
     with pytest.raises(InputError):
         dynamics(Chain(2)).linearised(posture)
-
-
-def test_lagrange_wants_functions_of_time():
-    """A plain symbol has no rate: it is refused and not taken for a constant."""
-    x, t = sp.symbols("x t")
-    with pytest.raises(InputError, match="no function of t"):
-        lagrange.euler_lagrange(x**2, x, sp.Matrix([x]), t)
 
 
 def test_bodies_are_what_they_are_called():

@@ -66,6 +66,7 @@ CASES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         planar.inverse,
         {"chain": planar.Chain(3, lengths=[0.5, 0.4, 0.3]), "target": [0.6, 0.2], "start": [0.1, 0.2, 0.3]},
     ),
+    "inverse_formulas": (planar.inverse_formulas, {"chain": ARM, "x": X, "y": None}),
     "inverse_path": (
         planar.inverse_path,
         {"chain": ARM, "points": np.array([[0.6, 0.2], [0.6, 0.21]]), "start": None, "branch": 0, "check": True},
@@ -78,11 +79,16 @@ CASES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     ),
     "minimum_jerk": (planar.minimum_jerk, {"start": [1.0, 0.0], "stop": [0.5, 0.5], "duration": 1.0}),
     "robot_coordinates": (planar.robot_coordinates, {"chain": ARM}),
+    "to_robot": (
+        planar.to_robot,
+        {"chain": ARM, "masses": [1.0, 2.0], "lengths": None, "bodies": "rods", "plane": None, "values": None, "name": "arm"},
+    ),
+    "to_robot, dynamics": (planar.to_robot, {"chain": planar.dynamics(ARM, masses=[1, 2], bodies="rods", gravity=0)}),
     "to_urdf": (
         planar.to_urdf,
         {"chain": ARM, "masses": [1.0, 2.0], "lengths": None, "centres": None, "inertias": None, "plane": "xz", "name": "arm"},
     ),
-    "words": (planar.words, {"chain": ARM, "pinned": None}),
+    "classify": (planar.classify, {"chain": ARM, "pinned": None}),
     "Chain.position": (ARM.position, {"i": 1}),
     "Chain.jacobian": (ARM.jacobian, {"i": 1}),
     "Chain.split": (ARM.split, {"i": 1}),

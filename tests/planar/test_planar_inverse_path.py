@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rbd.errors import InputError, SingularPose
-from rbd.planar import Chain
+from rbd.planar import Chain, inverse_path, joint_rates
 
 HALF = (0.5, 0.5)
 
@@ -33,7 +33,7 @@ class TestPaths:
         chain = Chain(2, lengths=HALF)
         _, points, *_ = minimum_jerk((-0.5, 0.5), (0, np.sqrt(0.5)), 101)
         for branch, ends in ((0, [(90, 90), (45, 90)]), (1, [(180, -90), (135, -90)])):
-            path = chain.inverse_path(points, branch=branch)
+            path = inverse_path(chain, points, branch=branch)
             assert np.degrees(path.q[[0, -1]]) == pytest.approx(np.array(ends, dtype=float))
             assert path.reachable.all() and not path.singular.any() and path.note == "" and len(path) == 101
 
@@ -44,7 +44,7 @@ class TestPaths:
         chain = Chain(n, lengths=np.full(n, 1.0 / n), angles=angles)
         w = np.linspace(0.0, 6 * np.pi, 400)
         points = (1.0 if n == 1 else 0.7) * np.stack([np.cos(w), np.sin(w)], axis=1)
-        path = chain.inverse_path(points)
+        path = inverse_path(chain, points)
         assert np.abs(np.diff(path.q, axis=0)).max() < 0.2
         assert np.abs(chain.numeric.position(path.q) - points).max() < 1e-12
         if n < 3:
@@ -54,7 +54,7 @@ class TestPaths:
     def test_through_the_base_the_elbow_goes_on_turning(self, samples: int):
         """On a line through the base cos(theta_1) = -+x and theta_2 passes 180 deg: staying would turn link 1 about at once."""
         x = np.linspace(-0.8, 0.8, samples)
-        path = Chain(2, lengths=HALF).inverse_path(np.stack([x, 0 * x], axis=1))
+        path = inverse_path(Chain(2, lengths=HALF), np.stack([x, 0 * x], axis=1))
         assert path.q[:, 0] == pytest.approx(np.arccos(x)) and path.q[:, 1] == pytest.approx(2 * (np.pi - np.arccos(x)))
         assert len(path.switches) == 1 and "other branch" in path.note
 
@@ -62,22 +62,22 @@ class TestPaths:
         """R = cos(b/2), direction b/2: theta_1 = 0 and theta_2 = b, smooth through the stretched pose."""
         b = np.linspace(-1.0, 1.0, 201)
         points = np.cos(b / 2)[:, None] * np.stack([np.cos(b / 2), np.sin(b / 2)], axis=1)
-        path = Chain(2, lengths=HALF).inverse_path(points, branch=1)
+        path = inverse_path(Chain(2, lengths=HALF), points, branch=1)
         assert path.q == pytest.approx(np.stack([0 * b, b], axis=1), abs=1e-7)
         assert path.singular[100] and "sample 100" in path.note
 
     def test_stretching_out_and_back_keeps_the_branch(self):
         """At rest at the edge there is no kink to avoid."""
         _, points, *_ = minimum_jerk((0.5, 0.5), (1, 0), 101)
-        path = Chain(2, lengths=HALF).inverse_path(np.vstack([points, points[-2::-1]]))
+        path = inverse_path(Chain(2, lengths=HALF), np.vstack([points, points[-2::-1]]))
         assert path.switches == () and path.q == pytest.approx(path.q[::-1], abs=1e-12)
 
     def test_leaving_the_reach_is_told_where_and_by_how_much(self):
         """An error naming the first sample; or the nearest points, with a note."""
         chain, points = Chain(2, lengths=HALF), np.array([[0.9, 0.0], [1.0, 0.0], [1.25, 0.0], [1.5, 0.0]])
         with pytest.raises(InputError, match=r"sample 2 of 4.*by 0.25 m.*2 samples.*sample 3, by 0.5 m"):
-            chain.inverse_path(points)
-        path = chain.inverse_path(points, check=False)
+            inverse_path(chain, points)
+        path = inverse_path(chain, points, check=False)
         assert path.reachable.tolist() == [True, True, False, False] and path.distance == pytest.approx([0, 0, 0.25, 0.5])
         assert path.q[2:] == pytest.approx(np.zeros((2, 2)), abs=1e-12) and "sample 2" in path.note
 
@@ -86,7 +86,7 @@ class TestPaths:
         w = np.linspace(0.0, 20.0, 100_000)
         points = np.stack([0.5 * np.cos(w), 0.3 * np.sin(1.3 * w) + 0.3], axis=1)
         chain = Chain(2, lengths=HALF)
-        assert np.abs(chain.numeric.position(chain.inverse_path(points).q) - points).max() < 1e-12
+        assert np.abs(chain.numeric.position(inverse_path(chain, points).q) - points).max() < 1e-12
 
     @pytest.mark.parametrize(
         "wrong", [{"points": (1, 0)}, {"points": [(1, np.nan)]}, {"branch": 2}, {"branch": True}, {"start": (1,)}]
@@ -94,7 +94,7 @@ class TestPaths:
     def test_bad_input(self, wrong):
         """Each argument is named."""
         with pytest.raises(InputError, match=next(iter(wrong))):
-            Chain(2, lengths=HALF).inverse_path(**{"points": [(0.5, 0.5)], **wrong})
+            inverse_path(Chain(2, lengths=HALF), **{"points": [(0.5, 0.5)], **wrong})
 
 
 class TestRates:
@@ -106,8 +106,8 @@ class TestRates:
         chain, worst = Chain(n, lengths=np.full(n, 0.5)), []
         for samples in (101, 201):
             t, points, v, a, j = minimum_jerk((-0.5, 0.5), (0, 0.7), samples)
-            q = chain.inverse_path(points).q
-            rates = chain.joint_rates(q, v, a, j)
+            q = inverse_path(chain, points).q
+            rates = joint_rates(chain, q, v, a, j)
             pairs = ((q, rates.qd), (rates.qd, rates.qdd), (rates.qdd, rates.qddd))
             worst.append([np.abs((x[2:] - x[:-2]) / (t[2] - t[0]) - y[1:-1]).max() for x, y in pairs])
         assert np.array(worst[0]) / worst[1] == pytest.approx([4, 4, 4], rel=0.12) and max(worst[1]) < 0.02
@@ -121,7 +121,7 @@ class TestRates:
             rng.uniform(-1.0, 1.0, (20, n)) + 1.2 * (np.arange(n) if k == 0 and angles != "joint" else 0.6) for k in range(4)
         ]
         motion = [getattr(chain.numeric, name)(*drawn[: k + 2]) for k, name in enumerate(("velocity", "acceleration", "jerk"))]
-        found = chain.joint_rates(drawn[0], *motion)
+        found = joint_rates(chain, drawn[0], *motion)
         again = [
             chain.numeric.velocity(drawn[0], found.qd),
             chain.numeric.acceleration(drawn[0], found.qd, found.qdd),
@@ -140,18 +140,18 @@ class TestRates:
         """Stretched out at t = 0: theta_2'' is 1.5 sqrt(10/t) there, without bound; told at sample 0, or NaN there only."""
         chain = Chain(2, lengths=HALF)
         t, points, v, a, j = minimum_jerk((1, 0), (0.5, 0.5), 10_001)
-        path = chain.inverse_path(points)
+        path = inverse_path(chain, points)
         assert path.singular.tolist().count(True) == 1 and path.singular[0] and np.degrees(path.q[-1]) == pytest.approx([0, 90])
         with pytest.raises(SingularPose, match="sample 0 of 10001"):
-            chain.joint_rates(path.q, v, a, j)
-        rates = chain.joint_rates(path.q, v, a, j, at_singular="nan")
+            joint_rates(chain, path.q, v, a, j)
+        rates = joint_rates(chain, path.q, v, a, j, at_singular="nan")
         assert np.isnan(rates.qdd[0]).all() and np.isfinite(rates.qddd[1:]).all()
         # Near the start r = 1 - 5 t^3 and r = 1 - theta_2^2/8: theta_2 = sqrt(40 t^3), theta_2'' = 1.5 sqrt(10/t).
         assert rates.qdd[1:20, 1] == pytest.approx(1.5 * np.sqrt(10 / t[1:20]), rel=1e-2)
 
     def test_one_sample_and_what_was_not_asked(self):
         """Vectors in, vectors out; no acceleration in, none out."""
-        rates = Chain(2, lengths=HALF).joint_rates((0, np.pi / 2), (-0.5, 0))
+        rates = joint_rates(Chain(2, lengths=HALF), (0, np.pi / 2), (-0.5, 0))
         assert rates.qd == pytest.approx([0, 1])
         assert rates.qd.shape == (2,) and rates.qdd.size == 0 and not rates.singular
 
@@ -159,10 +159,10 @@ class TestRates:
         """V along the radius, or a without the centripetal part."""
         chain = Chain(1, lengths=[2])
         with pytest.raises(InputError, match="velocity at sample 0"):
-            chain.joint_rates([0.0], (1, 2))
+            joint_rates(chain, [0.0], (1, 2))
         with pytest.raises(InputError, match="acceleration"):
-            chain.joint_rates([0.0], (0, 2), (0, 0))
-        assert chain.joint_rates([0.0], (0, 2), (-2, 3)).qdd == pytest.approx([1.5])
+            joint_rates(chain, [0.0], (0, 2), (0, 0))
+        assert joint_rates(chain, [0.0], (0, 2), (-2, 3)).qdd == pytest.approx([1.5])
 
     @pytest.mark.parametrize(
         ("arguments", "word"),
@@ -177,4 +177,4 @@ class TestRates:
     def test_bad_input(self, arguments, word):
         """Each argument is named."""
         with pytest.raises(InputError, match=word):
-            Chain(2, lengths=HALF).joint_rates(**{"q": (0, 1), "velocity": (1, 0), **arguments})
+            joint_rates(Chain(2, lengths=HALF), **{"q": (0, 1), "velocity": (1, 0), **arguments})

@@ -7,8 +7,10 @@ import pytest
 import sympy
 
 from rbd.errors import InputError, SingularPose
-from rbd.planar import Chain, endpoint_motion, minimum_jerk
-from rbd.planar.modes import Linearised
+from rbd.planar import Chain, Linearised, constrained, endpoint_motion, inverse, inverse_path, minimum_jerk, motion
+from rbd.planar.arm import arm_of
+from rbd.planar.redundant import _reach, _settle
+from rbd.planar.relations import newton
 
 THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
 
@@ -21,17 +23,17 @@ def test_a_chain_folded_through_the_base_stays_near_its_start():
     chain = Chain(3, lengths=(2.0, 1.0, 1.0))
     for angle in (-2.0, 0.3, 1.1):
         start = np.array([angle, np.pi, 0.0])
-        found = chain.inverse((0.0, 0.0), start=start)
+        found = inverse(chain, (0.0, 0.0), start=start)
         assert "folded" in found.note and np.abs(found.q - start).max() < 1e-12
-        bent = chain.inverse((0.0, 0.0), start=start + [0.0, 0.05, -0.05])
+        bent = inverse(chain, (0.0, 0.0), start=start + [0.0, 0.05, -0.05])
         assert np.abs(chain.numeric.position(bent.q)).max() < 1e-12 and abs(bent.q[0] - angle) < 0.1
 
 
 def test_an_answer_is_printed_in_degrees():
     """Both branches of two links; what is out of reach is said in words."""
     chain = Chain(2, lengths=(0.5, 0.5))
-    assert str(chain.inverse((0.0, 0.5 * np.sqrt(3.0)))) == "(0, 0.866025) m: (60, 60) deg or (120, -60) deg"
-    beyond = chain.inverse((3.0, 0.0))
+    assert str(inverse(chain, (0.0, 0.5 * np.sqrt(3.0)))) == "(0, 0.866025) m: (60, 60) deg or (120, -60) deg"
+    beyond = inverse(chain, (3.0, 0.0))
     assert str(beyond) == beyond.note and "out of reach" in beyond.note
     with pytest.raises(InputError, match="out of reach"):
         _ = beyond.q
@@ -40,7 +42,7 @@ def test_an_answer_is_printed_in_degrees():
 def test_a_path_too_coarse_to_follow_is_told():
     """Samples half a turn apart: three links go from pose to pose, each on the path, and two notes ask for finer samples."""
     points = 0.6 * np.array([[1.0, 0.0], [-0.9, 0.1], [1.0, -0.05], [0.0, 0.02], [-1.0, 0.0]])
-    path = THREE.inverse_path(points)
+    path = inverse_path(THREE, points)
     assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12
     assert "jump to another pose at sample" in path.note and "sample the path more finely to be sure" in path.note
 
@@ -49,6 +51,36 @@ def test_the_note_of_a_split_says_where_the_coriolis_part_comes_from():
     """Joint angles add up along the chain, so that products of two rates remain; segment angles do not."""
     assert "products of two rates remain" in Chain(2).split().note
     assert "no product of two rates" in Chain(2, angles="segment").split().note
+
+
+def test_a_path_from_the_stretched_pose_inwards_is_followed():
+    """In line there is no null space half-way: the first step is a pose anew, and every sample is on the path."""
+    points = np.linspace([1.0, 0.0], [0.9, 0.0], 21)
+    path = THREE.inverse_path(points)
+    assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12
+    assert np.abs(path.q[0]).max() < 1e-7 and np.abs(np.diff(path.q[1:], axis=0)).max() < 0.2
+
+
+def test_poses_on_the_family_that_cannot_be_bettered_are_returned_and_no_minimum_is_claimed():
+    """In line the family has no tangent, and without a step none is taken: the pose stays where it is."""
+    arm, q0 = arm_of(THREE), np.array([0.1, 0.2, 0.3])
+    for q in (np.zeros(3), np.array([0.4, -0.7, 1.1])):
+        kept, minimum = _settle(arm, arm.end(q), q0, q, most=60 if not q.any() else 0)
+        assert np.array_equal(kept, q) and not minimum
+
+
+def test_a_target_is_not_reached_in_fewer_steps_than_it_takes():
+    """Levenberg's method: none after one step, there after a hundred."""
+    arm, target = arm_of(THREE), np.array([0.2, 0.5])
+    assert _reach(arm, target, np.array([2.0, 0.5, 0.5]), most=1) is None
+    there = _reach(arm, target, np.array([2.0, 0.5, 0.5]))
+    assert there is not None and np.abs(arm.end(there) - target).max() < 1e-14
+
+
+def test_newtons_method_ends_where_a_root_is_too_flat():
+    """A root of order 20 from 1e3: each step takes 1/20 of the way; after 80 the misfit is told, not the root."""
+    s, misfit = newton(lambda s: (s**20, np.diag(20.0 * s**19)), np.array([1e3]))
+    assert s[0] == pytest.approx(1e3 * 0.95**80, rel=1e-9) and misfit == pytest.approx(s[0] ** 20)
 
 
 # ------------------------------------------------------------------------------------------------------------ motions
@@ -63,6 +95,24 @@ def test_an_end_point_that_stays_keeps_all_angles():
         assert np.abs(still.q - still.q[0]).max() < 1e-12 and still.note == ""
         with pytest.raises(SingularPose, match="in line at every sample"):
             endpoint_motion(chain, minimum_jerk((1.0, 0.0), (1.0, 0.0), 1.0))
+
+
+def test_a_path_from_a_pose_nearly_in_line_ends_with_its_place_or_is_followed(monkeypatch):
+    """Links 0.5, 0.3, 0.2 m folded onto the base: a milliradian from the line it is followed, a microradian it is told."""
+    chain = Chain(3, lengths=(0.5, 0.3, 0.2))
+
+    def begun(bend: float) -> np.ndarray:
+        start = np.array([0.0, np.pi + bend, -2.0 * bend])
+        here = chain.numeric.position(start)
+        return endpoint_motion(chain, minimum_jerk(here, here - [0.1, 0.0], 1.0), start=start).q
+
+    monkeypatch.setattr(motion, "MOST_RATES", 4_000)  # a few seconds, where the limit itself takes more
+    end = chain.numeric.position(begun(0.01)[-1])
+    assert end == pytest.approx(chain.numeric.position(np.array([0.0, np.pi + 0.01, -0.02])) - [0.1, 0.0], abs=1e-9)
+    with pytest.raises(SingularPose, match=r"into line, or nearly, .* at about 0.000\d+ s. Begin near other angles"):
+        begun(1e-6)
+    with pytest.raises(SingularPose, match="into line, or nearly, on the way"):
+        begun(0.0)
 
 
 def test_a_path_that_begins_along_the_edge_has_bounded_accelerations():
@@ -95,27 +145,27 @@ class TestRelations:
         """Whether SymPy sees it or only numbers do."""
         x = sympy.Symbol("x")
         with pytest.raises(InputError, match="holds always"):
-            self.CHAIN.constrained(sympy.sin(x) ** 2 + sympy.cos(x) ** 2 - 1)
+            constrained(self.CHAIN, sympy.sin(x) ** 2 + sympy.cos(x) ** 2 - 1)
         A, B = self.A, self.B
         hidden = sympy.sin(A + B) - sympy.sin(A) * sympy.cos(B) - sympy.cos(A) * sympy.sin(B)
         with pytest.raises(InputError, match="says nothing new: it follows from an identity"):
-            self.CHAIN.constrained(hidden)
+            constrained(self.CHAIN, hidden)
 
     def test_more_relations_than_angles_contradict(self):
         """Three conditions on two angles."""
         A, B = self.A, self.B
         relations = [sympy.sin(A) * B - 1, sympy.cos(B) * A - sympy.Rational(1, 3), sympy.sin(A + B) - B**2]
         with pytest.raises(InputError, match="3 relations are left for 2 angles"):
-            self.CHAIN.constrained(relations)
+            constrained(self.CHAIN, relations)
 
     def test_a_branch_without_real_angles_is_refused(self):
         """A^2 + B^2 = -1 has complex solutions alone."""
         with pytest.raises(InputError, match="could not be solved for an angle"):
-            self.CHAIN.constrained(self.A**2 + self.B**2 + 1, branch=0)
+            constrained(self.CHAIN, self.A**2 + self.B**2 + 1, branch=0)
 
     def test_a_relation_without_values_at_some_angles_is_satisfied_where_it_has_some(self):
         """sqrt(A - 1) = B is real for A >= 1 only: poses are found there."""
-        held = self.CHAIN.constrained(sympy.sqrt(self.A - 1) + self.B**3 - 2)
+        held = constrained(self.CHAIN, sympy.sqrt(self.A - 1) + self.B**3 - 2)
         q = held.project([2.0, 1.0])
         assert abs(np.sqrt(q[0] - 1.0) + q[1] ** 3 - 2.0) < 1e-12
         with pytest.raises(InputError, match=r"q has shape \(3,\)"):
@@ -124,7 +174,7 @@ class TestRelations:
     def test_angles_may_be_given_as_a_column(self):
         """A SymPy matrix of numbers is a list of them."""
         start = sympy.Matrix([sympy.pi / 4, sympy.Rational(1, 2)])
-        one, other = (self.CHAIN.inverse((0.3, 0.6), start=q) for q in (start, [float(x) for x in start]))
+        one, other = (inverse(self.CHAIN, (0.3, 0.6), start=q) for q in (start, [float(x) for x in start]))
         assert np.array_equal(one.q, other.q)
 
 
@@ -159,4 +209,4 @@ def test_the_angle_with_a_number_for_its_coefficient_is_solved_for():
     chain, p = Chain(2, lengths=(0.5, 0.4)), sympy.Symbol("p", positive=True)
     A, B = chain.q
     for relation, free in ((p * A + B - 1, A), (A + p * B - 1, B), (A + 2 * B - 1, A)):
-        assert list(chain.constrained(relation).free) == [free]
+        assert list(constrained(chain, relation).free) == [free]

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 import rbd
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.planar.chain import Chain
-from rbd.planar.dynamics import dynamics
-from rbd.planar.urdf import robot, robot_coordinates, to_urdf
+from rbd.planar.equations_of_motion import dynamics
+from rbd.planar.urdf import robot_coordinates, to_robot, to_urdf
 
 ANGLES = ("joint", "segment", "vertical")
 PLANES = {"xz": (9.81, [0, 2]), "xy": (0, [0, 1])}
@@ -39,7 +39,7 @@ def test_lagranges_equations_are_pinocchios(n: int, angles: str, plane: str):
     rng = np.random.default_rng(100 * n + len(angles))
     gravity, _ = PLANES[plane]
     dyn = dynamics(Chain(n, lengths=rng.uniform(0.2, 1.5, n).round(3), angles=angles), gravity=gravity, **drawn(n, rng))
-    made, to = dyn.robot(), robot_coordinates(dyn.chain)
+    made, to = to_robot(dyn), robot_coordinates(dyn.chain)
     A = to.rates_to_robot(np.eye(n)).T
     terms = (dyn.M, dyn.C, dyn.christoffel, dyn.g, dyn.T, dyn.V)
     M, C, G, g, T, V = (dyn.function(term) for term in terms)
@@ -66,7 +66,7 @@ def test_lagranges_equations_are_pinocchios(n: int, angles: str, plane: str):
 def test_the_frame_end_is_the_end_point(angles: str, plane: str):
     """Position and velocity of the frame `end`, and of each link's frame: x to the right, y up or along y."""
     chain = Chain(3, lengths=[0.5, 0.4, 0.3], angles=angles)
-    made, to = robot(chain, masses=[1, 1, 1], plane=plane), robot_coordinates(chain)
+    made, to = to_robot(chain, masses=[1, 1, 1], plane=plane), robot_coordinates(chain)
     q, qd = np.random.default_rng(2).uniform(-3.0, 3.0, (2, 3))
     state, (_, axes) = made.at(to.to_robot(q), to.rates_to_robot(qd)), PLANES[plane]
     assert differ(state.frame("end").X_WF.translation[axes], chain.numeric.position(q)) < 1e-14
@@ -82,7 +82,7 @@ def test_a_swinging_pendulum_is_that_of_rbd_simulate():
     chain = Chain(2, lengths=[1.0, 0.8], angles="vertical")
     dyn = dynamics(chain, masses=[1.0, 0.7], bodies="rods", gravity=9.81)
     to, start = robot_coordinates(chain), np.array([1.2, -0.6, 0.3, -1.0])
-    state = dyn.robot().at(to.to_robot(start[:2]), to.rates_to_robot(start[2:]))
+    state = to_robot(dyn).at(to.to_robot(start[:2]), to.rates_to_robot(start[2:]))
     moved = rbd.simulate(state, duration=1.0, step=5e-4, integrator=rbd.RungeKutta4(), record_every=200, progress=False)
     exact = solve_ivp(
         lambda t, x: np.concatenate([x[2:], dyn.forward(x[:2], x[2:])]),
@@ -99,7 +99,7 @@ def test_rbd_solve_gives_the_accelerations_of_forward_dynamics():
     chain = Chain(2, lengths=[0.5, 0.5], angles="segment")
     dyn, to = dynamics(chain, masses=[2.0, 1.0], bodies="rods", gravity=9.81), robot_coordinates(chain)
     q, qd, tau = np.array([0.3, 1.2]), np.array([1.0, -2.0]), np.array([3.0, 0.5])
-    solution = rbd.solve(dyn.robot().at(to.to_robot(q), to.rates_to_robot(qd)), to.torques_to_robot(tau))
+    solution = rbd.solve(to_robot(dyn).at(to.to_robot(q), to.rates_to_robot(qd)), to.torques_to_robot(tau))
     assert differ(to.rates_from_robot(solution.a), dyn.forward(q, qd, tau)) < 1e-12
 
 
@@ -120,8 +120,8 @@ def test_the_robot_is_sound_and_its_q_are_angles():
     """No complaint of the doctor; joints with motors, by name; turns are kept, as limits are far away."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", ModelWarning)
-        made = robot(Chain(3), lengths=[0.5, 0.4, 0.3], masses=[1.0, 1.0, 1.0], name="arm")
-        robot(Chain(2, lengths=[1, 1]), masses=[1, 1], bodies="points")  # point masses were asked for: no warning
+        made = to_robot(Chain(3), lengths=[0.5, 0.4, 0.3], masses=[1.0, 1.0, 1.0], name="arm")
+        to_robot(Chain(2, lengths=[1, 1]), masses=[1, 1], bodies="points")  # point masses were asked for: no warning
     assert rbd.doctor(made).ok and not rbd.doctor(made).warnings
     assert (made.name, made.nq, made.nv, made.nu, made.root) == ("arm", 3, 3, 3, "fixed")
     assert list(made.actuated_names) == ["joint_1", "joint_2", "joint_3"]
@@ -147,13 +147,13 @@ def test_values_take_the_place_of_symbols():
     chain = Chain(2)
     text = to_urdf(chain, values={chain.lengths[0]: 0.5, "ell_2": 0.25, "m_1": 1.0, "m_2": 2.0})
     assert text == to_urdf(chain.with_lengths([0.5, 0.25]), masses=[1.0, 2.0])
-    made = dynamics(Chain(1), gravity=0).robot(values={"ell_1": 1, "m_1": 1, "d_1": 1, "I_1": 0.1})
+    made = to_robot(dynamics(Chain(1), gravity=0), values={"ell_1": 1, "m_1": 1, "d_1": 1, "I_1": 0.1})
     assert made.at().M.item() == pytest.approx(1.1)
 
 
 def test_point_masses_weigh_as_points():
     """It is m L^2 about the base, exactly."""
-    assert robot(Chain(1, lengths=[2.0]), masses=[3.0], bodies="points").at().M.tolist() == [[12.0]]
+    assert to_robot(Chain(1, lengths=[2.0]), masses=[3.0], bodies="points").at().M.tolist() == [[12.0]]
 
 
 @pytest.mark.parametrize(("given", "told"), [
@@ -165,7 +165,7 @@ def test_point_masses_weigh_as_points():
     ({"lengths": [1], "masses": [1, 1]}, "lengths has 1 entries"),
     ({"lengths": [1, 1], "masses": [1, np.nan]}, "finite"),
     ({"lengths": [1, 1], "masses": [1, 1], "plane": "yz"}, "plane"),
-    ({"lengths": [1, 1], "masses": [1, 1], "plane": None}, "plane"),
+    ({"lengths": [1, 1], "masses": [1, 1], "plane": 2}, "plane"),
     ({"lengths": [1, 1], "masses": [1, 1], "name": "<a>"}, "name"),
     ({"lengths": [1, 1], "masses": [1, 1], "name": "../a"}, "name"),
     ({"lengths": [1, 1], "masses": [1, 1], "values": {"x": 1.0}}, "no symbol"),
@@ -176,13 +176,19 @@ def test_what_makes_no_file_is_refused(given: dict, told: str):
     with pytest.raises(InputError, match=told):
         to_urdf(Chain(2), **given)
     with pytest.raises(InputError, match=told):
-        robot(Chain(2), **given)
+        to_robot(Chain(2), **given)
+
+
+def test_a_file_lies_in_a_plane():
+    """Only a robot made of dynamics finds its plane by itself."""
+    with pytest.raises(InputError, match="plane is None"):
+        to_urdf(Chain(2, lengths=[1, 1]), masses=[1, 1], plane=None)
 
 
 @pytest.mark.parametrize("chain", ["arm", None, 2, Chain])
 def test_what_is_no_chain_is_refused(chain):
     """Functions that take a chain say what they want."""
-    for ask in (dynamics, to_urdf, robot, robot_coordinates):
+    for ask in (dynamics, to_urdf, to_robot, robot_coordinates):
         with pytest.raises(InputError, match="no chain"):
             ask(chain)
 
@@ -201,9 +207,9 @@ def test_files_that_cannot_be_written_are_told(tmp_path):
 def test_robots_fall_with_earths_gravity_alone():
     """Dynamics with another gravity are not those of the robot: refused; a chain without inertia too."""
     with pytest.raises(InputError, match="1.62 m/s2"):
-        dynamics(Chain(1, lengths=[1]), masses=[1], bodies="rods", gravity=1.62).robot()
+        to_robot(dynamics(Chain(1, lengths=[1]), masses=[1], bodies="rods", gravity=1.62))
     with pytest.raises(ModelError, match="singular"):
-        robot(Chain(2, lengths=[1, 1]), masses=[1, 1], centres=[1, 0], inertias=[0, 0])
+        to_robot(Chain(2, lengths=[1, 1]), masses=[1, 1], centres=[1, 0], inertias=[0, 0])
 
 
 @pytest.mark.parametrize("values", [[0.0], [0.0, np.nan], "ab", np.zeros((2, 2, 2))])
@@ -216,10 +222,12 @@ def test_coordinates_of_other_shapes_are_refused(values):
             convert(values)
 
 
-def test_the_chain_itself_is_the_door():
-    """chain.dynamics, to_urdf, robot and robot_coordinates are these functions."""
-    chain, given = Chain(2, lengths=[0.5, 0.5], angles="segment"), {"masses": [1.0, 2.0], "bodies": "points"}
-    assert chain.dynamics(**given, gravity=0).M == dynamics(chain, **given, gravity=0).M
-    assert chain.to_urdf(**given, plane="xy") == to_urdf(chain, **given, plane="xy")
-    assert chain.robot(**given, name="two").name == "two"
-    assert chain.robot_coordinates().to_robot([0.5, 1.5]).tolist() == [0.5, 1.0]
+def test_dynamics_know_their_masses_and_their_plane():
+    """What came with dynamics is in their robot: upright under gravity, flat without; given twice it is refused."""
+    dyn = dynamics(Chain(2, lengths=[0.5, 0.5], angles="segment"), masses=[1.0, 2.0], bodies="points", gravity=0)
+    flat = to_robot(dyn, name="two")
+    assert flat.name == "two" and rbd.dynamics.gravity_torque(flat.at([0.1, 0.2])).tolist() == [0.0, 0.0]
+    assert robot_coordinates(dyn.chain).to_robot([0.5, 1.5]).tolist() == [0.5, 1.0]
+    for given in ({"masses": [1, 1]}, {"lengths": [1, 1]}, {"bodies": "rods"}, {"plane": "xz"}):
+        with pytest.raises(InputError, match=f"{next(iter(given))} came beside dynamics"):
+            to_robot(dyn, **given)

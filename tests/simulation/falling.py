@@ -9,7 +9,7 @@ import numpy as np
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.moment import Event, Moment, Touch
+from rbd.simulation.events import Event, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.testing import box
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from flat_bodies import chain as side_by_side
 from smooth_models import chain, off, swinging
 
 import rbd
@@ -61,3 +62,56 @@ def test_settings_that_are_none_are_refused(given):
     """With what was expected."""
     with pytest.raises(rbd.errors.InputError, match="expected"):
         rbd.Adaptive(**given)
+
+
+class _Wall:
+    """Keeps the second of two masses still, and asks for two accelerations of it where the first is beyond 1 m."""
+
+    name = "wall"
+
+    def __init__(self):
+        self.seen = 0
+
+    def rows(self, state):
+        beyond = bool(state.q[0] > 1.0)
+        self.seen += beyond
+        return rbd.Rows(self.name, np.array([[0.0, 1.0], [0.0, 1.0]]), np.array([0.0, 10.0 * beyond]), rbd.Free(2))
+
+
+def _swings_to(amplitude, wall, **settings):
+    """An oscillator x'' = -x from rest at minus the amplitude."""
+    joints = [(name, joint, 1.0, [1.0] * 3) for name, joint in (("x", pin.JointModelPX()), ("y", pin.JointModelPY()))]
+    start = rbd.State(side_by_side(joints, names=("a", "b"), name="two"), np.array([-amplitude, 0.0]))
+    return rbd.simulate(
+        start, [wall], duration=6.0, step=0.5, integrator=rbd.Adaptive(longest=np.inf, **settings), progress=False,
+        external=lambda state, t: np.array([-state.q[0], 0.0]),
+    )  # fmt: skip
+
+
+def test_a_trial_that_has_no_acceleration_is_tried_shorter():
+    """Stages of a long step guess beyond a wall that the motion itself does not reach: it is -A cos t all the same."""
+    wall = _Wall()
+    found = _swings_to(0.999, wall, rtol=1e-4, atol=1e-4)
+    assert wall.seen > 0
+    assert found.q[:, 0].max() < 1.0
+    assert np.abs(found.q[:, 0] + 0.999 * np.cos(found.times)).max() < 1e-3
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_where_no_step_has_an_acceleration_it_stops_at_that_time(rtol):
+    """A = 1.1 m reaches the wall at t = arccos(-1 / 1.1), and the error of the shortest step says so."""
+    with pytest.raises(rbd.SimulationStopped, match="no acceleration satisfies .* at t = ([0-9.]+) s: 'wall' misses 5") as told:
+        _swings_to(1.1, _Wall(), rtol=rtol, atol=rtol)
+    at = float(str(told.value).split("at t = ")[1].split(" s")[0])
+    assert abs(at - np.arccos(-1.0 / 1.1)) < max(10.0 * rtol, 5e-6)  # it is told to six digits
+    assert told.value.t == 2.5
+
+
+def test_a_jump_that_no_step_gets_over_is_told():
+    """Pushed by 1 N into a barrier that pushes back with 1e8 N from 1 m on: at sqrt(2) s steps shrink to nothing."""
+    robot = side_by_side([("x", pin.JointModelPX(), 1.0, [1.0] * 3)], names=("a",), name="one")
+    with pytest.raises(rbd.SimulationStopped, match=r"no step is short enough at t = 1.41421 s for rtol 1e-10 .*a jump in the"):
+        rbd.simulate(
+            rbd.State(robot, np.zeros(1)), duration=2.0, step=0.1, integrator=rbd.Adaptive(), progress=False,
+            external=lambda state, t: np.array([1.0 - 1e8 * (state.q[0] > 1.0)]),
+        )  # fmt: skip

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from flat_bodies import slider
 
 import rbd
+from rbd.constraints.sources import sources_of
 from rbd.problem.parts import parts_of
 from rbd.problem.rows import Rows
-from rbd.simulation.snapshot import Points
-from rbd.simulation.sources import sources_of
+from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import VelocitySolver
 from rbd.solvers.contact_solve import Stillness
 
@@ -68,3 +69,21 @@ def test_a_step_from_rest_gains_the_acceleration_of_solve_times_its_length(name:
         answer = solver.solve(at, everything, h * force, nothing, h, nothing)
         assert answer.law < 1e-10
         assert np.abs(answer.v - h * solution.a).max() < 1e-8 * h * max(1.0, np.abs(solution.a).max())
+
+
+def test_what_is_no_delassus_matrix_has_no_impulses():
+    """With a direction in which an impulse works backwards."""
+    D = np.array([[1.0, 0.0, 3.0], [0.0, 1.0, 0.0], [3.0, 0.0, 1.0]])
+    assert corners(0.5, 1).impulses(D, np.array([0.0, 0.0, -1.0]), np.zeros(3), EXACT) is None
+
+
+def test_steps_of_a_thousand_lengths_are_each_solved_as_the_first():
+    """Bounded forces make impulses that go with the step's length: dry friction of 5 N under 7 N leaves 2 N h / m, of any h."""
+    robot = slider(2.0)
+    state = rbd.State(robot, np.zeros(1))
+    at = Points(sources_of([rbd.JointFriction("rub", "slide", 5.0)], state)).at(state, 0.0)
+    solver, on = VelocitySolver("coulomb"), np.ones(1, bool)
+    for h in [*np.linspace(1e-4, 1e-2, 600), 1e-4]:
+        answer = solver.solve(at, on, np.array([7.0 * h]), np.zeros(1), h, np.zeros(1))
+        assert answer.v == pytest.approx([2.0 * h / 2.0], rel=1e-9)
+        assert answer.impulse == pytest.approx([-5.0 * h], rel=1e-9)

@@ -8,8 +8,8 @@ import pytest
 import scipy.linalg
 
 import rbd
-from rbd.control.controllers import HoldPosture
-from rbd.control.scripted import Sampled, TorqueScript
+from rbd.control.posture import HoldPosture
+from rbd.control.torques import Sampled, TorqueScript
 from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8
@@ -79,6 +79,18 @@ def test_an_inverted_pendulum_gets_the_stiffness_that_gravity_takes_away():
     assert HoldPosture(hanging, frequency=W).gains(hanging).stiffness[0, 0] == pytest.approx(inertia * W**2, rel=1e-6)
 
 
+def test_a_stop_that_is_touched_holds_nothing():
+    """Gains are those of the free pendulum: a stop lets go of a joint that the motor pulls away from it."""
+    robot, free = pendulum(), rbd.State(pendulum(), np.zeros(1))
+    there = rbd.State(robot, np.zeros(1))
+    stop = rbd.JointLimit("stop", "hinge", lower=0.0)
+    found = HoldPosture(there, [stop], frequency=W, damping_ratio=ZETA).gains(there)
+    expected = HoldPosture(free, frequency=W, damping_ratio=ZETA).gains(free)
+    assert np.abs(found.stiffness - expected.stiffness).max() < 1e-9
+    assert np.abs(found.damping - expected.damping).max() < 1e-12
+    assert found.stiffness[0, 0] > 2.0 * 0.25 * W**2
+
+
 def test_of_a_fixed_arm_the_motors_feel_the_inertia_and_carry_the_weight():
     """D = 2 zeta w M and tau_0 = tau of gravity, closed forms."""
     arm = rbd.load_robot("ur5", root="fixed")
@@ -101,6 +113,24 @@ def test_in_free_fall_no_torque_is_asked_for(talos):
     felt = np.linalg.inv(S @ np.linalg.solve(state.M, S.T))
     assert np.abs(gains.damping - 2.0 * ZETA * W * felt).max() < 1e-8
     assert np.abs(rbd.solve(aloft, controller(aloft, 0.0)).a[6:]).max() < 1e-8
+
+
+def test_points_that_come_and_go_are_those_of_now(talos):
+    """On collision shapes: standing, as stiff as on its soles; aloft no point is left, and the motors feel the base follow."""
+    state = talos.standing()
+    shapes, soles = (
+        HoldPosture(state, on, frequency=W, damping_ratio=ZETA)
+        for on in ([rbd.CollisionContacts("ground", talos)], talos.feet(0.7))
+    )
+    there, expected = shapes.gains(state), soles.gains(state)
+    assert np.abs(there.damping - expected.damping).max() < 1e-6 * np.abs(expected.damping).max()
+    q = state.q.copy()
+    q[2] += 0.3
+    aloft = talos.at(q)
+    gains, S = shapes.gains(aloft), talos.actuation
+    felt = np.linalg.inv(S @ np.linalg.solve(state.M, S.T))
+    assert np.abs(gains.torque).max() < 1e-8
+    assert np.abs(gains.damping - 2.0 * ZETA * W * felt).max() < 1e-8
 
 
 def test_it_knows_which_foot_is_in_the_air(talos):

@@ -17,7 +17,7 @@ from contact_cases import (
     symmetric_flight,
 )
 from courses import G
-from flat_bodies import chain, free_body, free_motion, free_state, pendulum
+from flat_bodies import chain, flat_body, flat_state, floor_point, free_body, free_motion, free_state, pendulum
 
 import rbd
 
@@ -208,3 +208,26 @@ class TestLiftOff:
         X, v, w = free_motion(trajectory.state(-1))
         assert X.translation == pytest.approx([0.8, 0.0, 0.1 + 4.0 - G * 0.32], abs=1e-11)
         assert not trajectory.point_forces["tip"][1:].any()
+
+
+@pytest.mark.parametrize("extrapolate", [False, True])
+@pytest.mark.parametrize("lean", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize("step", [0.04, 0.02, 5e-3])
+def test_a_foot_that_a_rod_turns_about_does_not_slip(lean, step, extrapolate):
+    """Mu = 1, and friction is at most 0.62 of the load: it sticks, no event says other, and forces are m (a + g) of the rod.
+
+    J v of a foot that is closed is off by h^2: that is no sliding.
+    """
+    m, g = 2.0, 9.81
+    robot = flat_body(m, m / 3.0)
+    start = flat_state(robot, (math.sin(lean), math.cos(lean), lean - 0.5 * math.pi))
+    foot = floor_point("foot", (-1.0, 0.0), friction=1.0)
+    by = rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, [foot], duration=0.2, step=step, integrator=by, progress=False)
+    assert found.events == ()
+    assert set(found.modes["foot"]) == {"sticks"}
+    for i in range(len(found)):
+        angle, rate = found.q[i, 2] + 0.5 * math.pi, found.v[i, 2]
+        along, out = np.array([math.cos(angle), -math.sin(angle)]), np.array([math.sin(angle), math.cos(angle)])
+        a = 0.75 * g * math.sin(angle) * along - rate**2 * out
+        assert np.abs(found.forces["foot"][i][[0, 2]] - m * (a + [0.0, g])).max() < 20.0 * step

@@ -320,3 +320,55 @@ class TestPainlevesRod:
         told = [e for e in trajectory.events if e.kind == "sticks"]
         assert told[0].t == pytest.approx(truth.when("sticks")[0], abs=5e-6)
         assert np.abs(flat_motion(trajectory.state(-1)) - truth.at(0.1)).max() < 1e-5
+
+
+class TestWhatHolds:
+    """Constraints that hold, in time stepping, at the start and against others."""
+
+    def test_a_velocity_that_it_does_not_allow_is_struck_off_at_the_start(self):
+        """The nearest velocity in |.|_M on the loop, v - M^-1 J^T (J M^-1 J^T)^-1 J v; nothing else has struck."""
+        robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
+        state = robot.at("assembled").with_velocity(np.array([1.0, 2.0, -3.0]))
+        J = np.vstack([c.rows(state).J for c in robot.loops])
+        back = np.linalg.solve(state.M, J.T)
+        expected = state.v - back @ np.linalg.solve(J @ back, J @ state.v)
+        by = rbd.TimeStepping()
+        trajectory = rbd.simulate(state, robot.loops, duration=0.01, step=1e-3, integrator=by, progress=False)
+        assert np.abs(J @ state.v).max() > 0.1
+        assert trajectory.v[0] == pytest.approx(expected, abs=1e-12)
+        assert trajectory.events == ()
+        assert np.abs(trajectory.energy - trajectory.energy[0]).max() < 1e-4 * trajectory.kinetic[0]
+
+    def test_a_floor_that_rises_under_what_is_locked_has_no_motion(self):
+        """Both are named."""
+        lift = floor_point("lift", (0.0, -0.1), friction=0.0, velocity=(0.0, 0.0, 0.5), anchor=(0.0, 0.0, -0.1))
+        state = rbd.State(flat_body(1.0, 0.1), np.zeros(3))
+        with pytest.raises(rbd.SimulationStopped, match="no velocity satisfies the contact law together with lock, lift: "):
+            rbd.simulate(state, [rbd.JointLock("lock", "z", position=0.0), lift], duration=0.1, step=0.01, progress=False)
+
+    def test_rows_of_which_one_holds_and_one_pushes_do_each_their_part(self):
+        """A constraint of the user: x stays under 5 N, z rests until 30 N lift it, and then z'' = 30 / m - g."""
+
+        class Wire:
+            name = "wire"
+
+            def rows(self, state):
+                cone = rbd.Product([rbd.Free(1), rbd.NonNegative(1)])
+                return rbd.Rows(self.name, np.eye(3)[:2], np.zeros(2), cone, error=state.q[:2].copy())
+
+        trajectory = rbd.simulate(
+            rbd.State(flat_body(2.0, 0.1), np.zeros(3)), [Wire()], duration=0.4, step=0.01, progress=False,
+            external=lambda state, t: np.array([5.0, 30.0 if t >= 0.2 - 1e-9 else 0.0, 0.0]),
+        )  # fmt: skip
+        assert trajectory.forces["wire"][10] == pytest.approx([-5.0, 2.0 * G])
+        assert trajectory.forces["wire"][-1] == pytest.approx([-5.0, 0.0])
+        assert trajectory.q[-1] == pytest.approx([0.0, 0.5 * (15.0 - G) * 0.2**2, 0.0], abs=1e-12)
+
+    def test_a_velocity_beyond_all_numbers_is_told_with_what_it_would_strike(self):
+        """1e-38 N on 1e-200 kg against a stop."""
+        robot = chain([("x", pin.JointModelPX(), 1e-200, [0.0] * 3)], names=("dust",), name="dust")
+        with pytest.raises(rbd.SimulationStopped, match="the velocity of stop is not finite at this state"):
+            rbd.simulate(
+                rbd.State(robot, np.zeros(1)), [rbd.JointLimit("stop", "x", upper=0.0)], duration=0.1, step=0.01,
+                external=lambda state, t: np.array([1e-38]), progress=False,
+            )  # fmt: skip

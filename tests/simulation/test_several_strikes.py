@@ -32,6 +32,97 @@ def test_bounces_that_last_longer_than_a_step_are_those_of_the_series(step, extr
     assert case.error(found) < 1e-8
 
 
+def _falling_mass(height, speed=0.0, name="mass"):
+    """A mass above the floor on a slider."""
+    robot = chain([("z", pin.JointModelPZ(), 1.0, [0.1] * 3)], names=(name,), name=name)
+    return rbd.State(robot, np.array([height]), np.array([speed])), [floor_point("floor", (0.0,) * 3, friction=0.0, frame=name)]
+
+
+@BY
+@pytest.mark.parametrize(("e", "step", "flights"), [(0.9, 0.13, 4), (0.5, 0.06, 10), (0.5, 0.15, 10), (0.7, 0.3, 12)])
+def test_bounces_that_last_less_than_a_step_are_those_of_the_series_too(e, step, flights, extrapolate):
+    """Where the mass turns round and comes down again in the step in which it struck: each bounce at its time, none caught."""
+    start, floor = _falling_mass(0.05)
+    by = rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, floor, duration=0.6, step=step, restitution=e, integrator=by, progress=False)
+    times = bounces(0.05, e, flights)
+    times = times[times < found.times[-1]]
+    touched = _touches(found)[: len(times)]
+    assert len(times) >= 4
+    assert np.abs(np.array([event.t for event in touched]) - times).max() < 1e-9
+    for t, q, v in zip(found.times, found.q[:, 0], found.v[:, 0], strict=True):
+        if t < times[-1]:
+            assert np.abs(np.array([q, v]) - bouncing_height(0.05, e, float(t))).max() < 1e-8
+
+
+@BY
+@pytest.mark.parametrize("step", [0.1, 0.06, 0.01])
+def test_what_is_thrown_up_from_the_floor_flies(step, extrapolate):
+    """It touches at the start, and is on its way back before the first step is over: z = v t - g t^2 / 2 until 2 v / g."""
+    start, floor = _falling_mass(0.0, 0.5)
+    by = rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, floor, duration=0.3, step=step, restitution=0.0, integrator=by, progress=False)
+    t = found.times
+    assert np.abs(found.q[:, 0] - np.maximum(0.5 * t - 0.5 * G * t * t, 0.0)).max() < 1e-9
+    (landed,) = [event for event in _touches(found) if event.speed]
+    assert abs(landed.t - 2.0 * 0.5 / G) < 1e-9
+    assert abs(landed.speed - 0.5) < 1e-8
+    assert not found.forces["floor"][0].any()
+    assert found.forces["floor"][-1][2] == pytest.approx(G)
+
+
+@BY
+@pytest.mark.parametrize("early", [1e-9, 5e-10, 1e-10, 1e-12, 0.0])
+def test_a_strike_at_the_very_end_of_a_step_is_one_strike(early, extrapolate):
+    """At 0.2 s less a part of a thousand millionth: no step of no length follows, and it bounces from there."""
+    t = 0.2 * (1.0 - early)
+    start, floor = _falling_mass(0.5 * G * t * t)
+    by = rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, floor, duration=0.35, step=0.05, restitution=0.5, integrator=by, progress=False)
+    (struck,) = _touches(found)
+    assert abs(struck.t - t) < 1e-11
+    assert abs(struck.speed - G * t) < 1e-9
+    true = np.array([bouncing_height(0.5 * G * t * t, 0.5, float(x)) for x in found.times])
+    assert np.abs(found.q[:, 0] - true[:, 0]).max() < 1e-8
+    assert np.abs(found.v[5:, 0] - true[5:, 1]).max() < 1e-7
+
+
+@BY
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_what_dips_below_the_floor_while_something_else_stops_is_struck(e, extrapolate):
+    """A mass that rubs stops in the middle of a step, while another is below the floor, and above it again at the end."""
+    joints = [("x", pin.JointModelPX(), 1.0, [0.1] * 3), ("z", pin.JointModelPZ(), 1.0, [0.1] * 3)]
+    robot = chain(joints, names=("rubs", "dips"), name="two")
+    robot.model.gravity.linear = np.zeros(3)
+    high, down, up = 0.0115, 0.4, 4.0
+    start = rbd.State(robot, np.array([0.0, high]), np.array([1.0, -down]))
+    found = rbd.simulate(
+        start, [rbd.JointFriction("rub", "x", 10.0), floor_point("floor", (0.0,) * 3, friction=0.0, frame="dips")],
+        duration=0.4, step=0.2, restitution=e, integrator=rbd.TimeStepping(extrapolate=extrapolate), progress=False,
+        external=lambda state, t: np.array([0.0, up]),
+    )  # fmt: skip
+    assert high - down * 0.2 + 0.5 * up * 0.2**2 > 0.0  # above the floor after a step, without the floor
+    strikes = (down - np.sqrt(down**2 - 2.0 * up * high)) / up
+    speed = down - up * strikes
+    (told,) = _touches(found, "floor")
+    assert abs(told.t - strikes) < 1e-9
+    assert abs(told.speed - speed) < 1e-9
+    after = 0.4 - strikes
+    assert found.q[-1] == pytest.approx([0.05, e * speed * after + 0.5 * up * after**2], abs=1e-9)
+    assert found.v[-1] == pytest.approx([0.0, e * speed + up * after], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "given", [{"impact_speed": 0.0}, {"impact_speed": np.nan}, {"impacts": -1}, {"impacts": 2.5}, {"impacts": True},
+              {"extrapolate": 1}, {"extrapolate": None}],
+)  # fmt: skip
+def test_settings_that_are_none_are_refused(given):
+    """With what was expected."""
+    (name,) = given
+    with pytest.raises(rbd.InputError, match=f"{name} is .*; expected"):
+        rbd.TimeStepping(**given)
+
+
 @BY
 def test_bodies_that_strike_at_different_times_of_one_step_do_so_in_order(extrapolate):
     """A block held level that lands on a high and on a low step: its edges strike apart, each at its own time."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from closed_forms import RockingBlock
 from courses import G
 from flat_bodies import flat_body, flat_state, floor_point
 
 import rbd
+from rbd.model.checked_model import CheckedModel
 
 SIZES = pytest.mark.parametrize("size", [1e-4, 2e-3, 0.05, 1.0, 10.0])
 
@@ -98,3 +100,24 @@ def test_the_same_block_in_another_unit_moves_the_same_way():
         ends.append((found.q / [size, size, 1.0], found.v * unit / [size, size, 1.0]))
     assert np.abs(ends[0][0] - ends[1][0]).max() < 1e-7
     assert np.abs(ends[0][1] - ends[1][1]).max() < 1e-5
+
+
+@pytest.mark.parametrize("rotor", [0.5, 2e-6])
+def test_a_pointer_without_mass_strikes_with_the_inertia_of_its_motor(rotor):
+    """Turning at 2 rad/s on a rotor, its tip at 1 m: it strikes when it has turned its angle, with I w / 1 m, and stops."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hinge")
+    other = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "elsewhere")
+    model.appendBodyToJoint(other, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
+    model.armature = np.array([rotor, 0.0])
+    model.addBodyFrame("pointer", 1, pin.SE3.Identity(), 0)
+    robot = CheckedModel(model, name="pointer")
+    tip = floor_point("tip", (1.0, 0.0), friction=0.0, frame="pointer")
+    start = rbd.State(robot, np.array([-0.2, 0.0]), np.array([2.0, 0.0]))  # sin 0.2 m above
+    found = rbd.simulate(start, [tip], duration=0.15, step=0.01, progress=False)
+    (struck,) = _strikes(found)
+    assert abs(struck.t - 0.1) < 1e-11
+    assert abs(struck.speed - 2.0) < 1e-9
+    assert abs(struck.impulse - 2.0 * rotor) < 1e-9 * rotor
+    assert abs(found.q[-1, 0]) < 1e-11
+    assert found.v[-1, 0] == 0.0

@@ -7,6 +7,7 @@ import pytest
 from smooth_models import chain
 
 import rbd
+from rbd.simulation.events import Moment
 
 INTEGRATORS = pytest.mark.parametrize(
     "integrator", [rbd.RungeKutta4(), rbd.Adaptive(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
@@ -102,3 +103,27 @@ def test_an_inaccurate_record_is_told_by_the_error_that_stops_a_run():
 
     with pytest.raises(rbd.SimulationStopped, match=r"Broken.*Before that, the simulation of chain is inaccurate.*\(scaled\)"):
         _run(rbd.RungeKutta4(), [Disagreeing()], controller=_raises(Broken("gone"), 0.101))
+
+
+class _ByHand:
+    """An integrator of the user, whose acceleration is not finite from the second moment on."""
+
+    def __init__(self, bad):
+        self.bad = bad
+
+    def reason_unsupported(self, motion, state):
+        return None
+
+    def run(self, motion, state, times):
+        for t in times:
+            a = np.array([1.0, self.bad if t else 2.0])
+            yield Moment(t, state, a, np.zeros(state.robot.nu), dict)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_an_acceleration_that_is_not_finite_goes_no_further(bad):
+    """Of whatever integrator: what came before is kept."""
+    with pytest.raises(rbd.SimulationStopped, match=r"the acceleration at t = 0\.01 s is not finite") as stopped:
+        _run(_ByHand(bad))
+    assert len(stopped.value.trajectory) == 1
+    assert stopped.value.trajectory.a.tolist() == [[1.0, 2.0]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.control.controllers import HoldPosture
+from rbd.control.posture import HoldPosture
 from rbd.control.pushes import Push
 
 FEET_DRIFT = 1e-6

@@ -6,15 +6,19 @@ import dataclasses
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 
 import rbd
+from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_names import motors, positions, velocities
-from rbd.simulation.moment import Touch
+from rbd.simulation.events import Touch
 from rbd.simulation.recording import Recording
-from rbd.simulation.sample import Sample
-from rbd.simulation.trajectory import Trajectory
+from rbd.simulation.trajectory import Sample, Trajectory
+from rbd.simulation.trajectory_fields import COLUMNS, WORDS
+
+NAMES = ("floor", "stop", ODD_NAME)
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +91,19 @@ def test_what_is_not_finite_stops_the_recording():
         recording.add(moments[1])
         kept = Trajectory.of(motion, recording)
         assert len(kept) == 2 and kept.forces["floor"].shape == (2, 3)
+
+
+def test_the_culprit_is_named_where_there_is_one():
+    """The force of the constraint that is not finite; of forces whose squares only together are too large, none alone."""
+    motion, moments, _ = falling(n=2)
+    large = Touch(np.array([0.0, 0.0, 1.2e154]), "sticks")  # 1.44e308 squared; the largest number is 1.80e308
+    for stop, told in (
+        (Touch(np.array([np.nan]), "pushes"), r"at t = 0 s the force of 'stop' is not finite"),
+        (large, "at t = 0 s a number is not finite"),
+    ):
+        bad = dataclasses.replace(moments[0], touches=lambda stop=stop: {"floor": large, "stop": stop})
+        with pytest.raises(rbd.NoSolution, match=told):
+            Recording(motion).add(bad)
 
 
 def test_an_integrator_may_use_its_arrays_again():
@@ -165,6 +182,8 @@ def test_nobody_writes_into_it(fall: Trajectory):
         ("com", None, "expected real numbers"),
         ("residuals", {"law": np.zeros(11)}, "expected law, drift"),
         ("forces", {"floor": np.zeros((11, 3))}, "same constraints"),
+        ("modes", dict.fromkeys(NAMES, np.array(["open"] * 10)), r"'floor' are <U4 of shape \(10,\); expected 11 words"),
+        ("modes", dict.fromkeys(NAMES, np.zeros(11)), "'floor' are float64 of .* 11 words"),
         ("events", ("bounce",), "Events"),
         ("law", None, "expected text"),
         ("step", math.nan, "expected seconds"),
@@ -175,6 +194,31 @@ def test_parts_that_do_not_fit_are_refused(fall: Trajectory, field: str, value: 
     """In words."""
     with pytest.raises(rbd.InputError, match=told):
         dataclasses.replace(fall, **{field: value})
+
+
+def test_points_without_forces_are_refused(fall: Trajectory):
+    """Of a contact that no constraint is named after."""
+    points, pushes = fall.points | {"sky": np.zeros((11, 1, 3))}, fall.point_forces | {"sky": np.zeros((11, 1, 3))}
+    with pytest.raises(rbd.InputError, match="contacts that have no forces"):
+        dataclasses.replace(fall, points=points, point_forces=pushes)
+
+
+def test_forces_at_points_that_are_not_told_are_left_out():
+    """Of a constraint without points; what was recorded behind them is still what was given."""
+    motion, moments, _ = falling(n=2)
+    here = np.array([[0.2, 0.0, 0.0]])
+
+    def touches() -> dict[str, Touch]:
+        return {
+            "stop": Touch(np.array([7.0]), "pushes", None, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])),
+            "floor": Touch(np.array([0.0, 0.0, 8.0]), "sticks", here, np.array([[0.0, 0.0, 8.0]])),
+        }
+
+    kept = Trajectory.of(motion, [dataclasses.replace(m, touches=touches) for m in moments])
+    assert kept.contacts == ("floor",)
+    assert kept.forces["stop"].tolist() == [[7.0], [7.0]]
+    assert kept.points["floor"].tolist() == [here.tolist()] * 2
+    assert kept.point_forces["floor"][:, 0].tolist() == kept.forces["floor"].tolist() == [[0.0, 0.0, 8.0]] * 2
 
 
 def test_no_moments_make_no_trajectory():
@@ -207,6 +251,14 @@ def test_long_lists_of_events_are_cut(fall: Trajectory):
     assert "40 events" in text and text.endswith("and 32 more")
 
 
+def test_every_field_is_in_the_table_of_fields_or_has_a_form_of_its_own():
+    """Files, datasets and checks go by the table: a new field that is not in it would not be saved."""
+    names = [f.name for f in dataclasses.fields(Trajectory)]
+    known = [*(c.name for c in COLUMNS), *WORDS]
+    own = ["robot", "times", "forces", "points", "point_forces", "modes", "residuals", "events", "step"]
+    assert sorted(names) == sorted(known + own)
+
+
 def test_coordinates_have_names_and_units(talos: rbd.Robot):
     """One each for q, v and the motors; one-jointed ones are called like the joint."""
     q, v, tau = positions(talos), velocities(talos), motors(talos)
@@ -216,3 +268,26 @@ def test_coordinates_have_names_and_units(talos: rbd.Robot):
     planar = rbd.load_robot("tiago", root="planar")
     assert [c.name for c in positions(planar)[:4]] == [f"root_joint.{x}" for x in ("x", "y", "cos", "sin")]
     assert len(positions(planar)) == planar.nq and len({c.name for c in velocities(planar)}) == planar.nv
+
+
+def test_joints_of_several_freedoms_name_each_of_them():
+    """Balls, carriages and joints made of others: a name of its own for each entry, and the unit of what it measures."""
+    model, at, wrist = pin.Model(), 0, pin.JointModelComposite()
+    for part in (pin.JointModelRUBX(), pin.JointModelPZ(), pin.JointModelSpherical()):
+        wrist.addJoint(part)
+    for name, joint in (("ball", pin.JointModelSpherical()), ("carriage", pin.JointModelTranslation()), ("wrist", wrist)):
+        at = model.addJoint(at, joint, pin.SE3.Identity(), name)
+        model.appendBodyToJoint(at, pin.Inertia.Random(), pin.SE3.Identity())
+    robot = CheckedModel(model, passive=("wrist",))
+    quaternion, turns = [("qx", "1"), ("qy", "1"), ("qz", "1"), ("qw", "1")], [("wx", "rad"), ("wy", "rad"), ("wz", "rad")]
+    assert [(c.name, c.unit) for c in positions(robot)] == [
+        *((f"ball.{x}", unit) for x, unit in quaternion),
+        *((f"carriage.{x}", "m") for x in "xyz"),
+        ("wrist.0.cos", "1"), ("wrist.0.sin", "1"), ("wrist.1", "m"), *((f"wrist.2.{x}", unit) for x, unit in quaternion),
+    ]  # fmt: skip
+    assert [(c.name, c.unit) for c in velocities(robot)] == [
+        *((f"ball.{x}", unit) for x, unit in turns),
+        *((f"carriage.v{x}", "m") for x in "xyz"),
+        ("wrist.0", "rad"), ("wrist.1", "m"), *((f"wrist.2.{x}", unit) for x, unit in turns),
+    ]  # fmt: skip
+    assert [c.name for c in motors(robot)] == [c.name for c in velocities(robot)[:6]]

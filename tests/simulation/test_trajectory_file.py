@@ -16,10 +16,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from falling import ODD_NAME, Force, falling
+from scipy.io import netcdf_file
 
 import rbd
 from rbd.simulation import trajectory_file
-from rbd.simulation.moment import Moment, Touch
+from rbd.simulation.events import Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_dataset import arrays_of_netcdf
@@ -119,6 +120,46 @@ def test_a_folder_may_move(tmp_path: Path):
     there.save(tmp_path / "old" / "x.npz")
     (tmp_path / "old").rename(tmp_path / "new")
     assert_same(there, Trajectory.load(tmp_path / "new" / "x.npz"))
+
+
+def test_a_mechanism_with_a_loop_file_of_another_name_is_loaded_with_it(tmp_path: Path):
+    """Beside the robot it is found again, there and where both have moved; in a folder of its own it is not known any more."""
+    (tmp_path / "old" / "apart").mkdir(parents=True)
+    urdf = copied(tmp_path / "old")
+    own = urdf.with_name("four_bar.loops.yaml")
+    other, apart = own.rename(own.with_name("mine.yaml")), own.with_name("apart") / "mine.yaml"
+    there = moved(rbd.load_robot(urdf, loops=str(other)))
+    assert there.robot.loops
+    there.save(tmp_path / "old" / "x.npz")
+    assert_same(there, Trajectory.load(tmp_path / "old" / "x.npz"))
+    (tmp_path / "old").rename(tmp_path / "new")
+    back = Trajectory.load(tmp_path / "new" / "x.npz")
+    assert_same(there, back)
+    assert [x.name for x in back.robot.loops] == [x.name for x in there.robot.loops]
+    (tmp_path / "new").rename(tmp_path / "old")
+    other.rename(apart)
+    unknown = moved(rbd.load_robot(urdf, loops=str(apart)))
+    unknown.save(tmp_path / "y.npz")
+    with pytest.raises(rbd.InputError, match="'four_bar' was built by hand.*robot="):
+        Trajectory.load(tmp_path / "y.npz")
+    assert_same(unknown, Trajectory.load(tmp_path / "y.npz", unknown.robot))
+
+
+def test_a_changed_gravity_or_joint_is_told(fall: Trajectory, tmp_path: Path):
+    """Gravity, with both vectors; of as many joints, the first that has another name."""
+    there = moved(rbd.load_robot(copied(tmp_path)))
+    there.save(tmp_path / "x.npz")
+    moon = rbd.load_robot(tmp_path / "four_bar.urdf")
+    moon.model.gravity.linear = np.array([0.0, 0.0, -1.62])
+    with pytest.warns(rbd.ModelWarning, match=r"gravity was \[0.0, 0.0, -9.81\] and is \[0.0, 0.0, -1.62\]"):
+        Trajectory.load(tmp_path / "x.npz", moon)
+    name = there.robot.joints()[0]
+    renamed = copied(tmp_path, f'joint name="{name}"', 'joint name="lead"')
+    (tmp_path / "four_bar.loops.yaml").unlink()
+    with pytest.raises(rbd.ModelError, match=rf"'four_bar' with joints {name}; four_bar has lead\. Give the robot as it was"):
+        Trajectory.load(tmp_path / "x.npz")
+    with pytest.raises(rbd.InputError, match=rf"joints {name}; four_bar has lead\. Give the robot that was simulated"):
+        Trajectory.load(tmp_path / "x.npz", rbd.load_robot(renamed, root="fixed"))
 
 
 def test_a_changed_robot_is_told(tmp_path: Path):
@@ -243,6 +284,47 @@ def test_an_archive_of_something_else_is_refused(fall: Trajectory, tmp_path: Pat
     refused("numbers of box", robot_numbers=np.zeros((2, 2)))
 
 
+def test_an_array_of_another_version_is_refused(fall: Trajectory, tmp_path: Path):
+    """NumPy writes version 3.0 for names of columns that are no ASCII, which no trajectory has."""
+    path = tmp_path / "x.npz"
+    fall.save(path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+    assert members["times"][:8] == b"\x93NUMPY\x01\x00"
+    npz_with(path, members | {"times": b"\x93NUMPY\x03\x00" + members["times"][8:]})
+    with pytest.raises(rbd.InputError, match=r"no trajectory.*'times.npy' is an array of version \(3, 0\)"):
+        Trajectory.load(path, fall.robot)
+
+
+def test_an_array_that_is_shorter_than_its_archive_says_is_refused(fall: Trajectory, tmp_path: Path):
+    """Its checksum is right, and its header and the archive agree on the size: only what is unpacked is less."""
+    path = tmp_path / "x.npz"
+    fall.save(path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+    whole = len(members["kinetic"])
+    npz_with(path, members | {"kinetic": members["kinetic"][:-16]})
+    data = path.read_bytes()
+    at = data.rindex(b"kinetic.npy") - 46  # its entry in the directory, which has the size 24 bytes on
+    assert data[at : at + 4] == b"PK\x01\x02"
+    assert int.from_bytes(data[at + 24 : at + 28], "little") == whole - 16
+    path.write_bytes(data[: at + 24] + whole.to_bytes(4, "little") + data[at + 28 :])
+    with pytest.raises(rbd.InputError, match=r"no trajectory.*'kinetic.npy' is cut short"):
+        Trajectory.load(path, fall.robot)
+
+
+@pytest.mark.parametrize("code", [3, -1])
+def test_a_mode_without_a_word_is_refused(code: int, fall: Trajectory, tmp_path: Path):
+    """A netCDF file has modes as numbers, and the words in its header."""
+    path = tmp_path / "x.nc"
+    fall.save(path)
+    with netcdf_file(path, "a", mmap=False) as file:
+        assert set(file.variables["mode_floor"].data) <= {0, 1, 2}
+        file.variables["mode_floor"][3] = code
+    with pytest.raises(rbd.InputError, match="'mode_floor' holds numbers for which it gives no mode"):
+        Trajectory.load(path, fall.robot)
+
+
 def test_a_size_that_lies_takes_no_memory(fall: Trajectory, tmp_path: Path):
     """An array said to have 10^15 entries is refused before it is made."""
     path = tmp_path / "x.npz"
@@ -283,8 +365,6 @@ def test_numpy_alone_reads_it(fall: Trajectory, tmp_path: Path):
 
 def test_netcdf_is_read_by_others(fall: Trajectory, tmp_path: Path):
     """SciPy's reader finds named dimensions, units, and modes as CF's flags."""
-    from scipy.io import netcdf_file
-
     fall.save(tmp_path / "x.nc")
     with netcdf_file(tmp_path / "x.nc", mmap=False) as found:
         assert found.variables["q"].dimensions == ("time", "position") and found.variables["com"].units == b"m"

@@ -139,6 +139,24 @@ def test_the_least_distance_is_that_to_the_corner():
     assert least_distance(np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5])) == pytest.approx([0.0])
 
 
+def test_weights_that_repeat_each_other_are_shared_anew_where_a_decided_one_bears_none():
+    """With t = w1 + w2 - w3: y1 = -t - 2 w2 - 2 = -y3, y2 = -t - w2 - 1; w1 in [-1, 1], w2 >= 0, w3 in [0, 1].
+
+    Positive y1 asks w2 < 0, negative y1 leaves y2 < 0; y1 = 0 leaves t = -2 alone, so w = (-1, 0, 1).
+    """
+    A = np.array([[-1.0, -3.0, 1.0], [-1.0, -2.0, 1.0], [1.0, 3.0, -1.0]])
+    V = np.array([[0.0, 1.0, 0.0], [1.0, 1.0, -1.0]])
+    found = all_solutions(Mixed(A, np.array([-2.0, -1.0, 2.0]), V, np.array([-1.0, 0.0, 0.0]), np.array([1.0, np.inf, 1.0])))
+    assert found.complete and len(found.weights) == 1 and not found.family[0]
+    assert found.weights[0] == pytest.approx([-1.0, 0.0, 1.0], abs=1e-9)
+
+
+def test_the_least_distance_without_its_pivots_is_not_found(monkeypatch):
+    """At the limit of nonnegative least squares: None, as of what cannot be met."""
+    monkeypatch.setattr("rbd.solvers.complementarity.nonnegative", lambda *_: None)
+    assert least_distance(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0])) is None
+
+
 @pytest.mark.parametrize("loads", ["any", "pressing", "one is zero"])
 @pytest.mark.parametrize(("stiff", "load"), [(1e-6, 1e4), (1e6, 1e-3), (1.0, 1e-12), (1.0, 1e12), (1e-9, 1e-9), (1e9, 1e9)])
 def test_units_do_not_matter(stiff, load, loads):

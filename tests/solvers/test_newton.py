@@ -225,3 +225,20 @@ def test_newtons_matrix_is_the_slope_of_the_gap(coulomb, rng):
             ahead, behind = (_gap(S, w + s * e, S.D @ (w + s * e) + S.q, coulomb)[0] for s in (h, -h))
             assert -found[:, j] == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-5 * max(1.0, np.abs(found).max()))
     assert slipping > 20
+
+
+def test_rows_that_repeat_each_other_and_do_not_yield_stop_newton_where_it_began():
+    """D of rank one on two lines, without the proximal term: singular, so the guess comes back, and its merit with it."""
+    problem = scaled(np.ones((2, 2)), np.array([1.0, 2.0]), parts(Free(2)))
+    guess = np.array([0.5, -0.25])
+    w, merit, steps = steps_from(problem, guess, coulomb=False, proximal=0.0)
+    assert np.array_equal(w, guess) and steps == 0
+    assert merit == pytest.approx(np.abs(problem.D @ guess + problem.q).max())
+
+
+def test_the_interior_point_without_cones_is_the_clipped_answer(rng):
+    """Half-lines alone and D = 1: w = max(0, -q), in closed form."""
+    q = rng.normal(size=6)
+    problem = scaled(np.eye(6), q, parts(NonNegative(6)))
+    w, _ = solve_interior_point(problem)
+    assert problem.weights(w) == pytest.approx(np.maximum(-q, 0.0), abs=1e-7)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.problem.rows import Rows
-from rbd.solvers import qp
+from rbd.solvers import proxqp, qp
 from rbd.testing import law_residuals
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
@@ -77,6 +78,54 @@ def test_a_sole_that_holds_is_the_limit_of_great_friction(talos):
     assert np.abs(held.multipliers - rubbing.multipliers).max() < 1e-6
     total = sum(f[:3] for f in rubbing.forces.values())
     assert total == pytest.approx([0, 0, talos.mass * 9.81], abs=1e-9 * talos.mass * 9.81)
+
+
+@pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")
+def test_numbers_that_ProxSuite_does_not_end_with_displace_no_answer(talos):
+    """With friction 1e6 some settings end in NaN, others in the motion: Talos stands still."""
+    state, soles = talos.standing(), talos.soles(1e6)
+    s = rbd.solve(state, rbd.hold(state, soles).tau, soles)
+    assert np.abs(s.a).max() < 1e-4 and s.residuals.worst < 1e-7
+
+
+@pytest.mark.parametrize("mu", [1e9, 1e12, 1e15])
+def test_friction_beyond_what_a_pyramid_can_carry_is_named(talos, mu):
+    """Rays of 1e9 N cancel to 10 N with 1e-6 N of rounding: said with the contact, and true cones solve it."""
+    state = talos.standing()
+    tau = rbd.hold(state, talos.soles(0.7)).tau
+    left, right = talos.soles(mu)[0], talos.soles(0.7)[1]
+    words = re.escape(f"left_sole has friction {mu:.3g}, too much for a pyramid")
+    with pytest.raises(rbd.NoSolution, match=rf"^{words}.*rbd\.ADMM"):
+        rbd.solve(state, tau, [left, right])
+    s = rbd.solve(state, tau, [left, right], solver=rbd.ADMM(law="convex"))
+    assert s.status == "solved" and np.abs(s.a).max() < 1e-8
+
+
+@pytest.mark.parametrize("seed", [0, 10, 33, 38])
+def test_a_light_body_that_contacts_squeeze_is_as_still_as_they_hold_it(seed):
+    """Half a gram that weight would accelerate at 1 m/s2, under a sole and a line with friction 1000, and dry friction.
+
+    ProxSuite squeezes it with kilonewtons; rounding of those moves it at 1e-9 m/s2. Half a millinewton holds it.
+    """
+    rng = np.random.default_rng(seed)
+    J, K = np.zeros((6, 1)), np.zeros((5, 1))
+    J[:3, 0], K[:3, 0] = rng.normal(size=3), rng.normal(size=3)
+    corners = [[0.04, 0.01, 0.0], [-0.02, 0.01, 0.0], [-0.01, -0.02, 0.0], [0.02, -0.02, 0.0]]
+    rows = [
+        Rows("sole", J, np.zeros(6), rbd.WrenchCone(corners, 1e3)),
+        Rows("line", K, np.zeros(5), rbd.LineCone(0.005, 1e3)),
+        Rows("friction", np.eye(1), np.zeros(1), rbd.Box([-1.0], [1.0])),
+    ]
+    s = rbd.solve_problem(rbd.GaussProblem(5e-4 * np.eye(1), np.array([5e-4]), rows), check=False)
+    assert s.status == "solved" and abs(s.a[0]) < 1e-11
+    assert np.abs(s.multipliers).max() < 1e-3
+
+
+def test_little_weights_that_the_last_step_turns_negative_take_no_part_in_it():
+    """Two rays of one direction that are to carry 0.9 together, a guess of 1 and 2e-8: not 0.95 and 0, but 0.9 and 0."""
+    guess, along = np.array([1.0, 2e-8]), np.ones((2, 1))
+    found = proxqp._polished(guess, along, np.full(2, -0.9), np.zeros(2, bool))
+    assert found.tolist() == pytest.approx([0.9, 0.0], abs=1e-15)
 
 
 def test_more_facets_leave_less_freedom(talos, rng):

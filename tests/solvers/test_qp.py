@@ -113,3 +113,16 @@ def test_settings_end_with_their_work(rng):
     assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None))) == len(qp.POLICY)
     spent = Work(1.0)
     assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None, work=spent))) == 1 and spent.left < 0.0
+
+
+def test_no_rows_are_never_violated():
+    """Nothing asked: zero, whatever x."""
+    assert qp.least_violation(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros(0)) == 0.0
+
+
+def test_the_nearest_point_without_its_pivots_is_not_found(monkeypatch):
+    """At least 1 of one coordinate: 1 with a push of 1; at the limit of nonnegative least squares, None."""
+    found = qp._least_distance(None, None, np.ones((1, 1)), np.ones(1), 0)
+    assert found is not None and found.x == pytest.approx([1.0]) and found.z == pytest.approx([1.0])
+    monkeypatch.setattr("rbd.solvers.qp.nonnegative", lambda *_: None)
+    assert qp._least_distance(None, None, np.ones((1, 1)), np.ones(1), 0) is None

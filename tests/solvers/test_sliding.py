@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,8 +12,9 @@ from scipy.optimize import linprog, minimize_scalar
 import rbd
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.residuals import residuals_of
+from rbd.solvers import qp, sliding
 from rbd.solvers.complementarity import Mixed, all_solutions
-from rbd.solvers.sliding import sliding_answers
+from rbd.solvers.sliding import _Search, sliding_answers
 from rbd.testing import box
 
 G = 9.81
@@ -541,6 +544,53 @@ def test_held_rows_that_contradict_each_other_leave_no_motion():
     assert answers.found == () and answers.complete and "rows that hold contradict each other" in answers.reason
 
 
+def test_of_many_rows_that_contradict_each_other_four_are_named():
+    """Six that hold one coordinate still at different rates, beside a sliding point."""
+    P = rod_problem(0.3, 1.0)
+    hands = [rbd.Rows(f"hand {i}", [[1.0, 0.0, 0.0]], [float(i)], rbd.Free(1)) for i in range(6)]
+    reason = sliding_answers(rbd.GaussProblem(P.M, P.rhs, [*hands, *P.rows])).reason
+    assert reason.endswith("among 'hand 0', 'hand 1', 'hand 2', 'hand 3' and 2 more")
+
+
+def test_a_rod_held_in_its_turn_has_no_paradox_and_a_rod_held_in_its_height_has_another():
+    """What holds changes how pressing moves the tip: without a turn by 1/m; with the middle's height held by its turn alone."""
+    mu, angle = 2.0, np.arctan(2.0)
+    P = rod_problem(mu, angle)
+    turn = rbd.Rows("turn", [[0.0, 0.0, 1.0]], [0.0], rbd.Free(1))
+    slides = sliding_answers(rbd.GaussProblem(P.M, P.rhs, [turn, *P.rows]))
+    assert slides.complete and len(slides.found) == 1 and slides.found[0][1][3] == pytest.approx(G)  # N = m g
+    # The middle held at its height, and a torque that drives the tip down: M^-1 of the turn is 3 / (m l^2).
+    height = rbd.Rows("height", [[0.0, 1.0, 0.0]], [0.0], rbd.Free(1))
+    none = sliding_answers(rbd.GaussProblem(P.M, np.array([0.0, -G, 1.0]), [height, *P.rows]))
+    c, s = np.cos(angle), np.sin(angle)
+    D = 3.0 * c * (c - mu * s)
+    assert none.found == () and none.complete and f"n . J M^-1 J^T (n - mu t) = {D:.3g} < 0 at mu = 2" in none.reason
+
+
+def test_points_at_rest_beside_one_that_slides_each_follow_their_law():
+    """Three beads of 1 kg that do not touch each other: one slides, one starts to slip, one lifts off. Closed forms."""
+    mu, push = 0.5, 8.0
+    J = np.eye(9)
+    moving = rbd.Rows("moving", J[:3], np.zeros(3), rbd.FrictionCone(mu), velocity=[0.0, 1.0, 0.0])
+    rows = [moving, *(rbd.Rows(f"rest {i}", J[3 * i : 3 * i + 3], np.zeros(3), rbd.FrictionCone(mu)) for i in (1, 2))]
+    P = rbd.GaussProblem(np.eye(9), np.array([0.0, 0.0, -G, push, 0.0, -G, 0.0, 0.0, 3.0]), rows)
+    answers = sliding_answers(P)
+    assert len(answers.found) == 1 and not answers.complete  # Newton's search, where cones at rest rub
+    a, f, _ = answers.found[0]
+    assert a == pytest.approx([0.0, -mu * G, 0.0, push - mu * G, 0.0, 0.0, 0.0, 0.0, 3.0], abs=1e-9)
+    assert f == pytest.approx([0.0, -mu * G, G, -mu * G, 0.0, G, 0.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_weights_near_an_answer_are_brought_onto_it():
+    """A ten-thousandth off: Newton's correction finds the closed form's force again; half off is no answer, and stays so."""
+    P = rod_problem(0.3, 1.0)
+    search = _Search(P)
+    exact = sliding_answers(P).found[0][2]
+    near, far = search._certified(1.0001 * exact), search._certified(1.5 * exact)
+    assert near.status == "solved" and near.weights == pytest.approx(exact, rel=1e-9)
+    assert far.status != "solved" and far.weights == pytest.approx(1.5 * exact)
+
+
 def test_joints_with_dry_friction_beside_a_sliding_point_are_solved_exactly():
     """A chain of unit masses pushed along a line, each with an interval of dry friction at rest, the last rubbing on top."""
     rng = np.random.default_rng(5)
@@ -593,3 +643,43 @@ def test_random_sliding_points_have_the_motions_of_brute_force(seed):
         assert gauss == sorted(gauss)
         counts.add(min(expected, 2))
     assert counts == {0, 1, 2}
+
+
+class TestAHundred:
+    """Points of one body that slide together: more than its motion can tell apart."""
+
+    @staticmethod
+    def problem() -> rbd.GaussProblem:
+        """A body of 2 kg on points at all heights, friction 0.3."""
+        rng, rows = np.random.default_rng(0), []
+        for k in range(100):
+            x, y, z = rng.normal(size=3) * [0.1, 0.1, 0.05]
+            J = np.hstack([np.eye(3), -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])])
+            rows.append(rbd.Rows(f"p{k}", J, np.zeros(3), rbd.FrictionCone(0.3), np.array([0.2, 0.1, 0.0])))
+        M = np.diag([2.0, 2.0, 2.0, 0.01, 0.02, 0.015])
+        return rbd.GaussProblem(M, np.array([1.0, 2.0, -2.0 * G, 0.1, 0.2, 0.1]), rows)
+
+    def test_the_search_ends_by_its_work(self, monkeypatch):
+        """5000 nodes of the tree took 40 s: now it ends after some linear programs, with a motion, and not as complete."""
+        programs = []
+
+        def counted(*given):
+            programs.append(1)
+            return least_violation(*given)
+
+        least_violation = qp.least_violation
+        monkeypatch.setattr(qp, "least_violation", counted)
+        answers = sliding_answers(self.problem())
+        assert answers.found and not answers.complete and len(programs) <= 50
+        a, f, w = answers.found[0]
+        assert residuals_of(self.problem(), a, f, w, "coulomb").worst < 1e-9
+
+    def test_where_the_tree_finds_nothing_points_that_yield_lead_to_a_motion(self, monkeypatch):
+        """Cut at its root, it leaves the search to Newton's method on points that yield less and less; the reason says so."""
+        monkeypatch.setattr(sliding, "all_solutions", lambda problem: all_solutions(replace(problem, work=0.0)))
+        problem = self.problem()
+        answers = sliding_answers(problem)
+        assert len(answers.found) == 1 and not answers.complete and "not all motions were searched" in answers.reason
+        a, f, w = answers.found[0]
+        assert residuals_of(problem, a, f, w, "coulomb").worst < 1e-9
+        assert (w >= 0.0).all() and (problem.J @ a)[2::3].min() > -1e-9

@@ -16,13 +16,14 @@ from PIL import Image
 
 import rbd
 from rbd.errors import InputError, PictureError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import ExternalForce
-from rbd.simulation.moment import Event
+from rbd.simulation.events import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.animation_frames import frames_of
-from rbd.visual.robot_parts import robot_parts
-from rbd.visual.screenshot import FLAGS
+from rbd.visual.browser import FLAGS
+from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-6
 """What is left of a metre, or of a unit quaternion, in single precision."""
@@ -229,6 +230,34 @@ def test_events_are_marks_with_their_words(motion, page, tmp_path):
     assert len(marks) == 1 and len(marks[0]["words"]) == 9 and marks[0]["words"][-1].startswith("and 92 more")
 
 
+def test_what_happens_after_the_end_is_no_mark(motion, tmp_path):
+    """A shortened motion keeps the events of the whole one; the bar has those of its own time."""
+    late = replace(motion, events=(*motion.events, replace(motion.events[0], t=motion.times[-1] + 1.0)))
+    marks = [score_of(export_motion(each, tmp_path / "x.html"))[0]["events"] for each in (late, motion)]
+    assert len(motion.events) > 0 and marks[0] == marks[1]
+
+
+def test_what_chatters_is_told_as_coarsely_as_it_is_shown(box):
+    """Of a thousand changes of mode in one second, 30 frames show 30 at most."""
+    times = np.linspace(0.0, 1.0, 1001)
+    q = np.tile(box.neutral(), (len(times), 1))
+    words = ["sticks" if i % 2 else "slips" for i in range(len(times))]
+    chatter = Motion(box, times, q, np.zeros((len(times), box.nv)), modes={"foot": words})
+    stretches = frames_of(chatter, [1], fps=30).stretches["foot"]
+    assert 1 <= len(stretches) <= 30 and stretches[0][0] == 0.0 and stretches[-1][1] == 1.0
+    assert all(a[1] == b[0] for a, b in zip(stretches, stretches[1:], strict=False))
+    assert len(frames_of(replace(chatter, modes={"foot": ["sticks"] * 1001}), [1], fps=30).stretches["foot"]) == 1
+
+
+def test_without_bodies_the_centre_of_mass_alone_moves(box):
+    """Of a robot with nothing to draw: no poses, one place a frame."""
+    times = np.array([0.0, 0.5, 1.0])
+    q = np.tile(box.neutral(), (3, 1))
+    q[:, 0] = times
+    frames = frames_of(Motion(box, times, q, np.zeros((3, box.nv))), [], fps=2)
+    assert frames.poses.shape == (3, 0, 7) and np.abs(frames.com[:, 0] - frames.times).max() < 1e-12
+
+
 def test_the_camera_sees_all_of_the_motion(motion, page):
     """The box at its start and its end, and the longest arrow, are within what is framed."""
     notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
@@ -259,6 +288,7 @@ def test_wrong_uses_are_refused_in_words(motion, tmp_path):
         some = {k: {c: x[:n] for c, x in getattr(motion, k).items()} for k in ("points", "point_forces", "modes")}
         return replace(motion, times=motion.times[:n], q=motion.q[:n], v=motion.v[:n], **some)
 
+    bare = CheckedModel(motion.robot.model)
     broken = motion.q.copy()
     broken[7, 2] = np.nan
     wrong = [
@@ -269,6 +299,8 @@ def test_wrong_uses_are_refused_in_words(motion, tmp_path):
         (InputError, "times.*do not increase", (replace(motion, times=0 * motion.times), out), {}),
         (InputError, "fps is 0", (motion, out), {"fps": 0}),
         (InputError, "speed is -1", (motion, out), {"speed": -1}),
+        (InputError, "speed is 0.0001; expected at least 0.001", (motion, out), {"speed": 1e-4}),
+        (InputError, "'box' has no meshes: it is a bare model", (replace(motion, robot=bare), out), {}),
         (InputError, "start is 7; the motion runs from 0 s to 1 s", (motion, out), {"start": 7}),
         (InputError, "title is 3", (motion, out), {"title": 3}),
         (PictureError, r"ends in \.html", (motion, tmp_path / "x.png"), {}),

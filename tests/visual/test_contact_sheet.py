@@ -49,6 +49,10 @@ def test_what_cannot_be_drawn_is_refused(tmp_path):
     """No robots, no size, a robot without feet."""
     with pytest.raises(InputError, match="no robots"):
         contact_sheet([], tmp_path / "none.png")
+    with pytest.raises(InputError, match="robots are 3; expected robots or their names"):
+        contact_sheet(3, tmp_path / "none.png")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="2 is no robot; expected robots or their names"):
+        contact_sheet(["bolt", 2], tmp_path / "none.png")  # type: ignore[list-item]
     with pytest.raises(InputError, match="columns is 0"):
         contact_sheet(["bolt"], tmp_path / "none.png", columns=0)
     with pytest.raises(ModelError, match="no feet are known for panda|no standing posture"):

@@ -73,3 +73,13 @@ def test_points_in_a_line_give_a_segment_and_no_failure(count, corners):
     feet = [point(f"foot{i}", (0.1 * i, 0.2 * i, 0.0)) for i in range(count)]
     hull = support_polygon(pictured(*feet))
     assert hull.shape == (corners, 2)
+
+
+def test_what_is_no_contact_has_no_arrow():
+    """Rows without a patch, such as a loop's, and contacts without a force are left out."""
+    name, patch, force = flat("sole", (0.0, 0.0, 0.0))
+    rows = [SimpleNamespace(name="loop", patch=None), SimpleNamespace(name=name, patch=patch)]
+    rows.append(SimpleNamespace(name="open", patch=patch))
+    keeper = SimpleNamespace(rows=rows)
+    shown = shown_forces(SimpleNamespace(problem=keeper, forces={"loop": np.ones(3), name: force}, corner_forces={}))
+    assert [each.name for each in shown] == ["sole"]

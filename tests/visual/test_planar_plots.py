@@ -179,3 +179,13 @@ def test_what_is_no_motion_or_no_axes_is_refused(text):
     ):
         with pytest.raises(InputError):
             ask()
+
+
+def test_a_motion_of_one_moment_and_one_that_rests_are_drawn(text):
+    """An axis of no length is Matplotlib's own; a curve that is level is not cut off."""
+    rest = joint_motion(TWO, minimum_jerk([0.3, 0.4], [0.3, 0.4], 1.0))
+    for motion in (endpoint_motion(TWO, text.path, times=[0.5]), rest):
+        panels = axes(2, 4)
+        plot_panels(panels, motion)
+        assert not any("cut off" in each.get_text() for ax in panels.flat for each in ax.texts)
+    assert all(np.ptp(line.get_ydata()) < 1e-12 for ax in panels.flat for line in ax.lines)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.errors import ModelWarning
 from rbd.visual.collada import read_collada
-from rbd.visual.robot_parts import inertia_ellipsoids, robot_parts, skeleton
+from rbd.visual.robot_meshes import inertia_ellipsoids, robot_parts, skeleton, triangles
 
 ARM = """<robot name="arm"><link name="base"/><link name="bar">{shape}<inertial><origin xyz="0.2 0 0" rpy="0 0 0.4"/>
 <mass value="3"/><inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>
@@ -75,3 +77,86 @@ def test_collada_with_vertices_that_are_not_there_is_refused(tmp_path):
         (tmp_path / "a.dae").write_text(text.format(numbers))
         with pytest.raises(ValueError, match="not among its 3"):
             read_collada(tmp_path / "a.dae")
+
+
+CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])
+
+
+def hull_of(points: np.ndarray) -> coal.Convex:
+    """A convex shape of these points, without faces of its own."""
+    vertices = coal.StdVec_Vec3s()
+    for point in points:
+        vertices.append(point)
+    return coal.Convex(vertices, coal.StdVec_Triangle())
+
+
+@pytest.mark.parametrize(
+    ("geometry", "volume", "size"),
+    [
+        (coal.Sphere(0.5), 4.0 / 3.0 * np.pi * 0.5**3, (1.0, 1.0, 1.0)),
+        (coal.Ellipsoid(0.1, 0.2, 0.3), 4.0 / 3.0 * np.pi * 0.1 * 0.2 * 0.3, (0.2, 0.4, 0.6)),
+        (coal.Box(1.0, 2.0, 3.0), 6.0, (1.0, 2.0, 3.0)),
+        (coal.Cylinder(0.5, 2.0), np.pi * 0.5**2 * 2.0, (1.0, 1.0, 2.0)),
+        (coal.Capsule(0.5, 2.0), np.pi * 0.5**2 * 2.0 + 4.0 / 3.0 * np.pi * 0.5**3, (1.0, 1.0, 3.0)),
+        (coal.Cone(0.5, 2.0), np.pi * 0.5**2 * 2.0 / 3.0, (1.0, 1.0, 2.0)),
+        (hull_of(CORNERS), 6.0, (1.0, 2.0, 3.0)),
+    ],
+    ids=lambda x: type(x).__name__ if isinstance(x, coal.CollisionGeometry) else "",
+)
+def test_each_kind_of_shape_is_drawn_as_large_as_it_is(geometry, volume, size):
+    """Its triangles face outward, and enclose its volume up to the facets' few per cent."""
+    mesh = triangles(geometry)
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx(size, rel=0.01)
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0 == pytest.approx(volume, rel=0.03)
+
+
+@pytest.mark.parametrize("geometry", [coal.Plane(np.array([0.0, 0.0, 1.0]), 0.0), hull_of(CORNERS[CORNERS[:, 0] == 0.0])])
+def test_what_has_no_triangles_has_none(geometry):
+    """Infinite planes, and hulls of points in a plane."""
+    assert triangles(geometry) is None
+
+
+def test_a_shape_that_cannot_be_drawn_is_named_and_the_rest_is_drawn(tmp_path):
+    """A cloud of points among a robot's visuals; an infinite floor is left out in silence."""
+    robot = arm(tmp_path, (0.1, 0.1, 0.1), '<visual><geometry><box size="1 1 1"/></geometry></visual>')
+    cloud = coal.BVHModelOBBRSS()
+    cloud.beginModel(0, 8)
+    cloud.addVertices(CORNERS)
+    cloud.endModel()
+    floor = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+    for name, geometry in (("dust", cloud), ("floor", floor)):
+        robot.visual_model.addGeometryObject(pin.GeometryObject(name, 1, 0, pin.SE3.Identity(), geometry))
+    with pytest.warns(ModelWarning, match=r"geometry 'dust' .BVHModelOBBRSS. has no triangles and is not drawn"):
+        parts = robot_parts(robot)
+    assert [part.name for part in parts] == ["bar_0"]
+
+
+def test_a_point_mass_has_no_ellipsoid(tmp_path):
+    """Of no moments at all there are no axes to draw."""
+    assert inertia_ellipsoids(arm(tmp_path, (0.0, 0.0, 0.0)).model) == []
+
+
+def test_an_empty_part_of_a_collada_file_is_passed_over(tmp_path):
+    """A colour without triangles, beside one that has one; the URDF's scale counts."""
+    red = '<effect id="e"><profile_COMMON><technique sid="c"><lambert><diffuse><color>1 0 0 1</color></diffuse></lambert>'
+    red = f"<library_effects>{red}</technique></profile_COMMON></effect></library_effects>"
+    red += '<library_materials><material id="red"><instance_effect url="#e"/></material></library_materials>'
+    bound = '<technique_common><instance_material symbol="paint" target="#red"/></technique_common>'
+    names = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+    corners = '<float_array id="pa" count="9">0 0 0 1 0 0 0 1 0</float_array>'
+    corners += f'<technique_common><accessor source="#pa" count="3" stride="3">{names}</accessor></technique_common>'
+    of = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    (tmp_path / "two.dae").write_text(
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><unit meter="1"/>'
+        f"<up_axis>Z_UP</up_axis></asset>{red}<library_geometries>"
+        f'<geometry id="g"><mesh><source id="p">{corners}</source><vertices id="v"><input semantic="POSITION" source="#p"/>'
+        f'</vertices><triangles count="0" material="paint">{of}<p></p></triangles><triangles count="1">{of}<p>0 1 2</p>'
+        '</triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node>'
+        f'<instance_geometry url="#g"><bind_material>{bound}</bind_material></instance_geometry></node>'
+        '</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>'
+    )
+    assert [len(piece.mesh.faces) for piece in read_collada(tmp_path / "two.dae")] == [0, 1]
+    mesh = '<visual><geometry><mesh filename="two.dae" scale="2 3 4"/></geometry></visual>'
+    (part,) = robot_parts(arm(tmp_path, (0.1, 0.1, 0.1), mesh))
+    assert len(part.mesh.faces) == 1 and np.ptp(part.mesh.vertices, axis=0).tolist() == [2.0, 3.0, 0.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import urllib.error
 import urllib.request
@@ -25,7 +26,7 @@ from rbd.robots.robot import load_robot
 from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.recorder import Recorder
-from rbd.visual.robot_parts import robot_parts, skeleton
+from rbd.visual.robot_meshes import robot_parts, skeleton
 
 MM = 1e-3
 PUSH = ExternalForce("torso_2_link", [0.0, 60.0, 0.0], offset=[0.0, 0.0, 0.2])
@@ -232,6 +233,58 @@ def test_wrong_uses_are_refused_in_words(talos, standing, tmp_path):
         screenshot(tmp_path / "none.html", tmp_path / "none.png")
     with pytest.raises(InputError, match="arrow_per_weight"):
         Scene(talos, arrow_per_weight=0.0)
+    with pytest.raises(InputError, match="Scene wants a robot, got 'talos'. Load one with rbd.load_robot"):
+        Scene("talos")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="seen_from is .*expected .* not straight up or down"):
+        Scene(talos, seen_from=(0.0, 0.0, 1.0))
+
+
+def test_without_a_browser_there_is_no_picture(monkeypatch, tmp_path):
+    """None on the PATH, one that ends without a picture, and one that does not end."""
+    page = tmp_path / "x.html"
+    page.write_text("<html></html>")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(PictureError, match="no browser found; looked on PATH for chromium, .*Install Chromium"):
+        screenshot(page, tmp_path / "x.png")
+    browser = tmp_path / "chromium"
+    both = "echo one >&2; echo no screen >&2; exit 1"
+    for says, words in (("exit 3", "exit 3.: it said nothing"), (both, "exit 1.: no screen")):
+        browser.write_text(f"#!/bin/sh\n{says}\n")
+        browser.chmod(0o755)
+        with pytest.raises(PictureError, match=f"the browser made no picture of .*{words}"):
+            screenshot(page, tmp_path / "x.png")
+    monkeypatch.setitem(screenshot.__globals__, "TIMEOUT_SECONDS", 0.05)
+    browser.write_text("#!/bin/sh\nread nothing < fifo\n")
+    os.mkfifo(tmp_path / "fifo")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(PictureError, match="the browser took over 0.05 s"):
+        screenshot(page, tmp_path / "x.png")
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_where_nothing_weighs_an_arrow_is_told_in_newtons_alone(tmp_path):
+    """Without gravity a force is no share of a weight."""
+    text = '<body name="b"><freejoint/><geom size=".1"/></body>'
+    (tmp_path / "ball.xml").write_text(f'<mujoco><option gravity="0 0 0"/><worldbody>{text}</worldbody></mujoco>')
+    robot = rbd.load_robot(tmp_path / "ball.xml")
+    with Scene(robot) as scene:
+        scene.show(robot.at(), external=rbd.ExternalForce("b", (3.0, 0.0, 0.0)))
+        page = scene.page()
+    assert "the weight" not in page.split('"legend"', 1)[1][:2000] and "N" in page
+
+
+def test_a_skeleton_shows_through_its_glass(tmp_path):
+    """Translucent parts write no depth: what is inside is drawn, whatever the order."""
+    shape = '<collision><geometry><box size=".1 .1 .1"/></geometry></collision>'
+    inertia = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    link = f'<link name="b">{inertia}{shape}</link>'
+    (tmp_path / "glass.urdf").write_text(f'<robot name="glass">{link}</robot>')
+    robot = rbd.load_robot(tmp_path / "glass.urdf")
+    glass = [part for part in robot_parts(robot) if part.opacity < 0.5]
+    with Scene(robot) as scene:
+        scene.show(robot.at())
+        sent = b"".join(m if isinstance(m, bytes) else m.encode() for m in scene._recorder.messages()[0])
+    assert len(glass) == 1 and sent.count(b"depthWrite") >= 1
 
 
 def test_the_camera_can_stand_elsewhere(talos, standing, tmp_path):
@@ -344,6 +397,14 @@ class TestBeside:
             assert len(colors) == 31 and len({color for name, color in colors.items() if name != "here"}) == 30
             scene.beside({})
             assert "here" not in legend_of(scene, tmp_path)[1]
+
+    def test_without_a_legend_poses_have_no_names(self, g1):
+        """They are drawn all the same."""
+        with Scene(g1, legend=False) as scene:
+            scene.show(g1.standing())
+            before = len(scene._recorder.messages()[0])
+            scene.beside({"a nameless pose": g1.at()})
+            assert len(scene._recorder.messages()[0]) > before and "a nameless pose" not in scene.page()
 
     def test_what_is_no_pose_is_refused(self, g1):
         """By name; and nothing before a first picture."""

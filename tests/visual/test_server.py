@@ -14,6 +14,7 @@ import pytest
 from tornado.websocket import websocket_connect
 
 import rbd
+from rbd.errors import PictureError
 from rbd.visual import Scene, server
 
 
@@ -155,3 +156,47 @@ def test_a_browser_that_does_not_read_is_sent_away(scene: Scene, g1: rbd.Robot, 
     monkeypatch.undo()
     scene.show(g1.standing())
     assert upgrade(scene, "?after=0") == 101
+
+
+def test_a_port_that_is_refused_is_told_to_the_caller(g1: rbd.Robot, monkeypatch: pytest.MonkeyPatch):
+    """The reason of the system, in the error of whoever asked for the address."""
+
+    def refused(port: int, host: str) -> None:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(server, "bind_sockets", refused)
+    with Scene(g1) as scene, pytest.raises(PictureError, match="could not listen on 127.0.0.1: .*Address already in use"):
+        scene.url  # noqa: B018
+
+
+def test_a_server_closes_once_and_takes_its_browsers_along(g1: rbd.Robot):
+    """A browser that watches is told the end; what is closed twice, or told more, stays closed."""
+    live = server.LiveServer(recorder := server.Recorder(), "closing")
+
+    async def watch() -> object:
+        found = await websocket_connect(f"ws://127.0.0.1:{live.port}/changes?after=0")
+        await asyncio.get_running_loop().run_in_executor(None, lambda: (live.wait_for_viewer(10.0), live.close()))
+        told = await asyncio.wait_for(found.read_message(), 10)
+        found.close()
+        return told
+
+    assert asyncio.run(watch()) is None
+    live.close()
+    live._pass_on("more")
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", live.port), timeout=10)
+    assert recorder.messages()[1] == 0
+
+
+def test_a_child_lets_go_of_its_parents_port():
+    """What a forked child does first: the socket is closed there, and the next request of that copy finds nobody."""
+    live = server.LiveServer(server.Recorder(), "forked")
+    live.close()  # as in a child, no thread of it runs here any more
+    kept = socket.create_server(("127.0.0.1", 0))
+    port = kept.getsockname()[1]
+    live._listening = [kept]
+    live.renew_after_fork()
+    assert kept.fileno() == -1 and live._listening == [] and not live.wait_for_viewer(0.0)
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), timeout=10)
+    live.close()

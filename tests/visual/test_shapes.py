@@ -93,3 +93,11 @@ def test_collada_parts_keep_triangles_colours_unit_and_up_axis(tool, top, tmp_pa
     assert red.rgba == (1.0, 0.0, 0.0, 1.0) and bare.rgba is None
     assert red.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]] and bare.mesh.faces.tolist() == [[0, 2, 3]]
     assert np.allclose(red.mesh.vertices[2], top)
+
+
+def test_axes_of_no_direction_are_the_worlds():
+    """Else the third points along it, and they are a rotation."""
+    assert np.array_equal(shapes.axes_along(np.zeros(3)), np.eye(3))
+    R = shapes.axes_along(np.array([0.0, 3.0, -4.0]))
+    assert np.abs(R[:, 2] - [0.0, 0.6, -0.8]).max() < 1e-15 and np.abs(R.T @ R - np.eye(3)).max() < 1e-15
+    assert abs(np.linalg.det(R) - 1.0) < 1e-15

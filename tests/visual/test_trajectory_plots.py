@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import rbd
-from rbd.simulation.moment import Event, Moment, Touch
+from rbd.simulation.events import Event, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
 from rbd.testing import box

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.outline import SAME_M, Point, inside, on_edge, outline, overlap, same
+from rbd.constraints.convex.outlines import SAME_M, Point, inside, on_edge, outline, overlap, same
 from rbd.constraints.convex.reduced import across, spread
 from rbd.constraints.convex.solids import ConvexShape
 

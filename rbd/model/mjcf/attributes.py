@@ -72,8 +72,6 @@ _INSIDE = {
 }
 _INSIDE["frame"] = _INSIDE["body"]
 _LEAVES = _words("inertial joint freejoint geom mesh flag")
-_NO_EFFECT = _words("camera light hfield texture material skin")
-"""Elements whose attributes change nothing here."""
 
 _WHY = {
     "replicate": "write its copies out",
@@ -112,8 +110,6 @@ def _refuse(wrong: Complaints, tag: str, where: str) -> None:
 
 def check_attributes(wrong: Complaints, what: str, element: Element) -> None:
     """Refuse attributes that are not known to be read right or to change nothing."""
-    if element.tag in _NO_EFFECT:
-        return
     for key in element.keys():
         if key not in KNOWN[element.tag]:
             remedy = f": {_WHY[key]}" if key in _WHY else ", and may change the robot. Take it out if it does not matter"

@@ -15,8 +15,8 @@ LARGEST = 1e6
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def read_mesh(path: Path) -> tuple[Array, Array]:
-    """(corners (k, 3), triangles (m, 3)) of a file; MuJoCo keeps coordinates in single precision, and so do these.
+def read_mesh(path: Path) -> tuple[Array, Array, int]:
+    """(corners (k, 3), triangles (m, 3), corners of the file's widest face); MuJoCo keeps coordinates in single precision.
 
     Raises:
         ValueError: why not, to be put behind the file's name.
@@ -34,7 +34,8 @@ def read_mesh(path: Path) -> tuple[Array, Array]:
         data = path.read_bytes()
     except OSError as error:
         raise ValueError(f"cannot be read ({error.strerror})") from None
-    return checked(*readers[kind](data))
+    vertices, faces, widest = readers[kind](data)
+    return *checked(vertices, faces), widest
 
 
 def checked(vertices: Array, faces: Array) -> tuple[Array, Array]:
@@ -72,32 +73,52 @@ def hull(vertices: Array) -> Array:
     return faces
 
 
-def _stl(data: bytes) -> tuple[Array, Array]:
+def _stl(data: bytes) -> tuple[Array, Array, int]:
     count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
     if not count or 84 + 50 * count > len(data):
         raise ValueError("is no whole binary STL file")
     corners = np.frombuffer(data, _TRIANGLE, count, offset=84)["corners"].astype(float)
-    return corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+    return corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), 3
 
 
-def _obj(data: bytes) -> tuple[Array, Array]:
-    vertices: list[list[float]] = []
-    faces: list[list[int]] = []
+def _obj(data: bytes) -> tuple[Array, Array, int]:
+    corners: list[list[float]] = []
+    rings: list[list[int]] = []
     try:
         for line in data.decode("utf-8", "replace").splitlines():
             words = line.split()
             if words[:1] == ["v"]:
-                vertices.append([float(word) for word in words[1:4]])
+                x, y, z = words[1:4]
+                corners.append([float(_plain(word)) for word in (x, y, z)])
             elif words[:1] == ["f"]:
-                ring = [int(word.split("/")[0]) for word in words[1:]]
-                ring = [i - 1 if i > 0 else len(vertices) + i for i in ring]
-                faces += [[ring[0], ring[k], ring[k + 1]] for k in range(1, len(ring) - 1)]
-        return np.array(vertices, np.float32).reshape(-1, 3).astype(float), np.array(faces, int).reshape(-1, 3)
-    except (ValueError, IndexError, OverflowError):
+                ring = [int(_plain(word.split("/")[0])) for word in words[1:]]
+                rings.append([i - 1 if i > 0 else len(corners) + i for i in ring])
+        vertices = np.array(corners, np.float32).reshape(-1, 3).astype(float)
+    except (ValueError, OverflowError):
         raise ValueError("is no OBJ file that can be read") from None
+    checked(vertices, np.array([i for ring in rings for i in ring], int))
+    faces = [triangle for ring in rings for triangle in _cut(vertices, ring)]
+    return vertices, np.array(faces, int).reshape(-1, 3), max(map(len, rings), default=0)
 
 
-def _msh(data: bytes) -> tuple[Array, Array]:
+def _plain(word: str) -> str:
+    """A number as other readers take it: Python's 1_0 is their 1."""
+    if "_" in word:
+        raise ValueError(word)
+    return word
+
+
+def _cut(vertices: Array, ring: list[int]) -> list[list[int]]:
+    """Triangles of a face: of four corners along the shorter diagonal, as MuJoCo takes it; of more, all at the first corner."""
+    if len(ring) == 4:
+        a, b, c, d = ring
+        across, other = vertices[a] - vertices[c], vertices[b] - vertices[d]
+        if not across @ across < other @ other:
+            return [[a, b, d], [b, c, d]]
+    return [[ring[0], ring[k], ring[k + 1]] for k in range(1, len(ring) - 1)]
+
+
+def _msh(data: bytes) -> tuple[Array, Array, int]:
     """MuJoCo's own: the numbers of corners, normals, texture points and triangles, then these."""
     if len(data) < 16:
         raise ValueError("is no whole MSH file")
@@ -107,4 +128,4 @@ def _msh(data: bytes) -> tuple[Array, Array]:
         raise ValueError("is no whole MSH file")
     vertices = np.frombuffer(data, "<f4", 3 * corners, offset=16).astype(float).reshape(-1, 3)
     faces = np.frombuffer(data, "<i4", 3 * triangles, offset=len(data) - 12 * triangles).astype(int).reshape(-1, 3)
-    return vertices, faces
+    return vertices, faces, 3

@@ -26,10 +26,14 @@ _ELSEWHERE = "Copy it there, or give the folder above both: load_robot(..., pack
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A mesh: corners (k, 3) [m] and triangles (m, 3), counter-clockwise as seen from outside; none where the file has none."""
+    """A mesh: corners (k, 3) [m] and triangles (m, 3), counter-clockwise as seen from outside; none where the file has none.
+
+    Of what the file draws, the widest face has so many corners.
+    """
 
     vertices: Array
     faces: Array
+    widest: int = 3
 
 
 class Meshes:
@@ -132,6 +136,11 @@ class Meshes:
                 convex = kind == "convex" or not len(surface.faces)
                 if convex and element.get("maxhullvert", "-1") != "-1":
                     raise ValueError("has maxhullvert, with which its convex hull is not known. Take it out")
+                if not convex and surface.widest > 4:  # of 200 corners it leaves out a third of a disc
+                    raise ValueError(
+                        f"has a face of {surface.widest} corners; MuJoCo's triangles of such a face may leave "
+                        "gaps, so that its mass would be another one. Export it with triangles"
+                    )
                 faces = hull(surface.vertices) if convex else surface.faces
                 self._solids[name] = mesh_solid(surface.vertices, faces, kind)
             except ValueError as error:
@@ -151,7 +160,7 @@ class Meshes:
             self._wrong.stop(f"{told}; expected factors from {SMALLEST_SCALE:g} to {LARGEST_SCALE:g}, or a mirror's of -1.")
         return scale
 
-    def _raw(self, name: str, element: Element) -> tuple[Array, Array]:
+    def _raw(self, name: str, element: Element) -> tuple[Array, Array, int]:
         what = f"mesh {name!r:.80}"
         if element.get("file") is not None:
             return read_mesh(self._found(element.get("file", "")))
@@ -162,15 +171,15 @@ class Meshes:
         faces = np.array(numbers(self._wrong, what, element, "face", words[1], ()))
         if (faces != np.round(faces)).any():
             raise ValueError("has triangles whose corners are no whole numbers")
-        return checked(vertices.astype(float).reshape(-1, 3), faces.astype(int).reshape(-1, 3))
+        return *checked(vertices.astype(float).reshape(-1, 3), faces.astype(int).reshape(-1, 3)), 3
 
-    def _moved(self, name: str, element: Element, vertices: Array, faces: Array) -> Surface:
+    def _moved(self, name: str, element: Element, vertices: Array, faces: Array, widest: int) -> Surface:
         what = f"mesh {name!r:.80}"
         p = np.array(numbers(self._wrong, what, element, "refpos", 3, (0.0, 0.0, 0.0), most=FARTHEST))
         turn = ElementTree.Element("mesh", {} if element.get("refquat") is None else {"quat": element.get("refquat", "")})
         scale = self.scale(name, element)
         out = (vertices - p) @ rotation(self._wrong, what, turn, self._settings) * scale
-        return Surface(out, faces if np.prod(scale) > 0.0 else faces[:, ::-1])
+        return Surface(out, faces if np.prod(scale) > 0.0 else faces[:, ::-1], widest)
 
     def _found(self, name: str) -> Path:
         try:

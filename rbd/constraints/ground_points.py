@@ -1,0 +1,207 @@
+"""Contacts of bodies with fixed and moving ground, as points on a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, cross_matrix
+from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact_geometry import contact_axes
+from rbd.constraints.line_contact import LineContact
+from rbd.constraints.points import Measured, Structure
+from rbd.model.state import State
+from rbd.problem.cones import Cone, FrictionCone, NonNegative
+from rbd.problem.ground import Ground
+
+
+class OnGround:
+    """A contact of a body with the ground, as its points: a toe, the corners of a sole, the ends of an edge.
+
+    The plane is the one that the contact stands on (`on`); or goes through its anchor; or through where the contact is at the
+    start, with its normal as it is then. A ground with a velocity along its normal carries the plane along.
+    """
+
+    def __init__(self, contact: PointContact | SurfaceContact | LineContact, start: State) -> None:
+        self.contact = contact
+        mu = float(contact.friction or 0.0)
+        self.X_FP, local = _points_of(contact)
+        k = len(local)
+        X_WP = start.moving(contact.frame, self.X_FP, pin.LOCAL)[0]
+        self.R = _axes_at(contact, X_WP)
+        through = X_WP.translation if contact.anchor is None else getattr(contact.anchor, "translation", contact.anchor)
+        if isinstance(contact.on, Ground):
+            through = np.asarray(contact.on.point)
+        self.normal = self.R[:, 2]
+        self.height = float(self.normal @ through)
+        cone: Cone = FrictionCone(mu, int(contact.facets)) if mu else NonNegative(1)
+        self.structure = Structure((contact.name,) * k, tuple(range(k)), (cone,) * k)
+        self.local = local
+        # The velocity of a point of the patch is v + w x p, in the patch's axes.
+        self.spread = np.concatenate([np.tile(np.eye(3), (k, 1, 1)), [-cross_matrix(p) for p in local]], axis=2)
+        self.kept = slice(None) if mu else slice(2, 3)
+        touched = contact._touched
+        moves = touched is not None and bool(np.any(touched.velocity) or np.any(touched.acceleration))
+        self.surface = touched if moves else None
+        self.rise = float(self.normal @ touched.velocity[:3]) if moves and touched is not None else 0.0
+        self.point_alone = isinstance(contact, PointContact)
+
+    def at(self, state: State, t: float) -> Measured:
+        """Its points at a state and a time [s]."""
+        X_WP, J, v, bias = state.moving(self.contact.frame, self.X_FP, pin.LOCAL)
+        p, R_WP = X_WP.translation, X_WP.rotation
+        r = self.local @ R_WP.T
+        Q = self.R.T @ R_WP
+        T = Q @ self.spread  # (k, 3, 6)
+        turn = Q @ cross_matrix(v[3:])
+        velocity = T @ v
+        turning = T @ bias + (self.local @ cross_matrix(v[3:]).T) @ turn.T
+        if self.surface is not None:
+            u, s = self._surface(p + r, velocity)
+            velocity, turning = velocity - u, turning - s
+        T = T[:, self.kept]
+        gap = r @ self.normal + (float(self.normal @ p) - self.height - self.rise * t)
+        rows = T.reshape(-1, 6) @ J
+        m = len(rows)
+        return Measured(
+            self.structure, rows, velocity[:, self.kept].reshape(m), turning[:, self.kept].reshape(m), gap, np.zeros(m),
+            None, None if self.point_alone else r, p + r, self.R,
+        )  # fmt: skip
+
+    def gaps(self, state: State, t: float) -> Array:
+        """How far its points are from the plane, shape (k,) [m]; a tenth of the cost of `at`."""
+        X_WP = state.moving(self.contact.frame, self.X_FP, pin.LOCAL)[0]
+        n = self.normal
+        return self.local @ (X_WP.rotation.T @ n) + (float(n @ X_WP.translation) - self.height - self.rise * t)
+
+    def _surface(self, points: Array, velocity: Array) -> tuple[Array, Array]:
+        """Velocity and acceleration (Coriolis' included) of the ground under each point, in contact axes, shapes (k, 3)."""
+        given = self.surface
+        assert given is not None
+        at = points if given.about is None else points - given.about
+        r = at if given.about is not None else np.zeros_like(points)
+        u, W, s, dW = given.velocity[:3], given.velocity[3:], given.acceleration[:3], given.acceleration[3:]
+        turn = cross_matrix(W)
+        under = u + r @ turn.T
+        relative = velocity @ self.R.T - under
+        carried = s + r @ cross_matrix(dW).T + (r @ turn.T) @ turn.T + 2.0 * relative @ turn.T
+        return under @ self.R, carried @ self.R
+
+
+def _points_of(contact: PointContact | SurfaceContact | LineContact) -> tuple[pin.SE3, Array]:
+    """(placement of the contact in its frame, its points in the placement's axes, shape (k, 3))."""
+    if isinstance(contact, PointContact):
+        return pin.SE3(np.eye(3), np.asarray(contact.offset)), np.zeros((1, 3))
+    if isinstance(contact, SurfaceContact):
+        return contact.placement, np.asarray(contact.corners)
+    half = float(contact.half_length)
+    return contact.placement, np.array([[half, 0.0, 0.0], [-half, 0.0, 0.0]])
+
+
+def _axes_at(contact: PointContact | SurfaceContact | LineContact, X_WP: pin.SE3) -> Array:
+    """R_WC: contact axes as they are at the start, or as the anchor has them."""
+    if isinstance(contact, PointContact):
+        return contact_axes(np.asarray(contact.normal))
+    if isinstance(contact.on, Ground):
+        return _axes_on(contact.on, X_WP.rotation[:, 0])
+    if contact.anchor is not None:
+        X_WP = contact.anchor
+    if isinstance(contact, LineContact) and contact.normal is not None:
+        return contact_axes(np.asarray(contact.normal))
+    return X_WP.rotation.copy()
+
+
+def _axes_on(ground: Ground, along: Array) -> Array:
+    """Axes of a plane, the first along a direction as far as it goes."""
+    n = np.asarray(ground.normal)
+    x = along - float(along @ n) * n
+    length = float(np.linalg.norm(x))
+    if length < 0.1:
+        return contact_axes(n)
+    x = x / length
+    return np.column_stack([x, cross_matrix(n) @ x, n])
+
+
+class Grounds:
+    """Several contacts with ground that does not move, all their points at once: the same as one `OnGround` each, faster.
+
+    Let V = (v_0, w) and A = (a_0, alpha) be spatial velocity and J_dot v of a joint's body at W's origin, P a point of it and d
+    the direction of a row:
+
+        J = (d, P x d) J_W over the joints that carry the body        velocity = J v
+        bias = d . (a_0 + alpha x P + w x (v_0 + w x P))              the last term makes it classical
+
+    Args:
+        grounds: Two or more contacts, all of points alone, or all of patches and edges.
+        start: Any state of the robot.
+    """
+
+    def __init__(self, grounds: Sequence[OnGround], start: State) -> None:
+        robot = start.robot
+        sites = [robot.site(ground.contact.frame) for ground in grounds]
+        self.joints = sorted({joint for joint, _ in sites})
+        self.point_alone = grounds[0].point_alone
+        sizes = [len(ground.local) for ground in grounds]
+        of = np.repeat(np.arange(len(grounds)), sizes)
+        #: Which of `joints` each point moves with, shape (k,).
+        self._body = np.array([self.joints.index(joint) for joint, _ in sites])[of]
+        patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
+        arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
+        #: Each point, and its arm from the contact's centre, in its joint's axes, shape (k, 3, 2).
+        self._local = np.stack([arms + np.array([X.translation for X in patches])[of], arms], axis=2)
+        self.R = np.array([ground.R for ground in grounds])[of]
+        self._normal = self.R[:, :, 2].copy()
+        self._height = np.array([ground.height for ground in grounds])[of]
+        self.structure = Structure(
+            tuple(owner for ground in grounds for owner in ground.structure.owners),
+            tuple(number for ground in grounds for number in ground.structure.numbers),
+            tuple(cone for ground in grounds for cone in ground.structure.cones),
+        )
+        #: Point and direction of each row, shapes (m,) and (m, 3); and [d]_x^T, which takes P to P x d.
+        self._row = np.repeat(np.arange(len(of)), self.structure.widths)
+        d = np.concatenate([grounds[j].R[:, grounds[j].kept].T for j in of.tolist()])
+        self._turn = np.array([cross_matrix(x).T for x in d])
+        #: (d, P x d, d) of each row; the middle is filled in anew.
+        self._terms = np.concatenate([d, np.zeros_like(d), d], axis=1)
+        #: Which coordinates move each joint, and each row, of zeros and ones, shapes (nv, joints) and (m, nv).
+        self._moves = np.zeros((robot.nv, len(self.joints)))
+        for i, joint in enumerate(self.joints):
+            for above in list(robot.model.supports[joint])[1:]:
+                first = robot.model.idx_vs[above]
+                self._moves[first : first + robot.model.nvs[above], i] = 1.0
+        self._carries = self._moves.T[self._body[self._row]].copy()
+        self._zero = np.zeros(len(self._row))
+
+    def at(self, state: State, t: float) -> Measured:
+        """Their points at a state and a time [s]."""
+        body, row = self._body, self._row
+        R, p, J_W = state.joint_motion(self.joints)
+        both = R.take(body, axis=0) @ self._local  # take: a third of the cost of R[body]
+        P = p.take(body, axis=0) + both[:, :, 0]
+        terms = self._terms.copy()
+        terms[:, 3:6] = (self._turn @ P.take(row, axis=0)[:, :, None])[:, :, 0]
+        J = terms[:, :6] @ J_W[:6]
+        J *= self._carries
+        of_joints = J_W @ (self._moves * state.v[:, None])  # v_0, w, a_0, alpha of each
+        turning = (_CROSS @ of_joints[3:6]).T.reshape(-1, 3, 3).take(body, axis=0)
+        motion = of_joints.T.take(body, axis=0)
+        v_P = motion[:, :3, None] + turning @ P[:, :, None]
+        rate = np.concatenate([motion[:, 6:], (turning @ v_P)[:, :, 0]], axis=1)
+        return Measured(
+            self.structure, J, J @ state.v, np.vecdot(terms, rate.take(row, axis=0)), self._above(P), self._zero,
+            None, None if self.point_alone else both[:, :, 1], P, self.R,
+        )  # fmt: skip
+
+    def gaps(self, state: State, t: float) -> Array:
+        """How far their points are from their planes, shape (k,) [m]."""
+        R, p = state.joint_places(self.joints)
+        return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0])
+
+    def _above(self, P: Array) -> Array:
+        return np.asarray(np.vecdot(P, self._normal) - self._height)
+
+
+_CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9).T.copy()
+"""Takes w to [w]_x, row by row."""

@@ -1,0 +1,316 @@
+"""Mobility, three ways: Gruebler's count, the velocities that J allows, and the motions that these go on into."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import qr
+
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.loop import LoopClosure
+from rbd.mechanism.held import CLOSED, Held, RowName, check_positive, check_seed, kernel
+from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
+from rbd.model.state import State
+
+_PARALLEL = 1e-9
+
+
+@dataclass(frozen=True)
+class Count:
+    """What counting gives: M = k (N - 1 - j) + sum of f - others.
+
+    It knows no lengths and no directions, but for one: whether all moves in parallel planes.
+
+    Attributes:
+        value: M.
+        planar: Whether all motion is parallel to one plane; then k = 3, else k = 6.
+        bodies: N, the ground among them; links that fixed joints hold together count as one.
+        joints: j, those of the file and the closures of loops.
+        freedoms: f, one entry a joint.
+        others: Rows of constraints that are no joints (couplings, functions, contacts, velocities); of a planar mechanism,
+            those that say something within it.
+    """
+
+    value: int
+    planar: bool
+    bodies: int
+    joints: int
+    freedoms: tuple[int, ...]
+    others: int
+
+    @property
+    def formula(self) -> str:
+        """The count with its numbers, e.g. "planar: 3 (4 - 1 - 4) + 4 = 1"."""
+        k, kind = (3, "planar") if self.planar else (6, "spatial")
+        others = f" - {self.others}" if self.others else ""
+        return f"{kind}: {k} ({self.bodies} - 1 - {self.joints}) + {sum(self.freedoms)}{others} = {self.value}"
+
+
+@dataclass(frozen=True)
+class RedundantRow:
+    """A row that follows from others at this configuration.
+
+    Attributes:
+        row: (constraint, its row).
+        follows_from: The rows that it is a combination of; empty where it is zero.
+    """
+
+    row: RowName
+    follows_from: tuple[RowName, ...]
+
+    def __str__(self) -> str:
+        name = f"{self.row[0]}[{self.row[1]}]"
+        if not self.follows_from:
+            return f"{name} says nothing here: it is zero"
+        return f"{name} follows from " + ", ".join(f"{n}[{i}]" for n, i in self.follows_from)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mobility:
+    """How many freedoms a mechanism has at a configuration, three ways.
+
+    Attributes:
+        count: Gruebler's and Kutzbach's count.
+        velocities: n.
+        rows: m, of the constraints.
+        rank: Of J.
+        singular_values: Of J without units (see `rbd.mechanism.held`), shape (min(m, n),).
+        zero: At which fraction of the largest they count as zero.
+        finite: Freedoms of the motions that pass through here; the largest number, where branches differ.
+        branches: The freedoms of each way to go on that was found; of more than one freedom, those of equal dimension are not
+            told apart.
+        motion: What was found, point by point.
+        redundant: Rows that follow from others here.
+        self_stresses: Row forces with J^T f = 0, shape (m, m - rank), each with 1 as its largest entry: forces that the
+            constraints can hold against each other and no motion shows.
+        velocity_only: Whether some rows constrain velocity alone; `finite` is then a freedom of velocities, and
+            `rbd.mechanism.integrability` tells how many configurations it leads to.
+        seed: Of the directions that were looked in.
+    """
+
+    count: Count
+    velocities: int
+    rows: int
+    rank: int
+    singular_values: Array
+    zero: float
+    motion: FiniteMotion
+    redundant: tuple[RedundantRow, ...]
+    self_stresses: Array
+    velocity_only: bool
+    seed: int
+
+    @property
+    def instantaneous(self) -> int:
+        """Dimension n - rank J of the velocities that J allows."""
+        return self.velocities - self.rank
+
+    @property
+    def finite(self) -> int:
+        """See the class."""
+        return self.motion.dimension
+
+    @property
+    def branches(self) -> tuple[int, ...]:
+        """See the class."""
+        return tuple(b.dimension for b in self.motion.branches)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves at all, by more than a velocity."""
+        return self.finite > 0
+
+    @property
+    def over_constrained(self) -> bool:
+        """Whether it moves more freely than its bodies and joints, counted, let expect."""
+        return self.finite > self.count.value
+
+    @property
+    def generic_rank(self) -> int:
+        """Largest rank of J that was found on a branch, or here."""
+        return max([self.rank, *(b.rank for b in self.motion.branches)])
+
+    @property
+    def singular(self) -> bool:
+        """Whether the rank of J is lower here than nearby on the motion."""
+        return self.rank < self.generic_rank
+
+    @property
+    def verdict(self) -> str:
+        """What the three numbers say together, in words."""
+        if self.velocity_only:
+            return f"{self.finite} freedoms of velocity; some rows constrain velocity alone (see integrability)"
+        if not self.instantaneous:
+            return "a structure: J allows no velocity"
+        if not self.moves:
+            return f"a structure that gives a little: {self.instantaneous} freedoms of velocity, and none goes on"
+        if self.motion.regular:
+            return f"it moves with {_many(self.finite, 'freedom', 'freedoms')}: every velocity that J allows goes on"
+        if self.singular:
+            ways = _many(len(self.branches), "way to go on was found, of", "ways to go on were found, of")
+            freedoms = "freedom" if self.branches == (1,) else "freedoms"
+            return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {freedoms}"
+        return f"it moves with {_many(self.finite, 'freedom', 'freedoms')}; other velocities that J allows lead nowhere"
+
+    def __repr__(self) -> str:
+        return f"Mobility(counted {self.count.value}, instantaneous {self.instantaneous}, finite {self.finite})"
+
+    def __str__(self) -> str:
+        s, looked = self.singular_values, self.motion
+        how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} went on; seed {self.seed}"
+        if not looked.tried:
+            how = "J has full rank here" if self.rank == self.rows else "J allows nothing"
+        lines = [
+            f"counted        {self.count.value:>3}   {self.count.formula}",
+            f"instantaneous  {self.instantaneous:>3}   n - rank J = {self.velocities} - {self.rank}, of {self.rows} rows; "
+            f"zero is {self.zero:.2g} of the largest singular value",
+            f"finite         {self.finite:>3}   {how}; numerical, not a proof",
+            self.verdict,
+        ]
+        if self.over_constrained:
+            lines.append(f"over-constrained: it moves although the count says {self.count.value}")
+        if len(s):
+            lines.append("singular values " + np.array2string(s, precision=3, max_line_width=110, threshold=12))
+        if self.redundant:
+            lines.append(f"{_many(len(self.redundant), 'redundant row', 'redundant rows')}, as many states of self-stress:")
+            lines += [f"  {row}" for row in self.redundant[:8]]
+            if len(self.redundant) > 8:
+                lines.append(f"  and {len(self.redundant) - 8} more")
+        return "\n".join(lines)
+
+
+def mobility(
+    state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED, seed: int = 0
+) -> Mobility:
+    """How many freedoms a robot has under constraints that hold: counted, instantaneous, and of finite motions.
+
+        counted         k (N - 1 - j) + sum of f        Gruebler, Kutzbach: bodies and joints, k = 3 or 6
+        instantaneous   n - rank J(q)
+        finite          dimension of the configurations that satisfy the constraints, near q
+
+    The second is at least the third. They differ where a velocity leads nowhere, and at singular configurations, where
+    velocities begin different motions. The first knows no geometry: it is too small for loops that move by it.
+
+    Finite motion is looked for with steps of 0.1 (radians, or parts of the robot's length) in directions of the kernel of J,
+    brought back onto the constraints by Newton, and 0.02 from what is found. Where J has full rank the implicit function
+    theorem answers at once. It is numerical, not a proof: motions that are shorter are not seen, nor those that leave so
+    slowly that steps of this length break the constraints by less than the tolerance. Joint limits are left out.
+
+    Args:
+        state: A robot at a configuration that satisfies the constraints; its velocity plays no part.
+        constraints: Those that hold; None for the loops and wheels of its file.
+        tolerance: How far the configuration may be from the constraints [m, rad, over the rows' lengths]: for files whose
+            lengths are rounded. Singular values of J below ten times that, over the largest, count as zero.
+        seed: Of the directions.
+
+    Raises:
+        InputError: the state is off the constraints, or one of them can break or slip.
+
+    >>> print(rbd.mechanism.mobility(robot.at(q), loops))  # doctest: +SKIP
+    """
+    tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
+    held = Held(state, constraints, tolerance)
+    at = held.check_assembled()
+    N, s = kernel(at.J, held.zero)
+    rank = held.n - N.shape[1]
+    redundant, stresses = _redundant(held, at.J, rank)
+    found = finite_motion(held, at, seed)
+    return Mobility(
+        count(held, state, seed), held.n, held.m, rank, s, held.zero, found, redundant, stresses, not held.placed.all(), seed
+    )
+
+
+def _redundant(held: Held, J: Array, rank: int) -> tuple[tuple[RedundantRow, ...], Array]:
+    """Rows that follow from others, by pivoted QR of J^T, and the self-stresses."""
+    if rank == held.m:
+        return (), np.zeros((held.m, 0))
+    R, pivots = qr(J.T, mode="r", pivoting=True)
+    shares = np.linalg.lstsq(R[:rank, :rank], R[:rank, rank:], rcond=None)[0]
+    rows = []
+    for j, i in enumerate(pivots[rank:]):
+        used = np.sort(pivots[:rank][np.abs(shares[:, j]) > 1e-7])
+        rows.append(RedundantRow(held.names[i], tuple(held.names[k] for k in used)))
+    U = np.linalg.svd(J)[0][:, rank:]
+    stresses = held.weights[:, None] * U
+    stresses /= np.abs(stresses).max(axis=0)
+    rows.sort(key=lambda r: held.names.index(r.row))
+    return tuple(rows), stresses
+
+
+def _many(k: int, one: str, several: str) -> str:
+    return f"{k} {one if k == 1 else several}"
+
+
+def count(held: Held, state: State, seed: int) -> Count:
+    """Gruebler's count of a robot's joints and the constraints on it.
+
+    Args:
+        held: The constraints.
+        state: Where axes are compared; what is parallel to a plane once is so always.
+        seed: Of the configurations where rows of other constraints are compared.
+    """
+    model = held.robot.model
+    normal = plane_normal(state)
+    k = 6 if normal is None else 3
+    tree = [model.nvs[j] for j in range(1, model.njoints) if model.nvs[j]]
+    closures, others = [], 0
+    first = 0
+    for constraint in held.constraints:
+        m = sum(name == constraint.name for name, _ in held.names)
+        if isinstance(constraint, LoopClosure):
+            closures.append(k - (m if normal is None else _rows_in_plane(constraint, state, normal)))
+        else:
+            others += m if normal is None else _generic_rank(held, slice(first, first + m), seed)
+        first += m
+    freedoms = (*tree, *closures)
+    bodies, joints = len(tree) + 1, len(freedoms)
+    return Count(k * (bodies - 1 - joints) + sum(freedoms) - others, normal is not None, bodies, joints, freedoms, others)
+
+
+def plane_normal(state: State) -> Array | None:
+    """Unit normal, in W, of the plane that every joint's motion is parallel to; None where there is none.
+
+    Axes parallel to n stay so when all that turns turns about n.
+    """
+    model = state.robot.model
+    data = model.createData()
+    columns = pin.computeJointJacobians(model, data, state.q).reshape(6, -1).T  # twists at the origin of W: linear, angular
+    turns = [c[3:] / np.linalg.norm(c[3:]) for c in columns if np.linalg.norm(c[3:]) > _PARALLEL]
+    if turns:
+        n = turns[0]
+    else:
+        _, s, Vt = np.linalg.svd(np.vstack([columns[:, :3], np.zeros((3, 3))]))
+        if s[2] > _PARALLEL:
+            return None
+        n = Vt[2]
+    if any(np.linalg.norm(np.cross(n, w)) > _PARALLEL for w in turns):
+        return None
+    if any(abs(float(c[:3] @ n)) > _PARALLEL * max(1.0, float(np.linalg.norm(c[:3]))) for c in columns):
+        return None
+    return n
+
+
+def _rows_in_plane(closure: LoopClosure, state: State, normal: Array) -> int:
+    """How many rows of a closure say something of motion in a plane."""
+    kind = closure.kind
+    if kind == "point":
+        return 2
+    if kind == "rigid":
+        return 3
+    axis = state.frame(closure.frame_a).X_WF.rotation @ closure.axis
+    along = np.linalg.norm(np.cross(axis, normal)) < 1e-6
+    if kind == "revolute":
+        return 2 if along else 3
+    return 2 if along else 1  # "planar" holds a point in the two directions across its axis
+
+
+def _generic_rank(held: Held, rows: slice, seed: int) -> int:
+    rng, most = np.random.default_rng(seed), 0
+    for _ in range(3):
+        J = held.at(held.move(held.q, rng.normal(size=held.n))).J[rows]
+        most = max(most, held.n - kernel(J)[0].shape[1])
+    return most

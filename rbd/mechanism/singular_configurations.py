@@ -1,0 +1,317 @@
+"""Singularities of a mechanism: where its velocities gain or lose a freedom, and where along a motion that happens.
+
+Three matrices tell them, each by its rank compared with the rank nearby:
+
+    configuration   J                      velocities that J allows nearby do not cover those here; motions may part
+    output          J, columns of all that is no input       the rest can move with the inputs locked (type 2)
+    input           J, columns of all that is no output      the inputs can move while the output rests (type 1)
+
+Types are those of [GosselinAngeles1990]; both at once is their type 3. [ParkKim1999] keep the first apart from the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, largest, numbers
+from rbd.constraints.constraint import Constraint
+from rbd.errors import InputError
+from rbd.mechanism.coordinates import Coordinates
+from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, joint_of_velocity, rank_of
+from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+
+KINDS = {
+    "configuration": "J loses rank: more velocities are allowed here than nearby",
+    "output": "with the inputs locked the rest can move (type 2)",
+    "input": "the inputs can move while the output rests (type 1)",
+}
+
+SINGULAR = 1e-6
+"""A configuration is singular where the ratio of singular values is below this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Singularity:
+    """One kind of singularity at one configuration, or how far from it that is.
+
+    Attributes:
+        kind: "configuration", "output" or "input".
+        q: The configuration, shape (nq,).
+        distance: Smallest singular value that is not zero nearby, over the largest one; without units.
+        singular: Whether it is zero.
+        lost: By how much the rank is lower than nearby.
+        velocities: A basis of the velocities that the kind speaks of, shape (k, nv), largest entry 1: allowed by J
+            ("configuration"), and with the inputs ("output") or the outputs ("input") at rest. Empty where there are none.
+        joints: The joints that move in them.
+        at: Where along a motion: its number in the list, fractions between two; 0 of a single configuration.
+    """
+
+    kind: str
+    q: Array
+    distance: float
+    singular: bool
+    lost: int
+    velocities: Array
+    joints: tuple[str, ...]
+    at: float = 0.0
+
+    def __str__(self) -> str:
+        if not self.singular:
+            return f"{self.kind}: regular, {self.distance:.3g} away"
+        return f"{self.kind}: singular; {KINDS[self.kind]}; moving: {', '.join(self.joints) or 'none'}"
+
+
+@dataclass(frozen=True, eq=False)
+class Singularities:
+    """What is singular at one configuration.
+
+    Attributes:
+        kinds: {kind: what was found}; "output" only with inputs named, "input" only with outputs named.
+        points: How many configurations were looked at to tell the ranks nearby.
+    """
+
+    kinds: dict[str, Singularity]
+    points: int
+
+    @property
+    def singular(self) -> tuple[str, ...]:
+        """The kinds of which the configuration is singular."""
+        return tuple(kind for kind, found in self.kinds.items() if found.singular)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.kinds.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class SingularitiesAlong:
+    """What was found along a motion.
+
+    Attributes:
+        found: The singularities, in the order of the motion.
+        distances: {kind: distance at each configuration given, shape (k,)}.
+    """
+
+    found: tuple[Singularity, ...]
+    distances: dict[str, Array]
+
+    def __str__(self) -> str:
+        lines = [f"at {s.at:.6g}: {s}" for s in self.found]
+        nearest = [f"{kind} {float(d.min()):.3g}" for kind, d in self.distances.items()]
+        return "\n".join([*(lines or ["no singularity found"]), "smallest distances given: " + ", ".join(nearest)])
+
+
+def singularities(
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    inputs: Sequence[str] = (),
+    outputs: str | Sequence[str] = (),
+    tolerance: float = SINGULAR,
+    seed: int = 0,
+) -> Singularities:
+    """The kinds of singularity that a configuration is at, with the velocities that tell them.
+
+    A rank is low where it is lower than at configurations about 0.1 away that satisfy the constraints; there must be some.
+
+    Args:
+        state: A robot at a configuration that satisfies the constraints; its velocity plays no part.
+        constraints: Those that hold; None for the loops and wheels of its file.
+        inputs: Joints that are driven; none: kind "output" is not asked.
+        outputs: What the mechanism is to move: joints, or the name of one frame (all its six velocities); none: kind "input"
+            is not asked.
+        tolerance: Distances below count as zero.
+        seed: Of the directions in which configurations nearby are looked for.
+
+    Raises:
+        JointNotFound, FrameNotFound: with the nearest names.
+        InputError: the state is off the constraints, or nothing is left beside inputs or outputs.
+    """
+    tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
+    held = Held(state, constraints)
+    at = held.check_assembled()
+    matrices = _Matrices(held, inputs, outputs)
+    nearby = [p for p in neighbours(held, at, FAR, np.random.default_rng(seed), 12) if p is not None]
+    ranks = {}
+    for kind, of in matrices.of.items():
+        ranks[kind] = max([rank_of(_values(of(at))), *(rank_of(_values(of(p)), ROUGH) for p in nearby)])
+    kinds = {kind: matrices.judge(kind, at, rank, tolerance) for kind, rank in ranks.items()}
+    return Singularities(kinds, 1 + len(nearby))
+
+
+def singularities_along(
+    robot: CheckedModel,
+    path: Array,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    inputs: Sequence[str] = (),
+    outputs: str | Sequence[str] = (),
+    tolerance: float = SINGULAR,
+) -> SingularitiesAlong:
+    """The singularities that a motion passes, each refined between the configurations given.
+
+    Where a distance is smallest among its neighbours it is made smaller still by golden sections, on the straight way from
+    one configuration to the next, brought back onto the constraints. Two singularities of one kind between the same
+    configurations count as one; so does one that is only touched there.
+
+    Args:
+        robot: The robot.
+        path: Configurations in order, shape (k, nq), near enough to the constraints to be brought onto them; or anything with
+            such an array as its `q`.
+        constraints: As `singularities`; likewise the other arguments. The usual ranks are the largest along the path.
+        inputs: See there.
+        outputs: See there.
+        tolerance: See there.
+    """
+    tolerance = check_positive("tolerance", tolerance, 0.1)
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
+    given = numbers("path", getattr(path, "q", path))
+    if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
+        raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")
+    held = Held(State(robot, given[0]), constraints)
+    matrices = _Matrices(held, inputs, outputs)
+    along = [held.project(State(robot, q).q) for q in given]
+    for k, point in enumerate(along):
+        if largest(point.error) > 1e-6:
+            off = largest(point.error)
+            raise InputError(f"configuration {k} of the path cannot be brought onto the constraints; {off:.3g} is left.")
+    found: list[Singularity] = []
+    distances = {}
+    for kind, of in matrices.of.items():
+        values = [_values(of(point)) for point in along]
+        rank = max(map(rank_of, values))
+        d = np.array([_distance(s, rank) for s in values])
+        distances[kind] = d
+        for k in _minima(d):
+            at, point = _refined(held, along, k, of, rank)
+            judged = matrices.judge(kind, point, rank, tolerance, at)
+            known = [s for s in found if s.kind == kind and abs(s.at - at) < 1e-3]
+            if judged.singular and not known:
+                found.append(judged)
+    return SingularitiesAlong(tuple(sorted(found, key=lambda s: s.at)), distances)
+
+
+class _Matrices:
+    """The matrices whose ranks tell the kinds, as functions of a configuration."""
+
+    def __init__(self, held: Held, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
+        self.held = held
+        self.of: dict[str, Callable[[Linearised], Array]] = {"configuration": lambda p: p.J}
+        self.columns = {"configuration": np.arange(held.n)}
+        driven = _columns(held, "inputs", inputs)
+        if len(driven):
+            self._without("output", driven)
+        if isinstance(outputs, str):
+            frame, robot = outputs, held.robot
+            robot.frame_id(frame)
+            scale = np.r_[np.full(3, 1.0 / held.length), np.ones(3)]
+            self.columns["input"] = np.arange(held.n)
+            self.of["input"] = lambda p: np.vstack([p.J, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.metric])
+        else:
+            moved = _columns(held, "outputs", outputs)
+            if len(moved):
+                self._without("input", moved)
+
+    def _without(self, kind: str, locked: Array) -> None:
+        rest = np.setdiff1d(np.arange(self.held.n), locked)
+        if not len(rest):
+            what = "inputs" if kind == "output" else "outputs"
+            raise InputError(f"all joints are among the {what}; expected some beside them.")
+        self.columns[kind] = rest
+        self.of[kind] = lambda p: p.J[:, rest]
+
+    def judge(self, kind: str, point: Linearised, rank: int, tolerance: float, at: float = 0.0) -> Singularity:
+        """What a configuration is, where the rank is usually this."""
+        A, held = self.of[kind](point), self.held
+        _, s, Vt = np.linalg.svd(A)
+        zero = max(tolerance, RANK) * (s[0] if len(s) and s[0] > 0.0 else 1.0)
+        here = min(int((s > zero).sum()), rank)
+        Z = np.zeros((len(Vt) - here, held.n))
+        Z[:, self.columns[kind]] = Vt[here:]
+        moving = np.abs(Z).max(axis=0, initial=0.0)
+        v = Z * held.metric
+        v /= np.maximum(np.abs(v).max(axis=1, initial=0.0), 1e-300)[:, None]
+        v[np.abs(v) < 1e-12] = 0.0
+        names = joint_of_velocity(held.robot)
+        joints = dict.fromkeys(names[i] for i in range(held.n) if moving[i] > 1e-6)
+        return Singularity(kind, point.q, _distance(s, rank), here < rank, rank - here, v, tuple(joints), at)
+
+
+def _columns(held: Held, what: str, joints: Sequence[str]) -> Array:
+    """Indices in v of the joints named."""
+    if isinstance(joints, str | bytes):
+        raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.")
+    try:
+        names = list(joints)
+    except TypeError:
+        raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.") from None
+    model = held.robot.model
+    out: list[int] = []
+    for name in names:
+        j = held.robot.joint_id(name)
+        out += range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
+    return np.array(sorted(set(out)), dtype=int)
+
+
+def _frame_jacobian(robot: CheckedModel, q: Array, frame: str) -> Array:
+    return State(robot, q).frame(frame).J.reshape(6, -1)
+
+
+def _values(A: Array) -> Array:
+    return np.linalg.svd(A, compute_uv=False)
+
+
+def _distance(s: Array, rank: int) -> float:
+    """The singular value that is usually the last one not zero, over the largest."""
+    return float(s[rank - 1] / s[0]) if rank and s[0] > 0.0 else 1.0
+
+
+def _minima(d: Array) -> list[int]:
+    """Where a sequence is not above its neighbours; of equal ones in a row, the first."""
+    out = []
+    for k in range(len(d)):
+        left = d[k - 1] if k else np.inf
+        right = d[k + 1] if k + 1 < len(d) else np.inf
+        if d[k] < left and d[k] <= right and not (d[k] == right and d[k] > 0.5):
+            out.append(k)
+    return out
+
+
+def _refined(
+    held: Held, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
+) -> tuple[float, Linearised]:
+    """(where, what) is nearest to singular between the neighbours of configuration k."""
+
+    def distance(p: Linearised) -> float:
+        return _distance(_values(of(p)), rank)
+
+    low, high = max(0, k - 1), min(len(along) - 1, k + 1)
+    way = Coordinates(held.robot).way
+
+    def point(t: float) -> Linearised:
+        i = min(int(t), len(along) - 2)
+        if i < 0 or t == int(t):
+            return along[int(t)]
+        z = way(along[i].q, along[i + 1].q) / held.metric  # an angle by the short way round
+        return held.project(held.move(along[i].q, (t - i) * z))
+
+    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
+    a, b = float(low), float(high)
+    x, y = b - ratio * (b - a), a + ratio * (b - a)
+    fx, fy = distance(point(x)), distance(point(y))
+    while b - a > 1e-11 * max(1.0, b):
+        if fx <= fy:
+            b, y, fy = y, x, fx
+            x = b - ratio * (b - a)
+            fx = distance(point(x))
+        else:
+            a, x, fx = x, y, fy
+            y = a + ratio * (b - a)
+            fy = distance(point(y))
+    best = min((float(k), 0.5 * (a + b)), key=lambda t: distance(point(t)))
+    return best, point(best)

@@ -1,0 +1,329 @@
+"""Serial or branched, open or closed, parallel or hybrid; mobility, and redundancy of an end point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, largest
+from rbd.constraints.constraint import Constraint
+from rbd.errors import InputError
+from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
+from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+
+GROUND = "the ground"
+
+
+@dataclass(frozen=True)
+class EndPoint:
+    """An end point: how freely it moves, and what is left over.
+
+    Attributes:
+        frame: Its frame.
+        position_dof: Freedoms of its position, generically.
+        pose_dof: Freedoms of its position and orientation together.
+        mobility: Freedoms of the joints that lead to it from the root of the file's tree, under the constraints; the other
+            arm and the fingers do not count.
+        position_redundancy: That less `position_dof`: motions of its chain that leave the position where it is.
+        pose_redundancy: Likewise, of the pose.
+        legs: Chains from the base to its body that share no body in between.
+        singular: Whether it has fewer freedoms at the configuration looked at than nearby.
+    """
+
+    frame: str
+    position_dof: int
+    pose_dof: int
+    mobility: int
+    legs: int
+    singular: bool
+
+    @property
+    def position_redundancy(self) -> int:
+        """See the class."""
+        return self.mobility - self.position_dof
+
+    @property
+    def pose_redundancy(self) -> int:
+        """See the class."""
+        return self.mobility - self.pose_dof
+
+    def __str__(self) -> str:
+        legs = f"{self.legs} legs join it to the base" if self.legs > 1 else "one chain joins it to the base"
+        low = " (fewer at the configuration looked at, which is singular)" if self.singular else ""
+        return (
+            f"end point {self.frame}: {self.mobility} freedoms of its chain, {self.position_dof} of its position, "
+            f"{self.pose_dof} of position and orientation{low}: redundancy {self.position_redundancy} and "
+            f"{self.pose_redundancy}; {legs}"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MechanismClass:
+    """What a mechanism is, in the words of the texts.
+
+    Attributes:
+        name: The robot's.
+        kind: "serial": an open chain without branches, from the base to one end. "branched": open, with branches.
+            "parallel": closed, and every moving body is joined to the base by two chains or more. "hybrid": closed, with
+            bodies that one chain alone joins to the base.
+        loops: Independent loops; open chains have none.
+        base: What the chain hangs from: "the ground", or the root link of a floating robot that touches nothing.
+        ends: Links at the ends of the tree of the file.
+        bodies: Bodies that move, fixed joints merged.
+        degrees_of_freedom: Freedoms of the joints, a floating base among them: n.
+        mobility: n - rank J, generically: at configurations nearby that satisfy the constraints. None where no
+            configuration was found that does.
+        floating: Whether the file's robot floats.
+        end_points: Those asked for.
+        q: The configuration that was looked at, or None.
+    """
+
+    name: str
+    kind: str
+    loops: int
+    base: str
+    ends: tuple[str, ...]
+    bodies: int
+    degrees_of_freedom: int
+    mobility: int | None
+    floating: bool
+    end_points: tuple[EndPoint, ...]
+    q: Array | None
+
+    @property
+    def closed(self) -> bool:
+        """Whether there is a loop."""
+        return self.loops > 0
+
+    def __repr__(self) -> str:
+        freedoms = f"{self.degrees_of_freedom} degrees of freedom, mobility {self.mobility}"
+        return f"MechanismClass({self.name!r}, {self.kind}, {freedoms})"
+
+    def __str__(self) -> str:
+        loops = f"closed, with {self.loops} independent {'loop' if self.loops == 1 else 'loops'}" if self.loops else "open"
+        ends = ", ".join(self.ends[:6]) + (f" and {len(self.ends) - 6} more" if len(self.ends) > 6 else "")
+        six = ", 6 of them those of a floating base" if self.floating else ""
+        lines = [
+            f"{self.name} is a {self.kind} chain: {loops}. Its base is {self.base}; the tree of its file ends at {ends}.",
+            f"{self.bodies} moving bodies; {self.degrees_of_freedom} degrees of freedom of its joints{six}.",
+        ]
+        if self.mobility is None:
+            lines.append("Mobility unknown: no configuration was found that satisfies the constraints.")
+        elif self.mobility == self.degrees_of_freedom:
+            lines.append(f"Mobility {self.mobility}: nothing takes any of them away.")
+        else:
+            taken = self.degrees_of_freedom - self.mobility
+            lines.append(f"Mobility {self.mobility}: constraints take {taken} away.")
+        return "\n".join([*lines, *(str(end)[0].upper() + str(end)[1:] + "." for end in self.end_points)])
+
+
+def classify(
+    robot: CheckedModel,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    end: str | Sequence[str] = (),
+    at: State | None = None,
+    seed: int = 0,
+) -> MechanismClass:
+    """What a robot is, in words: serial, branched, parallel or hybrid; its mobility; redundancy of its end points.
+
+    Bodies are joined by the joints of the file and by constraints between two bodies or with the ground: closures of loops,
+    contacts that hold, and not by what rolls or slides. A floating base is no joint in this sense: a humanoid on two soles is
+    closed through the ground, and in the air it is a branched chain on its root link. Other constraints take freedoms and
+    close no loop.
+
+    Mobility is the total number of freedoms; redundancy of an end point is the mobility of the chain that leads to it less its
+    own freedoms. Both are generic: the largest ranks at the configuration, and at others nearby (drawn freely where nothing is
+    closed).
+
+    Args:
+        robot: The robot.
+        constraints: Those that hold; None for the loops and wheels of its file.
+        end: Frames of end points, one or several.
+        at: A configuration that satisfies the constraints; by default the neutral one, brought onto them.
+        seed: Of the configurations looked at.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+        InputError: no robot, a state of another, or one that is off the constraints.
+    """
+    seed = check_seed(seed)
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
+    if at is not None and (not isinstance(at, State) or at.robot is not robot):
+        raise InputError(f"at is {at!r:.80}; expected a State of {robot.name}: robot.at(q).")
+    frames = _frames(robot, end)
+    held = Held(State(robot, pin.neutral(robot.model)) if at is None else at, constraints)
+    rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}
+    graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
+    looked = _configurations(held, at, seed)
+    mobility = min((kernel(p.J, ROUGH)[0].shape[1] for p in looked), default=None)
+    ends: tuple[EndPoint, ...] = ()
+    if mobility is not None:
+        ends = tuple(_end_point(held, looked, frame, graph) for frame in frames)
+    links = _links(robot)
+    base = GROUND if graph.base == 0 else links[graph.base]
+    leaves = [j for j in range(1, robot.model.njoints) if j not in set(robot.model.parents.tolist()[1:])]
+    return MechanismClass(
+        robot.name, graph.kind, graph.loops, base, tuple(links[j] for j in leaves), robot.model.njoints - 1, robot.nv,
+        mobility, robot.floating, ends, looked[0].q if looked else None,
+    )  # fmt: skip
+
+
+class Graph:
+    """Bodies (0 the ground, else the joint that carries them) and what joins them.
+
+    Args:
+        robot: The robot.
+        constraints: Those whose rows are all of position.
+
+    Attributes:
+        edges: Pairs of bodies.
+        base: The body that chains are counted from: the ground if anything touches it, else the root of a floating robot.
+    """
+
+    def __init__(self, robot: CheckedModel, constraints: Sequence[Constraint]) -> None:
+        model = robot.model
+        floats = set(robot.bases)
+        self.edges = [(int(model.parents[j]), j) for j in range(1, model.njoints) if j not in floats]
+        for constraint in constraints:
+            pair = _bodies_of(robot, constraint)
+            if pair is not None and pair[0] != pair[1]:
+                self.edges.append(pair)
+        touched = any(0 in edge for edge in self.edges)
+        self.base = 0 if touched or not floats else min(floats)
+        self.bodies = [j for j in range(1, model.njoints) if j != self.base]
+
+    @property
+    def loops(self) -> int:
+        """Edges beyond those of a tree."""
+        nodes = {0, *self.bodies, self.base} if any(0 in e for e in self.edges) else {*self.bodies, self.base}
+        parts = {node: node for node in nodes}
+
+        def root(node: int) -> int:
+            while parts[node] != node:
+                node = parts[node]
+            return node
+
+        extra = 0
+        for a, b in self.edges:
+            a, b = root(a), root(b)
+            extra += a == b
+            parts[a] = b
+        return extra
+
+    @property
+    def kind(self) -> str:
+        """See `MechanismClass`."""
+        if not self.loops:
+            degree = np.bincount(np.array(self.edges, dtype=int).ravel(), minlength=2) if self.edges else np.zeros(2, int)
+            return "serial" if degree[self.base] <= 1 and degree.max(initial=0) <= 2 else "branched"
+        return "parallel" if all(self.legs(body) > 1 for body in self.bodies) else "hybrid"
+
+    def legs(self, body: int) -> int:
+        """How many chains join another body to the base without a body in common: by Menger's theorem a greatest flow."""
+        room: dict[tuple[int, int], dict[tuple[int, int], int]] = {}
+
+        def pipe(a: tuple[int, int], b: tuple[int, int], capacity: int) -> None:
+            room.setdefault(a, {}).setdefault(b, 0)
+            room.setdefault(b, {}).setdefault(a, 0)
+            room[a][b] += capacity
+
+        many = len(self.edges)
+        for node in {x for edge in self.edges for x in edge}:
+            pipe((node, 0), (node, 1), many if node in (self.base, body) else 1)  # in, out: each body once
+        for a, b in self.edges:
+            pipe((a, 1), (b, 0), 1)
+            pipe((b, 1), (a, 0), 1)
+        flow, source, sink = 0, (self.base, 1), (body, 0)
+        while path := _way(room, source, sink):
+            for one, other in zip(path, path[1:], strict=False):
+                room[one][other] -= 1
+                room[other][one] += 1
+            flow += 1
+        return flow
+
+
+def _way(
+    room: dict[tuple[int, int], dict[tuple[int, int], int]], source: tuple[int, int], sink: tuple[int, int]
+) -> list[tuple[int, int]]:
+    """A way with room left from source to sink; empty where there is none."""
+    came = {source: source}
+    waiting = [source]
+    while waiting:
+        node = waiting.pop(0)
+        for other, capacity in room.get(node, {}).items():
+            if capacity > 0 and other not in came:
+                came[other] = node
+                waiting.append(other)
+    if sink not in came:
+        return []
+    path = [sink]
+    while path[-1] != source:
+        path.append(came[path[-1]])
+    return path[::-1]
+
+
+def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] | None:
+    """The two bodies that a constraint joins, 0 the ground; None of constraints on joints and functions."""
+    inner = getattr(constraint, "constraint", constraint)  # with Baumgarte's feedback
+    one, other = getattr(inner, "frame_a", None), getattr(inner, "frame_b", None)
+    if one is None:
+        one, other = getattr(inner, "frame", None), getattr(inner, "against", None)
+    if not isinstance(one, str):
+        return None
+    return robot.site(one)[0], robot.site(other)[0] if isinstance(other, str) else 0
+
+
+def _configurations(held: Held, at: State | None, seed: int) -> list[Linearised]:
+    """A configuration on the constraints, and some nearby."""
+    rng = np.random.default_rng(seed)
+    if at is not None:
+        here = held.check_assembled()
+    else:
+        for draw in range(20):
+            z = rng.uniform(-1.0, 1.0, size=held.n) * (draw > 0)
+            here = held.project(held.move(held.q, z))
+            if largest(here.error) <= 1e-10:
+                break
+        else:
+            return []
+    if not held.placed.any():
+        return [here, *(held.at(held.move(here.q, rng.uniform(-1.0, 1.0, size=held.n))) for _ in range(3))]
+    return [here, *(p for p in neighbours(held, here, FAR, rng, 6) if p is not None)]
+
+
+def _end_point(held: Held, looked: list[Linearised], frame: str, graph: Graph) -> EndPoint:
+    model, body, ranks = held.robot.model, held.robot.site(frame)[0], []
+    chain = [i for j in model.supports[body].tolist() if j for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])]
+    for point in looked:
+        N, _ = kernel(point.J, ROUGH)
+        J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.metric
+        J[:3] /= held.length
+        ranks.append([rank_of(np.linalg.svd(part @ N, compute_uv=False)) for part in (J[:3], J, np.eye(held.n)[chain])])
+    position, pose, mobility = np.max(ranks, axis=0).tolist()
+    return EndPoint(frame, position, pose, mobility, graph.legs(body), ranks[0][:2] != [position, pose])
+
+
+def _links(robot: CheckedModel) -> list[str]:
+    """A name for each joint's body: the first link on it, or the joint's own."""
+    out = list(robot.model.names)
+    for frame in reversed(list(robot.model.frames)):
+        if frame.type == pin.FrameType.BODY:
+            out[frame.parentJoint] = frame.name
+    return out
+
+
+def _frames(robot: CheckedModel, end: str | Sequence[str]) -> tuple[str, ...]:
+    try:
+        names = (end,) if isinstance(end, str) else tuple(end)
+    except TypeError:
+        raise InputError(f"end is {end!r:.80}; expected a frame's name, or a list of them.") from None
+    for name in names:
+        robot.frame_id(name)
+    return names

@@ -1,0 +1,177 @@
+"""A planar chain in the words of the text: base, end point, open, closed, serial, parallel, mobility, redundancy.
+
+`rbd.mechanism.classify` says the same of any robot in space; on the robot that a chain is exported to, both agree.
+Source: [Duarte2021], "Properties of kinematic chains".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.planar.arm import ROUND_OFF, arm_of
+from rbd.planar.chain import Chain, check_chain
+from rbd.planar.constrained_chain import ConstrainedChain
+from rbd.planar.inverse_kinematics import TOLERANCE, coordinate, inverse
+
+MEANINGS = {
+    "base": "The end of the chain that stays where it is.",
+    "end point": "The other end, which can move unless it is pinned: a hand, a foot, a tool.",
+    "open or closed": "Open: one way only leads along links from base to end. Closed: they form a loop with the ground.",
+    "serial or parallel": "Serial: one link after another, no branches, no loops. Parallel: several ways lead to what moves.",
+    "degrees of freedom": "Numbers that tell where all joints are: one angle per hinge, before anything constrains them.",
+    "mobility": "Degrees of freedom that relations and pins leave: how many motions are independent.",
+    "freedoms of the end point": "Independent directions in which the end point can move: at most two in a plane.",
+    "redundancy": "Mobility less the freedoms of the end point: motions of the links that leave the end point where it is.",
+}
+"""One line for each word."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """A word, what it is for this chain, and what it means.
+
+    Attributes:
+        word: The word.
+        value: Its value: a number or a phrase.
+        meaning: One line.
+    """
+
+    word: str
+    value: int | str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class ChainClass:
+    """What a planar chain is, in the words of the text. Ranks are generic: singular poses do not count.
+
+    Attributes:
+        base: Where it is held.
+        end_point: Where it ends.
+        kind: "serial", or "parallel" where the end point is pinned.
+        closed: Whether there is a loop.
+        degrees_of_freedom: Of its joints: n.
+        mobility: What relations and pins leave of them.
+        end_freedoms: Freedoms of the end point.
+        note: What is special; empty if nothing is.
+    """
+
+    base: str
+    end_point: str
+    kind: str
+    closed: bool
+    degrees_of_freedom: int
+    mobility: int
+    end_freedoms: int
+    note: str
+
+    @property
+    def redundancy(self) -> int:
+        """Mobility less the freedoms of the end point."""
+        return self.mobility - self.end_freedoms
+
+    @property
+    def table(self) -> tuple[Word, ...]:
+        """All words with their values and meanings, in the order of the text."""
+        values: dict[str, int | str] = {
+            "base": self.base,
+            "end point": self.end_point,
+            "open or closed": "closed" if self.closed else "open",
+            "serial or parallel": self.kind,
+            "degrees of freedom": self.degrees_of_freedom,
+            "mobility": self.mobility,
+            "freedoms of the end point": self.end_freedoms,
+            "redundancy": self.redundancy,
+        }
+        return tuple(Word(word, value, MEANINGS[word]) for word, value in values.items())
+
+    def __str__(self) -> str:
+        rows = [(row.word, str(row.value), row.meaning) for row in self.table]
+        first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
+        lines = [f"{word:<{first}}  {value:<{second}}  {meaning}" for word, value, meaning in rows]
+        return "\n".join([*lines, self.note] if self.note else lines)
+
+
+def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array | None = None) -> ChainClass:
+    """What a chain is called: open or closed, serial or parallel; its mobility and its redundancy.
+
+    Args:
+        chain: A chain, or one under relations of its angles. A relation takes freedoms and closes no loop, as a gear does.
+        pinned: Where the end point is hinged to the ground, x and y [m]: the chain is then closed. Numbers, if the lengths
+            are; else anything, and the chain is taken to reach it.
+
+    Raises:
+        InputError: on what is no chain, a pin out of reach, or a pin of a chain under relations.
+    """
+    if not isinstance(chain, ConstrainedChain):
+        check_chain(chain)
+    base = "the origin, on the ground"
+    if isinstance(chain, ConstrainedChain):
+        if pinned is not None:
+            raise InputError("a pin came for a chain under relations; expected one without: classify(chain.chain, pinned=...).")
+        rank = _end_rank(chain)
+        note = "Relations hold the end point where it is, though links move." if rank == 0 < chain.freedoms else ""
+        if chain.freedoms == 0:
+            note = "Relations leave nothing that moves: a structure."
+        n = chain.chain.n
+        return ChainClass(base, f"the far end of link {n}", "serial", False, n, chain.freedoms, rank, note)
+    n = chain.n
+    if pinned is None:
+        return ChainClass(base, f"the far end of link {n}", "serial", False, n, n, min(n, 2), "")
+    mobility, note = _pinned(chain, pinned)
+    at = ", ".join(f"{x:g}" if isinstance(x, int | float | np.number) else str(x) for x in pinned)
+    return ChainClass(base, f"the far end of link {n}, pinned at ({at})", "parallel", True, n, mobility, 0, note)
+
+
+def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:
+    """Mobility with the end point pinned, and what is special: n - 2, except where the links cannot but lie on one line."""
+    structure = "Nothing moves: a structure."
+    generic = max(chain.n - 2, 0)
+    if not chain.is_numeric:
+        if not isinstance(pinned, list | tuple | np.ndarray | sympy.MatrixBase) or len(pinned) != 2 or None in pinned:
+            raise InputError(f"pinned is {pinned!r:.80}; expected x and y of the pin.")
+        for name, value in zip("xy", pinned, strict=True):
+            coordinate(name, value)
+        return generic, "If the chain reaches the pin, and is not in line there." + (f" {structure}" if generic == 0 else "")
+    arm, found = arm_of(chain), inverse(chain, pinned)
+    if not found.reachable:
+        raise InputError(f"the end point cannot be pinned there: {found.note}")
+    r = float(np.hypot(*found.target))
+    edge = max(TOLERANCE, ROUND_OFF) * arm.outer
+    at_base = r <= edge
+    # The links lie on one line if it takes their whole length, or one of them against all others.
+    lined = r >= arm.outer - edge or (2.0 * float(arm.lengths.max()) >= arm.outer + r - edge)
+    if not lined:
+        note = structure if generic == 0 else ""
+        return generic, note
+    if chain.n == 1:
+        return 0, structure
+    if at_base:
+        return 1, "The end point is pinned at the base: all links are in line, and turn together about it."
+    return 0, f"{structure} All links are in line, the only pose: the slightest play lets them bend."
+
+
+def _end_rank(chain: ConstrainedChain) -> int:
+    """Freedoms of the end point of a chain under relations: the largest rank of its Jacobian over configurations."""
+    if not chain.freedoms:
+        return 0
+    J = chain.jacobian()
+    if J.is_zero_matrix:
+        return 0
+    angles = {angle: sympy.Dummy() for angle in chain.chain.q}
+    symbols = sorted(J.xreplace(angles).free_symbols - set(angles.values()), key=str)
+    rng = np.random.default_rng(7)
+    at = chain.reduced.points or tuple(({}, rng.uniform(-3.0, 3.0, chain.coordinates.rows)) for _ in range(5))
+    found = []
+    for known, s in at[:8]:
+        values = {p: known.get(p, float(rng.uniform(0.8, 1.2))) for p in symbols}
+        singular = np.linalg.svd(chain.function(J, parameters=values)(s).reshape(J.shape), compute_uv=False)
+        found.append(singular)
+    return int(np.max(np.sum(np.array(found) > 1e-7 * np.max(found), axis=1)))

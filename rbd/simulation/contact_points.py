@@ -1,0 +1,248 @@
+"""All points of a motion at one state, stacked; the same points from one stack to the next; and which of them slide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.points import Measured, Source, Structure
+from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, FrictionCone
+
+SLIDES = 1e-6
+"""A point that slides slower than this [m/s] sticks."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The points of all sources: made anew only where points come and go.
+
+    Attributes:
+        structures: Of each source.
+        owners: Constraint of each point, shape (k,).
+        numbers: Number of each point among its constraint's.
+        cones: Set of each point's forces.
+        widths: Rows of each point, shape (k,).
+        normals: Row of each point's normal, shape (k,).
+        pushes: Which points push and may part, shape (k,).
+        rubs: Which of them have friction, shape (k,).
+        slides: Which points slide or rub: those with friction, and intervals, shape (k,).
+        sliding_rows: The two rows of each of those along which it does, shape (sum of slides, 2); of an interval, one twice.
+        sliding_kept: One, or zero for the second of an interval, shape (sum of slides, 2).
+        tangents: The two tangent rows of each point with friction, shape (sum of rubs, 2).
+        held: Which rows belong to points that are held, shape (p,).
+        mu: Friction coefficients, shape (k,); zero of what has none.
+        spans: (points, rows) of each source.
+        boxed: Whether some point's forces are bounded by numbers.
+    """
+
+    structures: tuple[Structure, ...]
+    owners: tuple[str, ...]
+    numbers: tuple[int, ...]
+    cones: tuple[Cone, ...]
+    widths: Array
+    normals: Array
+    pushes: Array
+    rubs: Array
+    slides: Array
+    sliding_rows: Array
+    sliding_kept: Array
+    tangents: Array
+    held: Array
+    mu: Array
+    spans: tuple[tuple[slice, slice], ...]
+    boxed: bool
+
+    @classmethod
+    def of(cls, structures: tuple[Structure, ...]) -> Layout:
+        """The stack of several sources' points."""
+        owners = tuple(o for s in structures for o in s.owners)
+        cones = tuple(c for s in structures for c in s.cones)
+        widths = np.array([c.dim for c in cones], int)
+        names = [type(c).__name__ for c in cones]
+        spans, point, row = [], 0, 0
+        for s in structures:
+            k, m = len(s.owners), int(s.widths.sum())
+            spans.append((slice(point, point + k), slice(row, row + m)))
+            point, row = point + k, row + m
+        normals = np.cumsum(widths) - 1
+        rubs, boxes = (np.array([n == kind for n in names], bool) for kind in ("FrictionCone", "Box"))
+        slides = rubs | boxes
+        rows = normals[slides][:, None] - np.where(rubs[slides][:, None], [2, 1], 0)
+        kept = np.where(rubs[slides][:, None], 1.0, [1.0, 0.0]).reshape(-1, 2)
+        return cls(
+            structures,
+            owners,
+            tuple(i for s in structures for i in s.numbers),
+            cones,
+            widths,
+            normals,
+            np.array([n not in ("Free", "Box") for n in names], bool),
+            rubs,
+            slides,
+            rows,
+            kept,
+            normals[rubs][:, None] - np.array([2, 1]),
+            np.repeat(np.array([isinstance(c, Free) for c in cones], bool), widths),
+            np.array([c.mu if isinstance(c, FrictionCone) else 0.0 for c in cones]),
+            tuple(spans),
+            "Box" in names,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """All points at one state.
+
+    Attributes:
+        state: The state.
+        layout: The points.
+        sources: What each source measured.
+        J: Shape (p, nv).
+        velocity: Shape (p,).
+        bias: Shape (p,).
+        gap: Shape (k,).
+        error: Position errors of what holds, shape (p,).
+    """
+
+    state: State
+    layout: Layout
+    sources: tuple[Measured, ...]
+    J: Array
+    velocity: Array
+    bias: Array
+    gap: Array
+    error: Array
+
+    @property
+    def approach(self) -> Array:
+        """Normal velocity of each point, shape (k,): negative where it comes nearer."""
+        return self.velocity[self.layout.normals]
+
+    @property
+    def drift(self) -> float:
+        """Largest position error of what holds."""
+        return float(np.abs(self.error).max(initial=0.0))
+
+    @property
+    def drift_rate(self) -> float:
+        """Largest velocity of the rows that hold."""
+        return float(np.abs(self.velocity[self.layout.held]).max(initial=0.0))
+
+    @property
+    def penetration(self) -> float:
+        """How deep the deepest point is."""
+        gap = self.gap[self.layout.pushes]
+        return max(0.0, -float(gap.min())) if len(gap) else 0.0
+
+
+class Points:
+    """The sources of a motion, and the last layout that they had."""
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self.sources = tuple(sources)
+        self._layout: Layout | None = None
+
+    def at(self, state: State, t: float) -> Snapshot:
+        """All points at a state and a time [s]."""
+        measured = [s.at(state, t) for s in self.sources]
+        structures = tuple([m.structure for m in measured])
+        layout = self._layout
+        if layout is None or layout.structures != structures:
+            layout = self._layout = Layout.of(structures)
+        nv = state.robot.nv
+        if len(measured) == 1:
+            m = measured[0]
+            return Snapshot(state, layout, (m,), m.J, m.velocity, m.bias, m.gap, m.error)
+        if not measured:
+            none = np.zeros(0)
+            return Snapshot(state, layout, (), np.zeros((0, nv)), none, none, none, none)
+        J, velocity, bias, gap, error = (
+            np.concatenate([getattr(m, what) for m in measured]) for what in ("J", "velocity", "bias", "gap", "error")
+        )
+        return Snapshot(state, layout, tuple(measured), J, velocity, bias, gap, error)
+
+
+class Carry:
+    """From one layout to another: each point is the one of the same constraint and number.
+
+    Args:
+        old: The layout that arrays are in.
+        new: The layout that they are wanted in.
+
+    Attributes:
+        known: Which points were there before, shape (k,).
+    """
+
+    def __init__(self, old: Layout, new: Layout) -> None:
+        at = {key: i for i, key in enumerate(zip(old.owners, old.numbers, strict=True))}
+        self.same = old is new
+        self._from = np.array([at.get(key, -1) for key in zip(new.owners, new.numbers, strict=True)], int)
+        self.known = self._from >= 0
+        firsts, widths = old.normals + 1 - old.widths, new.widths
+        rows = [firsts[i] + np.arange(w) if i >= 0 else np.full(w, -1) for i, w in zip(self._from, widths, strict=True)]
+        self._rows = np.concatenate([np.zeros(0, int), *rows])
+
+    def points(self, values: Array, otherwise: object) -> Array:
+        """One value a point, shape (k,)."""
+        if self.same:
+            return values
+        out = np.full(len(self._from), otherwise, dtype=values.dtype)
+        out[self.known] = values[self._from[self.known]]
+        return out
+
+    def rows(self, values: Array) -> Array:
+        """One value a row, shape (p,); zero of points that were not there."""
+        if self.same:
+            return values
+        known = self._rows >= 0
+        out = np.zeros(len(self._rows))
+        out[known] = values[self._rows[known]]
+        return out
+
+
+def slide(layout: Layout, velocity: Array) -> Array:
+    """How fast each point slides, or rubs, shape (k,) [m/s, rad/s]; zero of what does not."""
+    out = np.zeros(len(layout.owners))
+    out[layout.slides] = np.hypot(*(velocity[layout.sliding_rows] * layout.sliding_kept).T)
+    return out
+
+
+def turned_back(layout: Layout, active: Array, u: Array, change: Array, pushed: Array) -> Array | None:
+    """What takes a velocity after half a step more back by that half, where a point slides throughout; zero elsewhere.
+
+    Args:
+        layout: The points.
+        active: Which of them act, shape (k,).
+        u: Their velocities, shape (p,).
+        change: By how much these change in half a step, shape (p,).
+        pushed: Row forces or impulses before, shape (p,): what carried nothing had no friction to turn.
+    """
+    rows = layout.tangents
+    if not len(rows) or not np.abs(u[rows]).max() > SLIDES:
+        return None
+    one, turned = u[rows], change[rows]
+    speed = np.hypot(*one.T)
+    slides = (speed > SLIDES) & (speed > 4.0 * np.hypot(*turned.T)) & (pushed[rows[:, 1] + 1] > 0.0) & active[layout.rubs]
+    if not slides.any():
+        return None
+    out = np.zeros(len(u))
+    out[rows[slides]] = -turned[slides]
+    return out
+
+
+def stopping(layout: Layout, u0: Array, u1: Array, pushed: Array) -> Array | None:
+    """Which of the points that slide or rub stop or turn back between two velocities; None where none does."""
+    if not layout.slides.any():
+        return None
+    rows, kept = layout.sliding_rows, layout.sliding_kept
+    if not np.abs(u0[rows]).max() > 10.0 * SLIDES:
+        return None
+    one, two = u0[rows] * kept, u1[rows] * kept
+    before = np.hypot(*one.T)
+    turns = (np.hypot(*two.T) <= SLIDES) | ((one * two).sum(axis=1) < 0.0)
+    stops = (pushed[layout.normals[layout.slides]] != 0.0) & (before > 10.0 * SLIDES) & turns
+    return stops if stops.any() else None

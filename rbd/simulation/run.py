@@ -1,0 +1,243 @@
+"""From a state and constraints to a trajectory: the entry to all motion."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rbd.arrays import a_number, largest
+from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.stabilisation import Baumgarte
+from rbd.control.pushes import ExternalAt
+from rbd.control.torques import Controller
+from rbd.errors import (
+    DuplicateName,
+    InaccurateWarning,
+    InputError,
+    NoSolution,
+    RbdError,
+    SimulationStopped,
+    UnknownName,
+    Unsupported,
+    nearest,
+)
+from rbd.least_constraint import warn_of_distant
+from rbd.mechanism.projection import Projection
+from rbd.model.external_force import External
+from rbd.model.state import State
+from rbd.problem.cones import Free
+from rbd.problem.residuals import USABLE
+from rbd.simulation.events import Event, Moment
+from rbd.simulation.integrators import RungeKutta4
+from rbd.simulation.motion import Integrator, Motion, Stabilisation
+from rbd.simulation.progress import progress_of
+from rbd.simulation.recording import Recording
+from rbd.simulation.stepping import TimeStepping
+from rbd.simulation.trajectory import Trajectory
+
+MOST_STEPS = 100_000_000
+LAWS = ("coulomb", "convex")
+
+
+def simulate(
+    state: State,
+    constraints: Sequence[Constraint] = (),
+    *,
+    duration: float,
+    step: float,
+    controller: Controller | None = None,
+    external: External | ExternalAt = None,
+    law: str = "coulomb",
+    restitution: float | Mapping[str, float] = 0.0,
+    integrator: Integrator | None = None,
+    stabilisation: Stabilisation = Projection(),  # noqa: B008  a frozen record of settings
+    record_every: int = 1,
+    progress: bool = True,
+) -> Trajectory:
+    """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with what proves it.
+
+    Constraints that all hold (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
+    the robot's configuration space (`RungeKutta4`, order 4, or `Adaptive`). Where something can break, slip or strike
+    (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2),
+
+        M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
+
+    A contact with friction whose plane is known (`on=`, the feet of a robot) may start above it, and falls onto it. With an
+    anchor, `anchor=(0, 0, 0)`, the plane goes through that point. Without either it touches at the start: the plane goes
+    through it there. A held contact that is off its plane, or any that is below, gets a `DistantContactWarning`.
+
+    Args:
+        state: Where it starts, and how fast.
+        constraints: As for `rbd.solve`, each with its own name. Held contacts stay where they are at the start.
+        duration: How long [s].
+        step: Time between moments [s]: the step of fixed-step integrators; the last may be shorter.
+        controller: Motor torques (nu,) of a state and a time; None for none. It is called at every stage of a step.
+        external: Other forces of the world as for `rbd.solve`; or a function of state and time that gives them.
+        law: "coulomb", or "convex" (Gauss's principle with cones), of contacts that can slip.
+        restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 of the others.
+        integrator: `RungeKutta4()`, `Adaptive()` or `TimeStepping()`; by default the first or the last, as said above.
+        stabilisation: What keeps positions and velocities on what holds: `Projection()`, `Baumgarte(...)`, or None.
+        record_every: Every how many steps a moment is recorded; the first and the last always are.
+        progress: Show a bar on a terminal where it takes long.
+
+    Returns:
+        The trajectory; printed, it tells energy, residuals and events. After Ctrl-C it holds what was computed till then, and
+        `trajectory.interrupted` says so; Ctrl-C before the first step is done is a KeyboardInterrupt. Where a recorded residual
+        of the law is above 1e-7, a warning `InaccurateWarning` says once when and by how much.
+
+    Raises:
+        InputError: arguments that do not fit, two constraints of one name, a controller's torques that are not finite.
+        Unsupported: the integrator cannot take the constraints; it says which.
+        SimulationStopped: a step has no solution, or a function of yours (controller, external force, constraint) raised an
+            error, which is its `__cause__`: it names state, time and constraints, and carries the trajectory till then.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"simulate wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
+    every = _record_every(record_every)
+    if not isinstance(progress, bool):
+        raise InputError(f"progress is {progress!r:.80}; expected True or False.")
+    motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every)
+    times = _times(duration, step)
+    chosen = _integrator(integrator, motion, state)
+    recording, events = Recording(motion), list[Event]()
+    t, here, interrupted = 0.0, state, ""
+    with progress_of(times, shown=progress) as shown:
+        try:
+            for k, moment in enumerate(chosen.run(motion, state, times)):
+                _check(moment)
+                t, here = moment.t, moment.state
+                events += moment.events  # an end of contact may be dated back into the step before
+                if motion.recorded(k, times):
+                    recording.add(moment)
+                shown(t)
+        except KeyboardInterrupt:
+            if t == 0.0:  # no step was taken: there is no motion to return
+                raise
+            interrupted = f"interrupted at t = {t:.6g} s of {times[-1]:.6g} s"
+        except Exception as error:  # a controller, a force or a constraint of the user may raise anything
+            if isinstance(error, InputError) and t == 0.0:
+                raise
+            why = f"stopped at t = {t:.6g} s"
+            kept = Trajectory.of(motion, recording, _in_order(events), chosen, step, why) if len(recording) else None
+            raise _stopped(error, motion, here, t, kept) from error
+    trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted)
+    if inaccurate := _inaccurate(trajectory):
+        warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
+    return trajectory
+
+
+def _in_order(events: list[Event]) -> list[Event]:
+    return sorted(events, key=lambda e: e.t)
+
+
+def _inaccurate(trajectory: Trajectory) -> str:
+    """Which recorded moments miss the equations of motion or the law of their forces, in words; empty if none does."""
+    law = trajectory.residuals["law"]
+    above = np.flatnonzero(law > USABLE)
+    if not len(above):
+        return ""
+    worst = int(law.argmax())
+    return (
+        f"the simulation of {trajectory.robot.name} is inaccurate: residual 'law' is {law[worst]:.2g} (scaled) at "
+        f"t = {trajectory.times[worst]:.6g} s; {len(above)} of {len(law)} recorded moments are above {USABLE:g}, the first at "
+        f"t = {trajectory.times[above[0]]:.6g} s. `trajectory.residuals['law']` has all of them. Accelerations and forces are "
+        "wrong by about that much there. Try a shorter step; look for constraints that contradict each other, and for a "
+        "singular pose, where there may be no finite forces that make the motion."
+    )
+
+
+def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None) -> SimulationStopped:
+    names = tuple(c.name for c in motion.constraints)
+    known = error.problem if isinstance(error, NoSolution) else None
+    active = names if known is None else tuple(r.name for r in known.rows if len(r))
+    if isinstance(error, RbdError | np.linalg.LinAlgError):
+        what = f"the step of {motion.robot.name} after t = {t:.6g} s has no solution: {error}"
+    else:
+        what = (
+            f"the step of {motion.robot.name} after t = {t:.6g} s failed: {type(error).__name__} was raised ({error!s:.300}). "
+            "If it comes from your controller, external force or constraint, the traceback above shows where."
+        )
+    inaccurate = "" if kept is None else _inaccurate(kept)
+    reached = "Nothing was recorded before" if kept is None else "`error.trajectory` and `error.state` have what was reached"
+    return SimulationStopped(
+        f"{what} Active: {', '.join(active) or 'nothing'}. {reached}."
+        + (f" Before that, {inaccurate}" if inaccurate else ""),
+        state=state, t=t, names=active, trajectory=kept, cause=error,
+    )  # fmt: skip
+
+
+def _check(moment: Moment) -> None:
+    """Nothing that is not finite goes on; q and v were checked by their State."""
+    if not math.isfinite(largest(moment.a)) or np.isnan(moment.a).any():
+        raise NoSolution(f"the acceleration at t = {moment.t:.6g} s is not finite.")
+
+
+def _motion(
+    state: State,
+    constraints: Sequence[Constraint],
+    controller: Controller | None,
+    external: External | ExternalAt,
+    law: str,
+    restitution: float | Mapping[str, float],
+    stabilisation: Stabilisation,
+    every: int,
+) -> Motion:
+    given = listed(constraints)
+    rows = rows_of(state, given)
+    warn_of_distant(state.robot, rows, below_only=True, stacklevel=4)
+    names = [r.name for r in rows]
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
+    if not isinstance(law, str) or law not in LAWS:
+        raise InputError(f"law is {law!r:.80}; expected 'coulomb' or 'convex'.")
+    if controller is not None and not callable(controller):
+        raise InputError(f"controller is {controller!r:.80}; expected a function of state and time that gives torques (nu,).")
+    if stabilisation is not None and not isinstance(stabilisation, Projection | Baumgarte):
+        raise InputError(f"stabilisation is {stabilisation!r:.80}; expected rbd.Projection(), rbd.Baumgarte(...) or None.")
+    e = _restitution(restitution, names)
+    return Motion(state.robot, given, controller, external, law, e, stabilisation, every)
+
+
+def _restitution(given: float | Mapping[str, float], names: list[str]) -> dict[str, float]:
+    out = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
+    for name, e in out.items():
+        if name not in names:
+            raise UnknownName(f"restitution names {name!r:.80}, which is no constraint; {nearest(name, names)}.")
+        if not 0.0 <= a_number(e) <= 1.0:
+            raise InputError(f"restitution of {name!r} is {e!r:.80}; expected a number from 0 (plastic) to 1 (elastic).")
+    return out
+
+
+def _times(duration: float, step: float) -> list[float]:
+    if not 0.0 < a_number(duration) < 1e9:
+        raise InputError(f"duration is {duration!r:.80}; expected a time above 0 [s], less than 1e9.")
+    if not 0.0 < a_number(step) < 1e9:
+        raise InputError(f"step is {step!r:.80}; expected a time above 0 [s], less than 1e9.")
+    if duration / step > MOST_STEPS:
+        raise InputError(f"{duration:g} s by {step:g} s are {duration / step:.3g} steps; expected at most {MOST_STEPS:,}.")
+    whole = round(duration / step)
+    if abs(whole * step - duration) <= 1e-9 * max(duration, step) and whole > 0:
+        return [k * step for k in range(whole)] + [float(duration)]
+    return [k * step for k in range(math.floor(duration / step) + 1)] + [float(duration)]
+
+
+def _record_every(given: int) -> int:
+    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
+        raise InputError(f"record_every is {given!r:.80}; expected a whole number from 1.")
+    return int(given)
+
+
+def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integrator:
+    if given is None:
+        held = all(isinstance(r.cone, Free) for r in rows_of(state, motion.constraints))
+        return RungeKutta4() if held else TimeStepping()
+    if isinstance(given, type) or not (hasattr(given, "run") and hasattr(given, "reason_unsupported")):
+        raise InputError(f"integrator is {given!r:.80}; expected rbd.RungeKutta4(), rbd.Adaptive() or rbd.TimeStepping().")
+    reason = given.reason_unsupported(motion, state)
+    if reason is not None:
+        raise Unsupported(reason)
+    return given

@@ -1,0 +1,216 @@
+"""What a trajectory is made of: its fields with units and meaning, the checks of each, and the table that prints them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, a_number, numbers
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.simulation.events import Event
+
+Fields: TypeAlias = Mapping[str, Any]
+"""The fields of a `Trajectory` by name."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A field with one row a sample.
+
+    Attributes:
+        name: Of the field.
+        axis: What stands along a row: "position" (nq), "velocity" (nv), "motor" (nu), "spatial" (6), "axis" (3); empty where a
+            row is one number.
+        unit: Of its entries; empty where each joint has its own.
+        meaning: In words.
+    """
+
+    name: str
+    axis: str
+    unit: str
+    meaning: str
+
+    def row(self, robot: CheckedModel) -> tuple[int, ...]:
+        """Shape of a row."""
+        sizes = {"position": robot.nq, "velocity": robot.nv, "motor": robot.nu, "spatial": 6, "axis": 3}
+        return (sizes[self.axis],) if self.axis else ()
+
+
+COLUMNS = (
+    Column("q", "position", "", "configuration"),
+    Column("v", "velocity", "", "velocity, of a floating base in the base's axes"),
+    Column("a", "velocity", "", "acceleration, of a floating base in the base's axes"),
+    Column("tau", "motor", "", "motor torques"),
+    Column("kinetic", "", "J", "kinetic energy"),
+    Column("potential", "", "J", "potential energy, zero at the world's origin"),
+    Column("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
+    Column("com", "axis", "m", "centre of mass in W"),
+)
+"""What is known of the robot at each time."""
+RESIDUALS = (
+    Column("law", "", "1", "how far the forces are from their law, scaled"),
+    Column("drift", "", "m or rad", "largest position error of the constraints that hold"),
+    Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the constraints that hold"),
+    Column("penetration", "", "m or rad", "how deep the deepest contact is in what it touches"),
+)
+"""What each sample says of its own errors."""
+WORDS = ("integrator", "law", "stabilisation", "interrupted")
+"""The fields that are text."""
+
+
+def checked(fields: Fields) -> dict[str, Any]:
+    """The fields as a trajectory keeps them: read-only arrays of the right sizes, a tuple of events.
+
+    Raises:
+        InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
+    """
+    robot = fields["robot"]
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"robot of a trajectory is {robot!r:.80}; expected a robot.")
+    n = np.size(fields["times"])
+    times = kept("times", fields["times"], (n,))
+    if not n or not (np.diff(times) > 0.0).all():
+        raise InputError(f"times of a trajectory are {times[:6]}; expected one or more, increasing.")
+    out: dict[str, Any] = {**fields, "times": times}
+    for c in COLUMNS:
+        out[c.name] = kept(c.name, fields[c.name], (n, *c.row(robot)))
+    names, residuals = [c.name for c in RESIDUALS], fields["residuals"]
+    if sorted(residuals) != sorted(names):
+        raise InputError(f"residuals are {', '.join(map(str, residuals)):.80}; expected {', '.join(names)}.")
+    out["residuals"] = {name: kept(f"residual {name!r}", residuals[name], (n,)) for name in names}
+    if list(fields["modes"]) != list(fields["forces"]) or list(fields["point_forces"]) != list(fields["points"]):
+        raise InputError("forces and modes, points and point_forces must name the same constraints in the same order.")
+    if not set(fields["points"]) <= set(fields["forces"]):
+        raise InputError("points name contacts that have no forces.")
+    out["forces"] = {name: kept(f"force of {name!r:.80}", x, (n, None)) for name, x in fields["forces"].items()}
+    out["modes"] = {name: kept_words(name, x, n) for name, x in fields["modes"].items()}
+    out["points"] = {name: kept(f"points of {name!r:.80}", x, (n, None, 3), holes=True) for name, x in fields["points"].items()}
+    forces = {name: (fields["point_forces"][name], x.shape) for name, x in out["points"].items()}
+    out["point_forces"] = {name: kept(f"point forces of {name!r:.80}", x, shape) for name, (x, shape) in forces.items()}
+    out["events"] = tuple(fields["events"])
+    if any(not isinstance(e, Event) for e in out["events"]):
+        raise InputError("events of a trajectory must be rbd.simulation Events.")
+    for word in WORDS:
+        if not isinstance(fields[word], str):
+            raise InputError(f"{word} of a trajectory is {fields[word]!r:.80}; expected text.")
+    if not a_number(fields["step"]) >= 0.0 or a_number(fields["step"]) == np.inf:
+        raise InputError(f"step of a trajectory is {fields['step']!r:.80}; expected seconds.")
+    return out
+
+
+def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = False) -> Array:
+    """A read-only float array of this shape: itself, if it is one.
+
+    Args:
+        what: Its name, for messages.
+        value: The numbers.
+        shape: Its sizes; None takes any.
+        holes: Whether NaN stands for what is not there.
+
+    Raises:
+        InputError: another shape, or numbers that are not finite.
+    """
+    out = value
+    if type(value) is not np.ndarray or value.dtype != float or value.flags.writeable:
+        out = numbers(f"{what} of a trajectory", value)
+        out.flags.writeable = False
+    if len(out.shape) != len(shape) or any(k is not None and k != m for k, m in zip(shape, out.shape, strict=True)):
+        told = ", ".join("any" if k is None else str(k) for k in shape)
+        raise InputError(f"{what} of a trajectory has shape {out.shape}; expected ({told}).")
+    bad = np.isinf(out) if holes else ~np.isfinite(out)
+    if bad.any():
+        raise InputError(f"{what} of a trajectory is not finite in sample {int(np.argwhere(bad)[0, 0])}.")
+    return out
+
+
+def kept_words(name: str, value: Array, n: int) -> Array:
+    """A read-only array of n words.
+
+    Raises:
+        InputError: if they are not.
+    """
+    out = np.array(value) if not isinstance(value, np.ndarray) or value.flags.writeable else value
+    if out.dtype.kind != "U" or out.shape != (n,):
+        raise InputError(f"modes of {name!r:.80} are {out.dtype} of shape {out.shape}; expected {n} words.")
+    out.flags.writeable = False
+    return out
+
+
+_EVENTS, _CONSTRAINTS = 8, 16
+"""So many are listed."""
+
+
+def table(fields: Fields) -> str:
+    """The certificate of a motion: duration, steps, method; energy and momentum; worst residuals; constraints; first events."""
+    x = {**fields, "energy": fields["kinetic"] + fields["potential"]}
+    lines = [_headline(x), *_method(x), *_kept(x), *_residuals(x)]
+    return "\n".join([*lines, *_constraints(x), *_events(x)])
+
+
+def _headline(x: Fields) -> str:
+    steps = f" by steps of {_number(1e3 * x['step'])} ms" if x["step"] else ""
+    ended = f"; {x['interrupted']}" if x["interrupted"] else ""
+    return f"{x['robot'].name}: {x['times'][0]:g} to {x['times'][-1]:g} s{steps}, {len(x['times'])} samples{ended}"
+
+
+def _method(x: Fields) -> list[str]:
+    said = [("integrator", x["integrator"]), ("contact law", x["law"]), ("kept by", x["stabilisation"])]
+    return [_line(what, text) for what, text in said if text]
+
+
+def _kept(x: Fields) -> list[str]:
+    change, swing = x["energy"] - x["energy"][0], float(np.ptp(x["energy"]))
+    moved = x["com"][-1] - x["com"][0]
+    return [
+        _line("energy", f"{x['energy'][0]:.6g} J -> {x['energy'][-1]:.6g} J, change {change[-1]:.3g} J, range {swing:.3g} J"),
+        _line("", f"kinetic {x['kinetic'][0]:.4g} -> {x['kinetic'][-1]:.4g} J, at most {x['kinetic'].max():.4g} J"),
+        _line("centre of mass", f"moved ({_vector(moved)}) m"),
+        _line("momentum", f"({_vector(x['momentum'][-1, :3])}) N s, ({_vector(x['momentum'][-1, 3:])}) N m s at the end"),
+    ]
+
+
+def _residuals(x: Fields) -> list[str]:
+    out = []
+    for i, residual in enumerate(RESIDUALS):
+        values = x["residuals"][residual.name]
+        worst = int(np.argmax(np.abs(values)))
+        said = f"{residual.name.replace('_', ' ')} {abs(values[worst]):.1e}"
+        said += " (scaled)" if residual.unit == "1" else f" {residual.unit}"
+        out.append(_line("" if i else "worst residuals", said + (f" at {x['times'][worst]:.4g} s" if values[worst] else "")))
+    return out
+
+
+def _constraints(x: Fields) -> list[str]:
+    names = tuple(x["forces"])
+    shown, out = names[:_CONSTRAINTS], []
+    width = max([0, *(len(name) for name in shown)])
+    for i, name in enumerate(shown):
+        force, contact = x["forces"][name], name in x["points"]
+        size = np.linalg.norm(force[:, :3], axis=1) if contact else np.abs(force).max(axis=1, initial=0.0)
+        most = int(np.argmax(size))
+        unit = "N" if contact else "N or N m"
+        largest = f"at most {size[most]:.4g} {unit} at {x['times'][most]:.4g} s" if size[most] else "no force"
+        out.append(_line("" if i else "constraints", f"{name:<{width}}  {x['modes'][name][-1]} at the end, {largest}"))
+    return out + [_line("", f"and {len(names) - len(shown)} more")] * (len(names) > len(shown))
+
+
+def _events(x: Fields) -> list[str]:
+    shown = x["events"][:_EVENTS]
+    out = [_line("" if i else f"{len(x['events'])} events", str(event)) for i, event in enumerate(shown)]
+    return out + [_line("", f"and {len(x['events']) - len(shown)} more")] * (len(x["events"]) > len(shown))
+
+
+def _line(what: str, text: str) -> str:
+    return f"  {what:<16}{text}"
+
+
+def _number(x: float) -> str:
+    return f"{x:.6g}"
+
+
+def _vector(x: Array) -> str:
+    return ", ".join(f"{value + 0.0:.4g}" for value in np.where(np.abs(x) < 1e-12, 0.0, x))

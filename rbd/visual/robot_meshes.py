@@ -1,0 +1,226 @@
+"""What the robot looks like: its meshes as triangles, or a skeleton where its file has none."""
+
+from __future__ import annotations
+
+import warnings
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import ModelWarning
+from rbd.model.mjcf import convex_hull
+from rbd.visual import shapes
+from rbd.visual.collada import read_collada
+from rbd.visual.colors import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR
+from rbd.visual.shapes import Mesh
+
+if TYPE_CHECKING:
+    from rbd.robots.robot import Robot
+
+INERTIA_OPACITY = 0.55
+COLLISION_OPACITY = 0.25
+PLACEHOLDER = 5.0
+"""Collision shapes wider than so many of the longest bones are left out of a picture of bones."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RobotPart:
+    """A rigid piece of the robot.
+
+    Attributes:
+        name: Name of the geometry in the robot's file, or of the skeleton's joint.
+        joint: Number of the joint that carries it; 0 is the world.
+        placement: X_JG, pose of the piece in its joint's frame.
+        mesh: Its triangles in its own frame [m].
+        color: '#rrggbb'.
+        opacity: 1 is solid.
+    """
+
+    name: str
+    joint: int
+    placement: pin.SE3
+    mesh: Mesh
+    color: str
+    opacity: float
+
+
+_DONE: WeakKeyDictionary[Robot, tuple[RobotPart, ...]] = WeakKeyDictionary()
+
+
+def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
+    """The pieces to draw: the visual geometry; without it a skeleton, inertia ellipsoids and the collision shapes.
+
+    Meshes come as the triangles that Coal loaded, and those of Collada files as `read_collada` gives them, in the
+    colour of the URDF, or else of the Collada file. Textures are not used. Infinite planes are left out.
+    """
+    if robot not in _DONE:  # a second of work for Talos, and as many scenes as one likes
+        _DONE[robot] = tuple(_made(robot))
+    return _DONE[robot]
+
+
+def _made(robot: Robot) -> list[RobotPart]:
+    if parts := [part for obj in robot.visual_model.geometryObjects for part in _parts_of(obj)]:
+        return parts
+    shapes = [part for obj in robot.collision_model.geometryObjects for part in _parts_of(obj)]
+    # A cylinder of 2 m about a humanoid's waist is a placeholder, and would hide the robot.
+    widest = PLACEHOLDER * _longest(_bones(robot.model))
+    glass = [
+        replace(part, color=COLLISION_COLOR, opacity=COLLISION_OPACITY)
+        for part in shapes
+        if np.ptp(part.mesh.vertices, axis=0).max() < widest
+    ]
+    return skeleton(robot.model) + inertia_ellipsoids(robot.model) + glass
+
+
+def _parts_of(obj: pin.GeometryObject) -> list[RobotPart]:
+    if isinstance(obj.geometry, coal.Plane | coal.Halfspace):
+        return []
+    given = np.asarray(obj.meshColor, float)
+    pieces = _collada_pieces(obj)
+    if not pieces:
+        mesh = triangles(obj.geometry)
+        pieces = [] if mesh is None or len(mesh.faces) == 0 else [(mesh, given)]
+    if not pieces:
+        kind = type(obj.geometry).__name__
+        warnings.warn(ModelWarning(f"geometry {obj.name!r} ({kind}) has no triangles and is not drawn."), stacklevel=2)
+    return [
+        RobotPart(obj.name, obj.parentJoint, obj.placement, mesh, _hexadecimal(rgba), float(np.clip(rgba[3], 0.0, 1.0)))
+        for mesh, rgba in pieces
+    ]
+
+
+def _hexadecimal(rgba: Array) -> str:
+    # Pure black shows no shape under any light, so it is lifted to a dark grey.
+    red, green, blue = (int(round(255 * c)) for c in np.clip(rgba[:3], 0.12, 1.0))
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
+    """Pieces of a Collada mesh with their colours; nothing for other files, and for those that cannot be read."""
+    if Path(obj.meshPath).suffix.lower() != ".dae":
+        return []
+    try:
+        read = read_collada(obj.meshPath)
+    except (ValueError, LookupError, StopIteration, RecursionError, OSError, ElementTree.ParseError):
+        return []
+    given = np.asarray(obj.meshColor, float)
+    pieces = []
+    for piece in read:
+        sized = Mesh(piece.mesh.vertices * np.asarray(obj.meshScale), piece.mesh.faces)
+        # A colour in the URDF goes before those in the mesh file.
+        own = given if piece.rgba is None or (obj.overrideMaterial and given[:3].any()) else np.array(piece.rgba)
+        if len(sized.faces):
+            pieces.append((shapes.creased(sized), own))
+    return pieces
+
+
+def triangles(geometry: coal.CollisionGeometry) -> Mesh | None:
+    """Triangles of a Coal geometry in its own frame [m]; None for kinds that have none (planes, octrees)."""
+    match geometry:
+        case coal.BVHModelBase():
+            # A coal.Triangle has no iterator: it must be read entry by entry (0.7 us each).
+            rows = map(geometry.tri_indices, range(geometry.num_tris))
+            faces = np.array([(t[0], t[1], t[2]) for t in rows], int).reshape(-1, 3)
+            return shapes.creased(Mesh(np.array(geometry.vertices()), faces))
+        case coal.Box():
+            return shapes.box(np.asarray(geometry.halfSide))
+        case coal.Sphere():
+            return shapes.ball(geometry.radius)
+        case coal.Ellipsoid():
+            unit = shapes.ball(1.0)
+            return Mesh(unit.vertices * np.asarray(geometry.radii), unit.faces)
+        case coal.Cylinder():
+            return shapes.cylinder(geometry.radius, 2.0 * geometry.halfLength)
+        case coal.Capsule():
+            return shapes.capsule(geometry.radius, 2.0 * geometry.halfLength)
+        case coal.Cone():
+            h = geometry.halfLength
+            return shapes.revolved([(0.0, -h), (geometry.radius, -h), (0.0, h)])
+        case coal.ConvexBase():
+            return _hull_mesh(np.array([geometry.point(i) for i in range(geometry.num_points)]))
+    return None
+
+
+def _hull_mesh(points: Array) -> Mesh | None:
+    try:
+        return shapes.creased(Mesh(points, convex_hull(points)))
+    except ValueError:
+        return None
+
+
+def inertia_ellipsoids(model: pin.Model) -> list[RobotPart]:
+    """A uniform ellipsoid with the mass, centre and moments of each body; none for bodies without mass or moments.
+
+    Semi-axes a_i = sqrt(5 / (2 m) (I_1 + I_2 + I_3 - 2 I_i)). Moments that no body has make one of them imaginary: it is
+    drawn as a twentieth of the longest. What an identity matrix in the file would make as large as the robot is cut: to
+    0.7 times the body's own longest bone (a rod's is 0.65), or a third of the robot's longest.
+    """
+    bones = _bones(model)
+    reach = _longest(bones)
+    parts = []
+    for joint in range(1, model.njoints):
+        inertia = model.inertias[joint]
+        moments = np.asarray(inertia.inertia)
+        if not (0.0 < inertia.mass < np.inf and np.isfinite(moments).all()):
+            continue
+        I, R = np.linalg.eigh((moments + moments.T) / 2.0)
+        squares = 2.5 / inertia.mass * (I.sum() - 2.0 * I)
+        if squares.max() <= 0.0:
+            continue
+        most = 0.7 * max([reach / 3.0, *(float(np.linalg.norm(bone)) for bone in bones[joint])])
+        axes = np.clip(np.sqrt(np.maximum(squares, squares.max() / 400.0)), 0.01 * reach, most)
+        R[:, 0] *= np.linalg.det(R)  # right-handed
+        unit = shapes.ball(1.0)
+        mesh = Mesh(unit.vertices * axes, unit.faces)
+        name, placement = f"inertia of {model.names[joint]}", pin.SE3(R, np.array(inertia.lever))
+        parts.append(RobotPart(name, joint, placement, mesh, INERTIA_COLOR, INERTIA_OPACITY))
+    return parts
+
+
+def skeleton(model: pin.Model) -> list[RobotPart]:
+    """Bones from each joint to its children and to its farthest frame, with a ball on every joint.
+
+    Lengths are the model's; thickness is not, it is a fiftieth of the longest bone.
+    """
+    bones = _bones(model)
+    radius = _longest(bones) / 50.0
+    parts = []
+    for joint in range(1, model.njoints):
+        pieces = [shapes.ball(1.8 * radius)]
+        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in bones[joint]]
+        parts.append(RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0))
+    return parts
+
+
+def _bones(model: pin.Model) -> dict[int, list[Array]]:
+    """From each joint, in its frame, to its children or to its farthest frame [m]."""
+    bones: dict[int, list[Array]] = {i: [] for i in range(model.njoints)}
+    for child in range(1, model.njoints):
+        if model.parents[child] > 0:
+            bones[model.parents[child]].append(np.array(model.jointPlacements[child].translation))
+    for joint in range(1, model.njoints):
+        ends = [np.array(f.placement.translation) for f in model.frames if f.parentJoint == joint]
+        ends += [np.array(model.inertias[joint].lever)] if not bones[joint] else []
+        if not bones[joint] and ends:
+            bones[joint].append(max(ends, key=lambda p: float(np.linalg.norm(p))))
+    return bones
+
+
+def _longest(bones: dict[int, list[Array]]) -> float:
+    """Length of the longest bone [m]; 1 where all are points."""
+    return max((float(np.linalg.norm(b)) for each in bones.values() for b in each), default=0.0) or 1.0
+
+
+def largest_color(parts: Sequence[RobotPart]) -> str:
+    """Colour of the largest part that moves: what a legend says of the robot as it is drawn."""
+    moving = [part for part in parts if part.joint] or list(parts)
+    largest = max(moving, key=lambda part: float(np.ptp(part.mesh.vertices, axis=0).max(initial=0.0)), default=None)
+    return SKELETON_COLOR if largest is None else largest.color

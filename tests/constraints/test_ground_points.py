@@ -1,0 +1,192 @@
+"""Contacts with the ground, measured together and one by one."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from flat_bodies import free_body, free_state
+from scipy.integrate import solve_ivp
+
+import rbd
+from rbd.constraints.ground_points import Grounds, OnGround
+from rbd.constraints.sources import FromRows, sources_of
+
+ROUNDING = 1e-13  # of entries of order one
+
+
+def moving(robot: rbd.Robot, seed: int) -> rbd.State:
+    """The robot off its feet, every joint moving."""
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(robot.model, robot.standing().q, 0.3 * rng.normal(size=robot.nv))
+    return rbd.State(robot, q, rng.normal(size=robot.nv))
+
+
+def contacts(name: str) -> tuple[rbd.Robot, list]:
+    """Soles; toes; toes of which one has no friction, two stand on one body, and the ground is tilted."""
+    if name != "tilted":
+        robot = rbd.load_robot(name)
+        return robot, robot.feet(0.7)
+    robot = rbd.load_robot("bolt")
+    one, other = robot.feet(0.7)
+    tilted = rbd.PointContact(
+        "ice", other.frame, offset=(0.1, 0.2, 0.3), normal=(0.0, 0.6, 0.8), anchor=(0, 0, 1), friction=0.0
+    )
+    return robot, [one, tilted, other]
+
+
+@pytest.mark.parametrize("name", ["talos", "solo12", "tilted"])
+def test_contacts_together_are_the_same_as_each_alone(name: str):
+    """Rows, velocities, J_dot v, gaps, places and arms are those of `OnGround`, which goes through the frame's own Jacobian."""
+    robot, feet = contacts(name)
+    alone = [OnGround(foot, robot.standing()) for foot in feet]
+    together = Grounds(alone, robot.standing())
+    for seed in range(3):
+        state = moving(robot, seed)
+        found, each = together.at(state, 0.0), [one.at(state, 0.0) for one in alone]
+        for what in ("J", "velocity", "bias", "gap", "error", "points"):
+            assert np.abs(getattr(found, what) - np.concatenate([getattr(m, what) for m in each])).max() < ROUNDING, what
+        if found.arms is not None:
+            assert np.abs(found.arms - np.concatenate([m.arms for m in each])).max() < ROUNDING
+        assert (found.axes == np.concatenate([np.tile(m.axes, (len(m.gap), 1, 1)) for m in each])).all()
+        assert found.structure.owners == tuple(owner for m in each for owner in m.structure.owners)
+        assert np.abs(together.gaps(state, 0.0) - found.gap).max() < ROUNDING
+        assert max(np.abs(one.gaps(state, 0.0) - m.gap).max() for one, m in zip(alone, each, strict=True)) < ROUNDING
+
+
+def test_what_stands_on_ground_at_rest_is_measured_together_and_nothing_else_is():
+    """Soles and toes apart, as a sole has moments; a moving ground, a held contact and a lone toe are measured each alone."""
+    robot = rbd.load_robot("talos")
+    soles = robot.soles(0.7)
+    toe = rbd.PointContact("toe", soles[0].frame, offset=(0.1, 0.0, 0.0), friction=0.5)
+    band = rbd.PointContact("band", soles[1].frame, offset=(0.1, 0.0, 0.0), friction=0.5, velocity=(0.1, 0.0, 0.0))
+    held = rbd.PointContact("hand", "torso_2_link", friction=None)
+    kinds = [type(s) for s in sources_of([toe, soles[0], band, held, soles[1]], robot.standing())]
+    assert kinds == [OnGround, Grounds, OnGround, FromRows]
+
+
+@pytest.mark.parametrize("kind", ["patch", "edge", "tip"])
+def test_points_of_contact_between_bodies_are_where_the_bodies_have_them(kind: str):
+    """Corners in W are X_WF X_FP p of the body that bears them, however it is turned; their axes are those of the rows."""
+    robot = rbd.load_robot("solo12")
+    frame, on = robot.feet(0.7)[0].frame, robot.feet()[1].frame
+    placement = pin.SE3(pin.exp3(np.array([0.4, -0.7, 0.2])), np.array([0.01, -0.02, 0.03]))
+    contact = {
+        "patch": rbd.SurfaceContact(kind, frame, half_lengths=(0.03, 0.01), placement=placement, friction=0.5, against=on),
+        "edge": rbd.LineContact(kind, frame, half_length=0.04, placement=placement, friction=0.5, against=on),
+        "tip": rbd.PointContact(kind, frame, offset=placement.translation, friction=0.5, against=on),
+    }[kind]
+    corners = {
+        "patch": [[0.03, 0.01, 0], [0.03, -0.01, 0], [-0.03, -0.01, 0], [-0.03, 0.01, 0]],
+        "edge": [[0.04, 0, 0], [-0.04, 0, 0]],
+        "tip": [[0, 0, 0]],
+    }[kind]
+    state = moving(robot, 4)
+    measured = FromRows(contact).at(state, 0.0)
+    X_WP = state.frame(frame).X_WF * placement
+    expected = [X_WP.act(np.array(p, float)) for p in corners]
+    assert measured.points is not None and len(measured.points) == len(expected)
+    gaps = np.abs(measured.points[:, None] - np.array(expected)).max(axis=2)  # in any order
+    assert gaps.min(axis=1).max() < ROUNDING and sorted(gaps.argmin(axis=1)) == list(range(len(corners)))
+    (rows,) = rbd.gauss_problem(state, np.zeros(robot.nu), [contact]).rows
+    assert np.array_equal(measured.axes, rows.patch.axes)
+
+
+@pytest.mark.parametrize("stepper", ["smooth", "stepping"])
+def test_recorded_corners_of_a_held_patch_are_on_the_body(stepper: str):
+    """A box that hangs by a patch, turned every way: its corners are X_WF X_FP p at each recorded moment, and carry m g."""
+    robot = rbd.load_robot(Path(__file__).parents[2] / "urdf" / "box.urdf")
+    pose = pin.SE3(pin.exp3(np.array([0.4, -0.7, 0.9])), np.array([0.1, 0.2, 1.0]))
+    state = robot.at(pin.SE3ToXYZQUAT(pose))
+    placement = pin.SE3(pin.exp3(np.array([-0.3, 0.5, 0.2])), np.array([0.05, -0.1, 0.1]))
+    patch = rbd.SurfaceContact("glue", "box", half_lengths=(0.05, 0.02), placement=placement)
+    settings = {"integrator": rbd.RungeKutta4()} if stepper == "smooth" else {"integrator": rbd.TimeStepping()}
+    motion = rbd.simulate(state, [patch], duration=0.02, step=0.01, progress=False, **settings)
+    for k in range(len(motion)):
+        X_WP = motion.state(k).frame("box").X_WF * placement
+        expected = np.array([X_WP.act(p) for p in patch.corners])
+        found = motion.points["glue"][k]
+        assert np.abs(found - expected).max() < 1e-9 if len(found) == 4 else len(found) == 1
+        assert motion.forces["glue"][k][:3] == pytest.approx([0.0, 0.0, 98.1], abs=1e-6)
+
+
+TILT = pin.exp3(np.array([0.2, -0.3, 0.4]))
+EDGES = {
+    "its placement's z": {},
+    "a normal": {"normal": (0.0, 0.6, 0.8)},
+    "an anchor": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3]))},
+    "an anchor and a normal": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3])), "normal": (0.0, 0.6, 0.8)},
+    "a plane": {"on": rbd.Ground(point=(0.0, 0.0, 0.2), normal=(0.0, 0.6, 0.8))},
+}
+
+
+@pytest.mark.parametrize("by", EDGES)
+@pytest.mark.parametrize("friction", [0.5, 0.0])
+def test_an_edge_on_the_ground_is_its_two_ends(by: str, friction: float):
+    """Velocities, J_dot v, gaps and places of its ends, in W, are those of two points on the plane that the edge is told of."""
+    robot, given = free_body(2.0, [0.1, 0.2, 0.3]), EDGES[by]
+    start = free_state(robot, (0.3, -0.2, 0.5), (0.1, 0.2, -0.3))
+    placement = pin.SE3(pin.exp3(np.array([-0.2, 0.1, 0.5])), np.array([0.05, -0.1, -0.2]))
+    edge = rbd.LineContact("edge", "body", half_length=0.3, placement=placement, friction=friction, **given)
+    there = start.frame("body").X_WF * placement
+    normal = given.get("normal", (given.get("anchor", there)).rotation[:, 2])
+    through = given.get("anchor", there).translation
+    if "on" in given:
+        normal, through = given["on"].normal, given["on"].point
+    ends = [
+        rbd.PointContact(
+            f"end{i}", "body", offset=placement.act(np.array([x, 0.0, 0.0])), normal=normal, anchor=through, friction=friction
+        )
+        for i, x in enumerate((0.3, -0.3))
+    ]
+    state = free_state(robot, (0.4, -0.1, 0.6), (-0.4, 0.5, 0.7), (0.3, -1.0, 0.6), (1.0, 2.0, -3.0))
+    line = OnGround(edge, start).at(state, 0.0)
+    points = [OnGround(end, start).at(state, 0.0) for end in ends]
+    for what in ("J", "velocity", "bias"):
+        rows = getattr(line, what).reshape(2, 3 if friction else 1, -1)
+        found = line.axes[:, -rows.shape[1] :] @ rows
+        expected = [m.axes[:, -rows.shape[1] :] @ getattr(m, what).reshape(rows.shape[1], -1) for m in points]
+        assert np.abs(found - np.array(expected)).max() < 10.0 * ROUNDING, what
+    assert np.abs(line.gap - np.concatenate([m.gap for m in points])).max() < ROUNDING
+    assert np.abs(line.points - np.concatenate([m.points for m in points])).max() < ROUNDING
+    assert np.abs(OnGround(edge, start).gaps(state, 0.0) - line.gap).max() < ROUNDING
+
+
+def test_a_sole_that_stands_on_its_rim_has_axes_of_its_plane():
+    """Its x points along the plane's normal and says no direction on it: gaps are z of its corners, axes a turn with z up."""
+    robot = free_body(2.0, [0.1, 0.2, 0.3])
+    placement = pin.SE3(pin.exp3(np.array([0.0, -0.5 * math.pi, 0.0])), np.array([0.0, 0.0, 0.2]))
+    sole = rbd.SurfaceContact("rim", "body", half_lengths=(0.2, 0.1), placement=placement, friction=0.5, on=0.1)
+    state = free_state(robot, (0.0, 0.0, 0.1))
+    found = OnGround(sole, state).at(state, 0.0)
+    assert sorted(np.round(found.gap, 12)) == [0.0, 0.0, 0.4, 0.4]
+    assert np.abs(found.axes[:, 2] - [0.0, 0.0, 1.0]).max() < ROUNDING
+    assert np.abs(found.axes.T @ found.axes - np.eye(3)).max() < ROUNDING and np.linalg.det(found.axes) > 0.0
+
+
+def test_a_box_falls_about_the_edge_that_it_stands_on():
+    """An inverted pendulum, I phi'' = m g r sin phi about the edge, which does not slip: of second order, as its forces are."""
+    m, half, low, g = 10.0, 0.2, 0.1, 9.81
+    inertia, r = m * (0.4**2 + 0.2**2) / 12.0, math.hypot(half, low)
+    about = inertia + m * r * r
+    placement = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.5 * math.pi])), np.array([half, 0.0, -low]))
+    edge = rbd.LineContact("edge", "body", half_length=0.2, placement=placement, normal=(0.0, 0.0, 1.0), friction=1.5)
+    phi0, duration = math.atan2(half, low) - 0.4, 0.16
+    true = solve_ivp(
+        lambda t, y: [y[1], m * g * r * math.sin(y[0]) / about], (0.0, duration), [-phi0, 0.0], rtol=1e-12, atol=1e-12
+    ).y[:, -1]
+    robot, errors = free_body(m, [0.1, inertia, 0.1]), []
+    start = free_state(robot, r * np.array([-math.sin(phi0), 0.0, math.cos(phi0)]), (0.0, 0.4, 0.0))
+    for step in (1e-2, 5e-3):
+        found = rbd.simulate(start, [edge], duration=duration, step=step, progress=False)
+        assert set(found.modes["edge"]) == {"sticks"}
+        phi, rate = math.atan2(found.q[-1, 0], found.q[-1, 2]), found.v[-1, 4]
+        errors.append(max(abs(phi - true[0]), abs(rate - true[1])))
+    assert errors[1] < 30.0 * 5e-3**2  # at up to 4 rad/s and 25 rad/s2
+    assert 3.0 < errors[0] / errors[1] < 5.0
+    turning = m * g * r * math.sin(true[0]) / about
+    com = r * (turning * np.array([math.cos(true[0]), -math.sin(true[0])])
+               - true[1] ** 2 * np.array([math.sin(true[0]), math.cos(true[0])]))  # fmt: skip
+    assert np.abs(found.forces["edge"][-1][[0, 2]] - m * (com + [0.0, g])).max() < 5e-3 * m * g
+    assert np.abs(found.point_forces["edge"][-1].sum(axis=0) - found.forces["edge"][-1][:3]).max() < 1e-9
