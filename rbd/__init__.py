@@ -1,13 +1,15 @@
 """Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof.
 
-`import rbd` loads Pinocchio and little else: a name, or a sub-package, is loaded when it is first asked for.
+`import rbd` loads next to nothing: a name, or a sub-package, is loaded when it is first asked for.
 """
 
 from importlib import import_module as _import_module
 from pkgutil import iter_modules as _iter_modules
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rbd.model import installation as _installation  # noqa: F401  another Pinocchio than ours is named before anything breaks
+from rbd.installation import check_place as _check_place
+
+_check_place()  # another Pinocchio than ours is named before anything breaks
 
 if _TYPE_CHECKING:
     from rbd.analysis.infeasibility import Contradiction as Contradiction, contradiction as contradiction

@@ -132,10 +132,10 @@ def test_a_posture_that_cannot_be_held_ends_with_code_1(monkeypatch):
 @pytest.fixture
 def computed(monkeypatch):
     """Lets a test change what `rbd.simulate` does inside the command."""
-    original = rbd.cli.app.run
+    original = rbd.simulation.run.simulate
 
     def change(make) -> None:
-        monkeypatch.setattr("rbd.cli.app.run", lambda *a, **k: make(original(*a, **k)))
+        monkeypatch.setattr("rbd.simulation.run.simulate", lambda *a, **k: make(original(*a, **k)))
 
     return change
 
@@ -157,7 +157,7 @@ def test_a_step_without_a_solution_is_told_with_all_that_was_computed(computed, 
 
 def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
     """A controller that presses Ctrl-C at 10 ms: the tables say so, and the exit code is 0."""
-    original = rbd.cli.app.run
+    original = rbd.simulation.run.simulate
 
     def interrupted(*args, **settings):
         held = settings["controller"]
@@ -169,7 +169,7 @@ def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
 
         return original(*args, **{**settings, "controller": controller})
 
-    monkeypatch.setattr("rbd.cli.app.run", interrupted)
+    monkeypatch.setattr("rbd.simulation.run.simulate", interrupted)
     code, out, _ = run("solo12", "--duration", "1")
     assert code == 0 and "ended early" in out and "interrupted at t = 0.01" in out
 

@@ -3,6 +3,8 @@
 import importlib
 import importlib.util
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -103,3 +105,10 @@ def test_names_that_do_not_exist_are_noticed():
     """The check of names above can fail."""
     assert resolves("rbd.State.q") and resolves("rbd.dynamics.coriolis_tensor") and resolves("rbd.Rows.J")
     assert not resolves("rbd.dynamics.coriolis_tensors") and not resolves("rbd.State.quaternion_of_nobody")
+
+
+def test_the_index_of_modules_is_that_of_the_code():
+    """docs/architecture.md lists every module with the first line of its docstring: `python docs/pictures/architecture.py`."""
+    script = TOP / "docs" / "pictures" / "architecture.py"
+    run = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr or "the index is not that of the code: python docs/pictures/architecture.py"

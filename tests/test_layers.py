@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).parent.parent / "rbd"
 
 ORDER = """
 errors
-arrays
+arrays installation
 model problem
 constraints solvers
 robots analysis

@@ -244,7 +244,7 @@ def test_the_command_line_refuses_a_place_before_it_works(command: str, option: 
     def never(*args: object, **kwargs: object) -> None:
         raise AssertionError("a robot was loaded")
 
-    for door in ("rbd.cli.app.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
+    for door in ("rbd.robots.robot.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
         monkeypatch.setattr(door, never)
     (tmp_path / f"taken.{ending}").mkdir()
     places = {"there is no folder": [tmp_path / "nowhere" / f"x.{ending}"], "it is a folder": [tmp_path / f"taken.{ending}"]}

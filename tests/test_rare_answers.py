@@ -12,8 +12,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd import installation
 from rbd.errors import CannotHold, InaccurateWarning, InputError, NoSolution, WrongPinocchio
-from rbd.model import installation as engine
 from rbd.problem.cones import Cone
 from rbd.problem.residuals import blame
 from rbd.problem.rows import Rows
@@ -163,7 +163,7 @@ def test_another_pinocchio_is_refused(given: dict, match: str):
     for name, value in given.items():
         setattr(module, name, value)
     with pytest.raises(WrongPinocchio, match=match):
-        engine.check(module)
+        installation.check(module)
 
 
 @pytest.mark.parametrize("content", [None, "raise RuntimeError('made for another Python')"])
@@ -178,7 +178,7 @@ def test_a_pinocchio_that_cannot_be_imported_is_named(tmp_path: Path, monkeypatc
         monkeypatch.syspath_prepend(tmp_path)
         expected = f"finds {tmp_path / 'pinocchio.py'}, which cannot be imported: RuntimeError: made for another Python"
     with pytest.raises(WrongPinocchio) as error:
-        engine._found()
+        installation._found()
     assert expected in str(error.value)
 
 

@@ -230,6 +230,6 @@ def test_a_motion_stopped_before_it_began_has_no_tables(monkeypatch: pytest.Monk
             "the start has no solution", state=None, t=0.0, names=(), trajectory=None, cause=ValueError()
         )  # fmt: skip
 
-    monkeypatch.setattr("rbd.cli.app.run", stop)
+    monkeypatch.setattr("rbd.simulation.run.simulate", stop)
     code, out, told = run("simulate", str(URDF / "box.urdf"), "--duration", "0.05")
     assert code == 1 and "the start has no solution" in told and "steps" not in out

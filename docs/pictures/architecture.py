@@ -16,7 +16,7 @@ PAGE = TOP / "docs" / "architecture.md"
 BEGIN, END = "<!-- index: made by docs/pictures/architecture.py -->\n", "<!-- end of the index -->\n"
 
 ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what it holds)
-    [("errors", "errors and warnings"), ("arrays", "checked numbers")],
+    [("errors", "errors and warnings"), ("arrays", "checked numbers"), ("installation", "is it our Pinocchio?")],
     [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
@@ -52,7 +52,8 @@ _EDGE, _FILL, _WAY = "#30507a", "#eaf1fa", "#fdf3e3"
 def index() -> str:
     """A line a module: its name and the first sentence of its docstring."""
     lines = []
-    for path in sorted((TOP / "rbd").rglob("*.py")):
+    files = sorted((TOP / "rbd").rglob("*.py"), key=lambda path: (path.parent != TOP / "rbd", path))
+    for path in files:
         name = path.relative_to(TOP).with_suffix("").as_posix().removesuffix("/__init__")
         first = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n\n")[0].replace("\n", " ")
         room = path.name == "__init__.py"
@@ -61,7 +62,7 @@ def index() -> str:
 
 
 def _grouped(lines: list[str]) -> list[str]:
-    """Loose modules of the package stand below its own heading: no line is moved, blank lines are put between lists."""
+    """The lines with blank ones between the lists."""
     out: list[str] = []
     for line in lines:
         if line.startswith("\n") and out and not out[-1].startswith("\n"):

@@ -2,6 +2,7 @@
 
 Exit codes: 0 done, 1 no solution (the message says which limit is in the way), 2 bad input.
 """
+# What a command needs is imported inside it: --help answers in a third of a second.
 
 from __future__ import annotations
 
@@ -14,25 +15,17 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import Annotated, Literal, Protocol
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import track
 
-from rbd.arrays import Array, three
-from rbd.cli.stand_report import StandReport
 from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, open_console
 from rbd.errors import InputError, ModelWarning, SimulationStopped
-from rbd.least_constraint import solve
-from rbd.model.external_force import ExternalForce
-from rbd.model.installation import version
+from rbd.installation import version
 from rbd.model.output_files import write_text
-from rbd.problem.cones import check_friction
-from rbd.robots.loop_file import ROOTS, Root
-from rbd.robots.robot import load_robot
-from rbd.simulation.run import simulate as run
-from rbd.statics.equilibrium import hold
 
 MOST_SAMPLES = 10_000
 """Of a longer motion not every step is recorded."""
@@ -82,6 +75,13 @@ def stand(
     Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
     and prints what each foot carries.
     """
+    from rbd.cli.stand_report import StandReport
+    from rbd.least_constraint import solve
+    from rbd.model.external_force import ExternalForce
+    from rbd.problem.cones import check_friction
+    from rbd.robots.robot import load_robot
+    from rbd.statics.equilibrium import hold
+
     console = open_console()
     with answering():
         force = _push(push, at)
@@ -140,6 +140,7 @@ def info(
 ) -> None:
     """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
     from rbd.cli.listing import robot_info
+    from rbd.robots.robot import load_robot
 
     console = open_console()
     with answering():
@@ -165,6 +166,7 @@ def mechanism(
     Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
     """
     from rbd.cli.mechanism_report import check_tries, report_mechanism
+    from rbd.robots.robot import load_robot
 
     console = open_console()
     with answering():
@@ -225,6 +227,8 @@ def simulate(
     from rbd.cli.simulate_report import SimulateReport, draw
     from rbd.cli.simulate_setup import loaded, pushes, setup
     from rbd.control.pushes import Pushes
+    from rbd.problem.cones import check_friction
+    from rbd.simulation.run import simulate as run
 
     console = open_console()
     with answering():
@@ -322,7 +326,9 @@ def _every(duration: float, step: float) -> int:
     return max(1, math.ceil(min(duration / step, 1e12) / MOST_SAMPLES))
 
 
-def _root(root: str | None) -> Root | None:
+def _root(root: str | None) -> Literal["free_flyer", "fixed", "planar"] | None:
+    from rbd.robots.loop_file import ROOTS
+
     for known in ROOTS:
         if root == known:
             return known
@@ -331,7 +337,7 @@ def _root(root: str | None) -> Root | None:
     return None
 
 
-def _push(push: str | None, at: str | None) -> Array | None:
+def _push(push: str | None, at: str | None) -> np.ndarray | None:
     if push is None and at is None:
         return None
     if push is None or at is None:
@@ -341,6 +347,8 @@ def _push(push: str | None, at: str | None) -> Array | None:
         numbers = [float(x) for x in push.split(",")]
     except ValueError:
         raise InputError(f"--push is {push!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
+    from rbd.arrays import three
+
     return three("--push", numbers)
 
 

@@ -37,7 +37,7 @@ class JointLimit:
 
     Attributes:
         name: The constraint's role, e.g. "left_knee_stop".
-        joint: A joint with one freedom that does not turn for ever.
+        joint: A joint with one degree of freedom that is not continuous.
         lower: Lower bound [rad] or [m]; by default that of the robot's file, -inf for none.
         upper: Upper bound, likewise; inf for none.
         margin: How near to the bound the joint is at it [rad] or [m].

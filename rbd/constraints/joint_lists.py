@@ -16,7 +16,7 @@ from rbd.model.xml import read_xml
 def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimit]:
     """The stops of every joint with one freedom and a bound, named "<joint>_limit"; most have no rows at a time.
 
-    One constraint a joint, both of its sides. Joints that turn for ever, and those with several freedoms (a floating base),
+    One constraint a joint, both of its sides. Continuous joints, and those with several freedoms (a floating base),
     have none.
 
     Args:

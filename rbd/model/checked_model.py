@@ -17,7 +17,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, largest, numbers
 from rbd.errors import FrameNotFound, InputError, JointNotFound, ModelError, nearest
+from rbd.installation import check_whole
 from rbd.model.forks import renewed_after_fork
+
+check_whole()  # of the Pinocchio that all models are made of: its version
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""

@@ -1,6 +1,6 @@
 """What a child process made by `fork` must renew: locks that a thread of the parent may have held at that moment.
 
-A fork copies the memory and only the thread that forks. A lock that another thread holds stays locked in the child for ever.
+A fork copies the memory and only the thread that forks. A lock that another thread holds stays locked in the child.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Mesh files: found inside the folders of the robot's packages and nowhere else, and looked at before a reader opens them.
 
-Assimp reads some forty formats, follows references to other files, and waits for ever on some headers; coal takes NaN.
+Assimp reads some forty formats, follows references to other files, and never returns on some headers; coal takes NaN.
 So only the three formats that robots use are taken, and what their bytes betray is refused here.
 """
 

@@ -34,7 +34,7 @@ PAIRS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _SPACE = re.compile(r"[ \t\r\n]+")
 _ORIGIN = ("xyz", "rpy")
-_EFFECTLESS = ("lower", "upper")  # of joints that turn for ever
+_EFFECTLESS = ("lower", "upper")  # of continuous joints
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import numpy as np
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
+from rbd.installation import version
 from rbd.model.checked_model import CheckedModel
-from rbd.model.installation import version
 from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
 from rbd.simulation.events import Event
 from rbd.simulation.robot_recipe import recipe, robot_numbers, robot_of

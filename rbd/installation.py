@@ -6,7 +6,6 @@ ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is 
 from __future__ import annotations
 
 import os
-from importlib import metadata
 
 from rbd.errors import WrongPinocchio
 
@@ -19,6 +18,8 @@ REMEDY = (
 
 def version() -> str:
     """The version of `rbd` that is installed; "unknown" where it runs without having been installed."""
+    from importlib import metadata  # a tenth of what Pinocchio costs
+
     try:
         return metadata.version("rbd-contact")
     except metadata.PackageNotFoundError:
@@ -70,4 +71,19 @@ def _found() -> object:
     return pinocchio
 
 
-check(_found())
+def check_place() -> None:
+    """Refuse another Pinocchio than pip's without importing it: pip's stands in a folder of its own, `cmeel.prefix`.
+
+    Raises:
+        WrongPinocchio: as `check`; where Pinocchio stands elsewhere it is imported and looked at.
+    """
+    import importlib.util
+
+    found = importlib.util.find_spec("pinocchio")
+    if found is None or "cmeel.prefix" not in (found.origin or ""):
+        check_whole()
+
+
+def check_whole() -> None:
+    """Import Pinocchio, and refuse it if it is not ours; errors as `check`."""
+    check(_found())
