@@ -214,3 +214,10 @@ def test_forces_that_are_no_numbers_are_blamed_on_their_constraint(bad):
     assert of_motion.worst == "the constraints were given no finite acceleration"
     weights = Solution(P, np.zeros(2), np.ones(2), np.array([1.0, np.nan]), "convex", "by hand", 1, 0.0)
     assert weights.worst.startswith("y ")
+
+
+def test_a_bound_beyond_all_forces_leaves_the_verdict_without_a_warning():
+    """Forces from 0 to 1e100 N: one row holds with 1 N, at the other a push of 1 N leads away from its bound of zero."""
+    rows = [Rows("row", np.eye(2), np.zeros(2), rbd.Box([0.0, 0.0], [1e100, 2.0]))]
+    s = rbd.solve_problem(rbd.GaussProblem(np.eye(2), np.array([-1.0, 1.0]), rows))
+    assert s.a == pytest.approx([0.0, 1.0], abs=1e-12) and s.multipliers == pytest.approx([1.0, 0.0], abs=1e-12)

@@ -155,7 +155,8 @@ class Residuals:
             return 1.0 / max(1.0, normal**2 * largest(P.delassus.diagonal()))
         slack, own = self._terms.slack, np.abs(self._terms.weights)
         # Of a point that pushes, its weight is less than the scale of its weights: what is left is its acceleration.
-        return acceleration * largest(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
+        with np.errstate(over="ignore"):  # a weight of zero beside a bound of 1e100: no lower bound but zero
+            return acceleration * largest(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
 
     def _of(self, i: int) -> float:
         """The scaled residual of equation i."""
