@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from rbd.modules import submodule as _submodule
 from rbd.problem.problem import GaussProblem
 from rbd.solution import Solution
 
@@ -18,3 +19,7 @@ class Solver(Protocol):
 
     def solve(self, problem: GaussProblem) -> Solution:
         """The best answer found; its residuals tell how good it is."""
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)
