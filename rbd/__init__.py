@@ -8,6 +8,7 @@ from pkgutil import iter_modules as _iter_modules
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from rbd.installation import check_place as _check_place
+from rbd.modules import submodule as _submodule
 
 _check_place()  # another Pinocchio than ours is named before anything breaks
 
@@ -164,11 +165,9 @@ def __getattr__(name: str) -> object:
     if name in _HOME:
         found = getattr(_import_module(_HOME[name]), name)
     elif name == "dynamics":
-        found = _import_module("rbd.model.dynamics")
-    elif name in _SUBPACKAGES:
-        return _import_module(f"rbd.{name}")
+        found = _submodule("rbd.model", "dynamics")
     else:
-        raise AttributeError(f"module 'rbd' has no attribute {name!r}")
+        return _submodule("rbd", name)
     globals()[name] = found
     return found
 

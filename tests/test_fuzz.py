@@ -19,14 +19,15 @@ import rbd
 SCRIPT = Path(fuzz.__file__)
 
 
-def test_five_hundred_mutants_are_refused_or_valid() -> None:
+def test_mutants_are_refused_or_valid(exhaustive: bool) -> None:
     """No mutant of a fixed seed crashes, hangs, or loads as a robot that its file does not describe."""
-    command = [sys.executable, str(SCRIPT), "--n", "500", "--seed", "3"]
+    n = 500 if exhaustive else 150
+    command = [sys.executable, str(SCRIPT), "--n", str(n), "--seed", "3"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
-    told = re.search(r"500 mutants in .*: (\d+) refused, (\d+) valid, (\d+) failure", run.stdout)
+    told = re.search(rf"{n} mutants in .*: (\d+) refused, (\d+) valid, (\d+) failure", run.stdout)
     assert told and run.returncode == 0 and told[3] == "0", run.stdout + run.stderr
     refused, valid = int(told[1]), int(told[2])
-    assert refused + valid == 500 and min(refused, valid) > 75, "mutants that all go one way test nothing"
+    assert refused + valid == n and min(refused, valid) > 0.15 * n, "mutants that all go one way test nothing"
 
 
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])

@@ -27,15 +27,16 @@ def _first(kind: str, word: str, *, solver: str = "") -> int:
     raise AssertionError(f"no {kind} with {word!r}")
 
 
-def test_random_problems_are_solved_or_refused() -> None:
+def test_random_problems_are_solved_or_refused(exhaustive: bool) -> None:
     """No problem of a fixed seed has a wrong answer, a false proof, an error that is not ours, or ends by the clock."""
-    command = [sys.executable, str(SCRIPT), "--n", "150", "--seed", "2"]
+    n = 150 if exhaustive else 60
+    command = [sys.executable, str(SCRIPT), "--n", str(n), "--seed", "2"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
-    told = re.search(r"150 problems in .*: (\d+) solved, (\d+) inaccurate, (\d+) refused, (\d+) failure", run.stdout)
+    told = re.search(rf"{n} problems in .*: (\d+) solved, (\d+) inaccurate, (\d+) refused, (\d+) failure", run.stdout)
     assert told and run.returncode == 0 and told[4] == "0", run.stdout + run.stderr
     solved, inaccurate, refused, _ = map(int, told.groups())
-    assert solved + inaccurate + refused == 150
-    assert solved > 90 and inaccurate < 15 and 5 < refused, "problems that all go one way test nothing"
+    assert solved + inaccurate + refused == n
+    assert solved > 0.6 * n and inaccurate < 0.1 * n and 0.03 * n < refused, "problems that all go one way test nothing"
 
 
 @pytest.mark.parametrize(

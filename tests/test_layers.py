@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).parent.parent / "rbd"
 
 ORDER = """
 errors
-arrays installation
+arrays installation modules
 model problem
 constraints solvers
 robots analysis

@@ -16,7 +16,7 @@ PAGE = TOP / "docs" / "architecture.md"
 BEGIN, END = "<!-- index: made by docs/pictures/architecture.py -->\n", "<!-- end of the index -->\n"
 
 ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what it holds)
-    [("errors", "errors and warnings"), ("arrays", "checked numbers"), ("installation", "is it our Pinocchio?")],
+    [("errors", "errors and warnings"), ("arrays", "checked numbers"), ("installation, modules", "what is loaded")],
     [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],

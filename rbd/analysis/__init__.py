@@ -4,3 +4,9 @@ What is unique, which force was chosen, which rows contradict each other, how th
 
 Arrays only; `rbd.Solution` is the door.
 """
+
+from rbd.modules import submodule as _submodule
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

@@ -10,6 +10,7 @@ from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge, VelocityConstraint
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.modules import submodule as _submodule
 
 __all__ = [
     "Baumgarte",
@@ -33,3 +34,7 @@ __all__ = [
     "joint_limits",
     "mimics",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

@@ -3,5 +3,10 @@
 from rbd.control.posture import HoldPosture
 from rbd.control.pushes import Push, Pushes
 from rbd.control.torques import Sampled, TorqueScript
+from rbd.modules import submodule as _submodule
 
 __all__ = ["HoldPosture", "Push", "Pushes", "Sampled", "TorqueScript"]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

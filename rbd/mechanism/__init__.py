@@ -15,6 +15,7 @@ from rbd.mechanism.partition import (
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
 from rbd.mechanism.velocity_projection import project_velocity
+from rbd.modules import submodule as _submodule
 from rbd.robots.four_bars import four_bar, n_four_bar
 from rbd.robots.linkage import link_angles
 from rbd.robots.slider_cranks import slider_crank
@@ -48,3 +49,7 @@ __all__ = [
     "trace",
     "velocity_partition",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

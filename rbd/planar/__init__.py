@@ -3,6 +3,8 @@
 Needs the extra `symbolic`: pip install "rbd-contact[symbolic]".
 """
 
+from rbd.modules import submodule as _submodule
+
 try:
     import sympy as _sympy  # noqa: F401
 except ImportError:
@@ -60,3 +62,7 @@ __all__ = [
     "to_robot",
     "to_urdf",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

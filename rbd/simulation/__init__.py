@@ -1,6 +1,7 @@
 """Motion over time: smooth motion on constraints that hold, and contact with impacts."""
 
 from rbd.mechanism.projection import Projection
+from rbd.modules import submodule as _submodule
 from rbd.simulation.events import Event
 from rbd.simulation.integrators import Adaptive, RungeKutta4
 from rbd.simulation.run import simulate
@@ -16,3 +17,7 @@ __all__ = [
     "Trajectory",
     "simulate",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from rbd.errors import InputError
+from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer
 from rbd.problem.problem import GaussProblem
 
@@ -30,3 +31,7 @@ def checked_solver(solver: Solver) -> Solver:
     if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
         raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")
     return solver
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

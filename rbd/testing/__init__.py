@@ -9,6 +9,7 @@ forms.
       SolverWrong         an answer that misses its law or the closed form
 """
 
+from rbd.modules import submodule as _submodule
 from rbd.testing.constraint_check import ConstraintReport, check_constraint
 from rbd.testing.contracts import ConstraintWrong, ContractBroken, SolverReport, SolverWrong
 from rbd.testing.reference import ReferenceProblem, box, reference_problems
@@ -27,3 +28,7 @@ __all__ = [
     "law_residuals",
     "reference_problems",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

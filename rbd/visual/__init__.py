@@ -1,5 +1,6 @@
 """Pictures: the robot with its forces in three dimensions, at rest and in motion, curves, and a browser that photographs."""
 
+from rbd.modules import submodule as _submodule
 from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.browser import find_browser, screenshot
 from rbd.visual.colors import contact_colors
@@ -32,3 +33,7 @@ __all__ = [
     "replay_planar",
     "screenshot",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

@@ -6,6 +6,7 @@ from rbd.model.mjcf.mesh_data import hull as convex_hull
 from rbd.model.mjcf.meshes import Surface
 from rbd.model.mjcf.reading import LEAVABLE, Mjcf, read_mjcf
 from rbd.model.mjcf.shapes import Shape
+from rbd.modules import submodule as _submodule
 
 __all__ = [
     "LEAVABLE",
@@ -18,3 +19,7 @@ __all__ = [
     "passive",
     "read_mjcf",
 ]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)
