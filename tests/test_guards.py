@@ -404,6 +404,7 @@ CASES: dict[str, Case] = {
         {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
     ),
     "catalogue.file_path": Case(lambda path: rbd.robots.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
+    "catalogue.licence": Case(lambda name: rbd.robots.catalogue.licence(rbd.robots.catalogue.find(name)), {"name": "bolt"}),
     "catalogue.find": Case(rbd.robots.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
     "dynamics.checked": of_state("checked"),
     "dynamics.mass_matrix": of_state("mass_matrix"),

@@ -221,7 +221,7 @@ def check_picture(path: Path | None) -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError:
-        raise InputError("--out wants Matplotlib. Install the extra: pip install 'rbd[plot]'") from None
+        raise InputError("--out wants Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
 
 
 def draw(motion: PlanarMotion, path: Path) -> Path:

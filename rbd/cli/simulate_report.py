@@ -255,7 +255,7 @@ def draw(trajectory: Trajectory, path: Path) -> Path:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError("--plot wants Matplotlib. Install the extra: pip install 'rbd[plot]'") from None
+        raise InputError("--plot wants Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
     panels = (trajectory.plot_forces, trajectory.plot_energy) if trajectory.forces else (trajectory.plot_energy,)
     figure = Figure(figsize=(9.0, 4.0 * len(panels)), layout="constrained")
     for panel, axes in zip(panels, figure.subplots(len(panels), squeeze=False)[:, 0], strict=True):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 import pinocchio as pin
@@ -303,22 +302,30 @@ class Trajectory:
 
     def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
         """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""
-        return _pictures("trajectory_plots").plot_forces(_axes(ax), self, names=names)
+        from rbd.visual.trajectory_plots import plot_forces
+
+        return plot_forces(_axes(ax), self, names=names)
 
     def plot_energy(self, ax: Axes | None = None) -> list[Artist]:
         """Energies over time, see `rbd.visual.plot_energy`; on axes of a new figure if none are given."""
-        return _pictures("trajectory_plots").plot_energy(_axes(ax), self)
+        from rbd.visual.trajectory_plots import plot_energy
+
+        return plot_energy(_axes(ax), self)
 
     def plot_joint(self, joint: str | Sequence[str], ax: Axes | None = None, *, what: str = "q") -> list[Artist]:
         """A joint over time, see `rbd.visual.plot_joint`; on axes of a new figure if none are given."""
-        return _pictures("trajectory_plots").plot_joint(_axes(ax), self, joint, what=what)
+        from rbd.visual.trajectory_plots import plot_joint
+
+        return plot_joint(_axes(ax), self, joint, what=what)
 
     def replay(self, *, speed: float = 1.0, external: External | ExternalAt = None) -> None:
         """Show it live in the browser, `speed` seconds a second; `external`, as it was simulated, draws pushes.
 
         See `rbd.visual.replay`, which takes a scene too.
         """
-        _pictures("animation").replay(self, speed=speed, external=external)
+        from rbd.visual.animation import replay
+
+        replay(self, speed=speed, external=cast(Any, external))
 
     def export(
         self,
@@ -333,7 +340,9 @@ class Trajectory:
 
         See `rbd.visual.export_motion`, which takes more.
         """
-        return _pictures("animation").export_motion(self, path, fps=fps, speed=speed, title=title, external=external)
+        from rbd.visual.animation import export_motion
+
+        return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external))
 
     def _index(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer):
@@ -372,15 +381,6 @@ class Trajectory:
         return Trajectory(**fields)
 
 
-def _pictures(module: str) -> Any:
-    """A module of `rbd.visual`.
-
-    Pictures are drawn from trajectories and stand above them, so nothing here may know them; by name, and only when one is
-    asked for, a trajectory can still offer what everybody looks for on it.
-    """
-    return importlib.import_module(f"rbd.visual.{module}")
-
-
 def _axes(ax: Axes | None) -> Axes:
     """The axes given, or those of a new figure of pyplot, which `plt.show()` then shows.
 
@@ -392,5 +392,5 @@ def _axes(ax: Axes | None) -> Axes:
     try:
         from matplotlib import pyplot
     except ImportError as error:
-        raise InputError("Matplotlib is not installed here. Install the extra: pip install 'rbd[plot]'") from error
+        raise InputError("Matplotlib is not installed here. Install the extra: pip install 'rbd-contact[plot]'") from error
     return pyplot.subplots(layout="constrained")[1]

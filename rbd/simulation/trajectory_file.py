@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 FORMAT, VERSION = "rbd trajectory", 1
 HEADER = "header"
-EXTRA = "Install the extra: pip install 'rbd[study]'"
+EXTRA = "Install the extra: pip install 'rbd-contact[study]'"
 FREE, TIMES = 16_000_000, 64
 """What a file holds takes at most so many bytes, and so many more for each of its own: real motions do not compress further."""
 OBJECTS = 100_000

@@ -25,8 +25,8 @@ from linkages import (
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, LoopClosure
 from rbd.mechanism import mobility
-from rbd.mechanism.finite import _regular
 from rbd.mechanism.held import Held
+from rbd.mechanism.local_dimension import _regular
 
 NORTON = (40.0, 120.0, 80.0, 100.0)
 
