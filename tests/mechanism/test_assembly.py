@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -322,3 +323,32 @@ def test_the_loops_of_a_file_are_the_default():
         found = assemble(robot, None, q0)
         assert found.residual <= 1e-12
         assert max(np.abs(loop.rows(rbd.State(robot, found.q)).error).max() for loop in robot.loops) <= 1e-12
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 100.0])
+def test_a_slide_far_away_is_reached_in_few_steps_by_small_mechanisms_as_by_large_ones(length: float, tmp_path: Path):
+    """A rod on a cart, its tip pinned 300 of its lengths away: rows are asked for a dozen times at most, whatever the unit."""
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    (tmp_path / "cart.urdf").write_text(f"""<robot name="cart"><link name="base"/>
+        <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+        <limit lower="-1e9" upper="1e9" effort="1" velocity="1"/></joint><link name="cart">{inertial}</link>
+        <joint name="crank" type="continuous"><parent link="cart"/><child link="rod"/><origin xyz="{length} 0 0"/>
+        <axis xyz="0 0 1"/></joint><link name="rod">{inertial}</link>
+        <joint name="end" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="{length} 0 0"/></joint>
+        <link name="tip"/></robot>""")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rbd.ModelWarning)
+        robot = rbd.load_robot(tmp_path / "cart.urdf", root="fixed")
+    pin_there = rbd.PointContact("pin", "tip", anchor=(300.0 * length, 0.5 * length, 0.0))
+    asked = []
+
+    class Counted:
+        name = "pin"
+
+        def rows(self, state: rbd.State) -> rbd.Rows:
+            asked.append(state)
+            return pin_there.rows(state)
+
+    q = assemble(robot, [Counted()], np.array([0.0, np.cos(0.3), np.sin(0.3)])).q
+    assert np.abs(q - [(299.0 - np.sqrt(0.75)) * length, np.sqrt(0.75), 0.5]).max() < 2e-12 * max(1.0 / length, 300.0 * length)
+    assert len(asked) <= 12

@@ -10,6 +10,7 @@ from linkages import Builder, at, bennett, closed, four_bar_pose, pinned, planar
 import rbd
 from rbd.constraints import LoopClosure
 from rbd.mechanism import singularities, singularities_along
+from rbd.mechanism.singular_configurations import _minima
 
 LENGTHS = (3.0, 1.5, 2.0, 2.5)  # no link turns right round
 
@@ -178,3 +179,18 @@ class TestAskedWrongly:
             singularities_along(robot, np.array([[0.3, 0.3], [0.2, 0.2]]), [pinned()])
         with pytest.raises(rbd.InputError, match="expected"):
             singularities_along(robot, np.zeros(2), [pinned()])
+
+
+@pytest.mark.parametrize(
+    ("distances", "least"),
+    [
+        ([3.0, 1.0, 2.0], [1]),
+        ([1.0, 2.0, 3.0], [0]),
+        ([3.0, 2.0, 1.0], [2]),
+        ([1.0, 0.0, 0.0, 1.0], [1]),
+        ([1.0, 1.0, 1.0], []),
+    ],
+)
+def test_the_least_distances_along_a_path_are_found_at_its_ends_too(distances: list[float], least: list[int]):
+    """Of a path that comes nearer, its end; of one that goes away, its beginning; of a level one far from zero, none."""
+    assert _minima(np.array(distances)) == least

@@ -56,7 +56,7 @@ def test_the_note_of_a_split_says_where_the_coriolis_part_comes_from():
 def test_a_path_from_the_stretched_pose_inwards_is_followed():
     """In line there is no null space half-way: the first step is a pose anew, and every sample is on the path."""
     points = np.linspace([1.0, 0.0], [0.9, 0.0], 21)
-    path = THREE.inverse_path(points)
+    path = inverse_path(THREE, points)
     assert np.abs(THREE.numeric.position(path.q) - points).max() < 1e-12
     assert np.abs(path.q[0]).max() < 1e-7 and np.abs(np.diff(path.q[1:], axis=0)).max() < 0.2
 
@@ -210,3 +210,18 @@ def test_the_angle_with_a_number_for_its_coefficient_is_solved_for():
     A, B = chain.q
     for relation, free in ((p * A + B - 1, A), (A + p * B - 1, B), (A + 2 * B - 1, A)):
         assert list(constrained(chain, relation).free) == [free]
+
+
+def test_targets_are_reached_from_stretched_and_folded_poses_too():
+    """Of 300 chains, half of them almost in line: at most one in thirty does not find its target, and who does stands on it."""
+    rng, lost = np.random.default_rng(7), 0
+    for k in range(300):
+        n = int(rng.integers(3, 6))
+        arm = arm_of(Chain(n, lengths=rng.uniform(0.05, 1.0, n).tolist()))
+        start = rng.uniform(-3.0, 3.0, n) if k % 2 else 1e-3 * rng.normal(size=n)
+        target = arm.end(rng.uniform(-3.0, 3.0, n))
+        there = _reach(arm, target, start)
+        lost += there is None
+        if there is not None:
+            assert np.abs(arm.end(there) - target).max() <= 1e-14 * arm.outer
+    assert lost <= 10
