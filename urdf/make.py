@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rbd.mechanism.four_bar import four_bar
-from rbd.mechanism.linkage import COLORS, Link, Linkage, meeting, wrapped
-from rbd.mechanism.slider_crank import slider_crank
+
+from rbd.mechanism import four_bar, slider_crank
+from rbd.robots.linkage import COLORS, Link, Linkage, meeting, wrapped
 
 HERE = Path(__file__).parent
 ORIGIN = "Origin: drawn for rbd, written by urdf/make.py. Licence: BSD-2-Clause, as the project."

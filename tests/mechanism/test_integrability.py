@@ -317,7 +317,7 @@ class TestPoints:
 
         disk = free(X(), Y(), TURN(), TURN())
         assert integrability(disk, [VelocityConstraint("rolls", rolls)]).growth == (2, 3, 4)
-        monkeypatch.setattr(sys.modules["rbd.mechanism.integrability"], limit, value)
+        monkeypatch.setattr(sys.modules["rbd.mechanism.frobenius"], limit, value)
         found = integrability(disk, [VelocityConstraint("rolls", rolls)])
         assert found.growth == growth and not found.complete
         assert "it was still growing" in str(found)

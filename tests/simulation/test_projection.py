@@ -109,7 +109,7 @@ INTEGRATORS = pytest.mark.parametrize("integrator", [rbd.RungeKutta4(), rbd.Adap
 def test_a_body_without_mass_has_no_motion(integrator):
     """M is singular: said so before the first step."""
     start = _mass_on_a_slider(mass=0.0)
-    with pytest.raises(rbd.SimulationStopped, match="M of mass is not positive definite .leading minor 1") as stopped:
+    with pytest.raises(rbd.SimulationStopped, match=r"step of mass .*M.1 x 1. is not positive definite") as stopped:
         rbd.simulate(start, duration=0.1, step=0.01, integrator=integrator, progress=False)
     assert isinstance(stopped.value.__cause__, rbd.errors.SingularInertia)
 

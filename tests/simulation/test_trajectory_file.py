@@ -401,7 +401,7 @@ def test_without_xarray_the_extra_is_named(fall: Trajectory, tmp_path: Path, mon
 
     monkeypatch.setattr(builtins, "__import__", without)
     for call in (fall.to_xarray, lambda: fall.save(tmp_path / "x.nc"), lambda: Trajectory.load(tmp_path / "x.nc")):
-        with pytest.raises(rbd.InputError, match=r"rbd\[study\]"):
+        with pytest.raises(rbd.InputError, match=r"rbd-contact\[study\]"):
             call()
     fall.save(tmp_path / "x.npz")
 
