@@ -56,16 +56,16 @@ if _TYPE_CHECKING:
         InaccurateWarning as InaccurateWarning,
         InputError as InputError,
         JointNotFound as JointNotFound,
+        LoopNotClosedWarning as LoopNotClosedWarning,
         ModelError as ModelError,
         ModelWarning as ModelWarning,
+        NonUniqueMotionWarning as NonUniqueMotionWarning,
         NoSolution as NoSolution,
         NotAtRest as NotAtRest,
         NotDifferentiable as NotDifferentiable,
         OpeningContactWarning as OpeningContactWarning,
-        OpenLoop as OpenLoop,
         RbdError as RbdError,
         RbdWarning as RbdWarning,
-        SeveralMotions as SeveralMotions,
         SimulationStopped as SimulationStopped,
         SingularInertia as SingularInertia,
         SingularPose as SingularPose,
@@ -97,7 +97,7 @@ if _TYPE_CHECKING:
     from rbd.robots.merge import Pair as Pair, combine as combine
     from rbd.robots.robot import Robot as Robot, load_robot as load_robot
     from rbd.simulation import (
-        Adaptive as Adaptive,
+        DormandPrince8 as DormandPrince8,
         Event as Event,
         Projection as Projection,
         RungeKutta4 as RungeKutta4,
@@ -128,8 +128,8 @@ _NAMES = {
     "rbd.errors": """
         CannotAssemble CannotHold ContactMoves DistantContactWarning DuplicateName EffortLimitWarning FrameNotFound
         InaccurateWarning InputError JointNotFound ModelError ModelWarning NoSolution NotAtRest NotDifferentiable
-        OpenLoop OpeningContactWarning RbdError RbdWarning SeveralMotions SimulationStopped SingularInertia SingularPose
-        UnknownName UnknownRobot Unsupported WrongPinocchio
+        LoopNotClosedWarning OpeningContactWarning RbdError RbdWarning NonUniqueMotionWarning SimulationStopped
+        SingularInertia SingularPose UnknownName UnknownRobot Unsupported WrongPinocchio
     """,
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.model.external_force": "ExternalForce",
@@ -144,7 +144,7 @@ _NAMES = {
     "rbd.robots.diagnosis": "Finding Report",
     "rbd.robots.merge": "Pair combine",
     "rbd.robots.robot": "Robot load_robot",
-    "rbd.simulation": "Adaptive Event Projection RungeKutta4 TimeStepping Trajectory simulate",
+    "rbd.simulation": "DormandPrince8 Event Projection RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "NearestMotion Solution nearest_motion",
     "rbd.solvers.admm": "ADMM",
     "rbd.solvers.kkt": "KKT",

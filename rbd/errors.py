@@ -28,9 +28,9 @@
       EffortLimitWarning                a torque given is beyond a motor's limit
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
-      OpenLoop                          a loop is not closed at this state, and is solved as it stands
+      LoopNotClosedWarning              a loop is not closed at this state, and is solved as it stands
       ModelWarning                      a robot file that loads, but is not what it seems
-      SeveralMotions                    more than one motion satisfies the contact law; the answer is one of them
+      NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
       OpeningContactWarning             a contact moves away from what it touches, and carries nothing
       DistantContactWarning             a contact is not on the plane that it is said to stand on
 """
@@ -216,7 +216,7 @@ class InaccurateWarning(RbdWarning):
     """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7."""
 
 
-class SeveralMotions(RbdWarning):
+class NonUniqueMotionWarning(RbdWarning):
     """More than one motion satisfies the contact law; the answer is one of them, `Solution.others` has others."""
 
 
@@ -228,7 +228,7 @@ class DistantContactWarning(RbdWarning):
     """A contact is off the plane that it stands on by more than a millimetre; it is solved as if it touched."""
 
 
-class OpenLoop(RbdWarning):
+class LoopNotClosedWarning(RbdWarning):
     """A loop is not closed at the state that was solved; the answer is that of a mechanism put together as it stands."""
 
 

@@ -18,10 +18,10 @@ from rbd.errors import (
     EffortLimitWarning,
     InaccurateWarning,
     InputError,
+    LoopNotClosedWarning,
+    NonUniqueMotionWarning,
     NoSolution,
     OpeningContactWarning,
-    OpenLoop,
-    SeveralMotions,
     Unsupported,
 )
 from rbd.model.checked_model import CheckedModel
@@ -69,10 +69,10 @@ def solve(
 
     Returns:
         The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
-        `SeveralMotions` says what they are; the others are in `solution.others`. Where a contact moves away and so carries
-        nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose plane is known (`on=`,
-        the feet of a robot) and that is more than a millimetre off it is solved as if it touched, with a
-        `DistantContactWarning`.
+        `NonUniqueMotionWarning` says what they are; the others are in `solution.others`. Where a contact moves away
+        and so carries nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose
+        plane is known (`on=`, the feet of a robot) and that is more than a millimetre off it is solved as if it
+        touched, with a `DistantContactWarning`.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
@@ -126,7 +126,7 @@ def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> So
         warnings.warn(
             f"{_name(problem)} has no one motion: {solution.reason or f'{1 + len(solution.others)} were found'}. "
             "`solution.others` has all but the first.",
-            SeveralMotions,
+            NonUniqueMotionWarning,
             stacklevel=3,
         )
     return solution
@@ -244,7 +244,7 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None
             warnings.warn(
                 f"loop {r.name!r} is open by {largest(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
                 "rbd.mechanism.assemble(robot, robot.loops, q) closes it; rbd.Baumgarte pulls it together.",
-                OpenLoop,
+                LoopNotClosedWarning,
                 stacklevel=4,
             )
 

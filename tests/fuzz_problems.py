@@ -295,7 +295,7 @@ def smooth(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
         q = R.posture(rng, made.robot)
         touching, given = R.contacts(rng, made, q, held=True, unlimited=False)
         story += f"; {touching}"
-    integrator = R.pick(rng, (rbd.RungeKutta4(), rbd.Adaptive()))
+    integrator = R.pick(rng, (rbd.RungeKutta4(), rbd.DormandPrince8()))
     yield f"{story}; {integrator!r:.20}"
     v = R.still_velocity(rng, made.robot, q, given)
     size = float(np.abs(v).max(initial=1e-9))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.errors import ContactMoves, InaccurateWarning, InputError, NoSolution, SeveralMotions, Unsupported
+from rbd.errors import ContactMoves, InaccurateWarning, InputError, NonUniqueMotionWarning, NoSolution, Unsupported
 from rbd.problem.rows import Patch, Rows
 
 G = 9.81
@@ -108,7 +108,7 @@ def test_other_motions_become_solutions_too() -> None:
     P = rbd.GaussProblem(np.eye(3), np.linalg.solve(L, np.array([1.0, 0.0, 0.1])), rows)
     answer = rbd.ADMM(starts=20).solve(P)
     assert [type(other) for other in answer.others] == [rbd.Answer]
-    with pytest.warns(SeveralMotions, match="^the problem has no one motion: 2 were found"):
+    with pytest.warns(NonUniqueMotionWarning, match="^the problem has no one motion: 2 were found"):
         solution = rbd.solve_problem(P, solver=rbd.ADMM(starts=20))
     assert [type(other) for other in solution.others] == [rbd.Solution]
     assert solution.others[0].uniqueness().law == "coulomb"

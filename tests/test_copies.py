@@ -96,7 +96,7 @@ def motions() -> Iterator[object]:
     fall = rbd.simulate(start, [floor], duration=0.25, step=5e-3, external=rbd.Pushes([nudge]), progress=False)
     assert fall.events
     yield from (fall, fall[0], nudge, rbd.Pushes([nudge]))
-    yield from (rbd.TimeStepping(), rbd.RungeKutta4(), rbd.Adaptive(), rbd.Projection(), rbd.Baumgarte(5.0))
+    yield from (rbd.TimeStepping(), rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.Projection(), rbd.Baumgarte(5.0))
     arm = rbd.load_robot("panda", root="fixed")
     tau = np.zeros((2, arm.nu))
     yield from (rbd.HoldPosture(arm.at()), rbd.TorqueScript([0.0, 1.0], tau), rbd.Sampled(rbd.HoldPosture(arm.at()), 0.01))

@@ -455,7 +455,7 @@ CASES: dict[str, Case] = {
         30,
     ),
     "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),
-    "Adaptive": Case(lambda **given: use_integrator(rbd.Adaptive(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
+    "DormandPrince8": Case(lambda **given: use_integrator(rbd.DormandPrince8(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
     "Projection": Case(
         lambda **given: use_simulate(
             state=BOX.at(), constraints=FLOOR, duration=0.002, step=0.001, stabilisation=rbd.Projection(**given)

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.errors import SeveralMotions
+from rbd.errors import NonUniqueMotionWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.residuals import residuals_of
 from rbd.statics.least_friction import BRACKET, Balance, told as enough
@@ -299,7 +299,7 @@ class TestSeveralMotions:
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         contacts = walls(friction, kind)
-        with pytest.warns(SeveralMotions, match=r"no one motion: Coulomb's law admits 2 motions .* jammed") as seen:
+        with pytest.warns(NonUniqueMotionWarning, match=r"no one motion: Coulomb's law admits 2 motions .* jammed") as seen:
             s = rbd.solve(state, np.zeros(0), contacts, solver=rbd.ADMM())
         assert seen[0].filename == __file__
         motions = sorted([s.a[2], *(o.a[2] for o in s.others)])
@@ -313,7 +313,7 @@ class TestSeveralMotions:
         """They differ while nothing slips."""
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
-        with pytest.warns(SeveralMotions):
+        with pytest.warns(NonUniqueMotionWarning):
             both = rbd.compare_laws(state, np.zeros(0), walls(0.5, "two"))
         assert not both.agree and len(both.coulomb.others) == 1
         assert np.abs(both.coulomb.others[0].a - both.convex.a).max() < 1e-9

@@ -364,7 +364,7 @@ class TestRefused:
         v = np.array([0.3, 0.4, 0.0, 0.0, 0.0, 2.0])
         push = rbd.ExternalForce("box", (20.0, 0.0, 0.0), (0.1, 0.2, 0.3))
         state = rbd.State(BOX, pin.neutral(BOX.model), v)
-        with pytest.warns(rbd.SeveralMotions):
+        with pytest.warns(rbd.NonUniqueMotionWarning):
             found = rbd.solve(state, np.zeros(0), [PATCH], external=push, solver=rbd.ADMM())
         with pytest.raises(rbd.NotDifferentiable, match="how the points that slip share the load is not unique"):
             found.derivatives()

@@ -3,13 +3,13 @@
 from rbd.mechanism.projection import Projection
 from rbd.modules import submodule as _submodule
 from rbd.simulation.events import Event
-from rbd.simulation.integrators import Adaptive, RungeKutta4
+from rbd.simulation.integrators import DormandPrince8, RungeKutta4
 from rbd.simulation.run import simulate
 from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 
 __all__ = [
-    "Adaptive",
+    "DormandPrince8",
     "Event",
     "Projection",
     "RungeKutta4",

@@ -26,7 +26,8 @@ class RungeKutta4:
 
     Every step has a chart of its own, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
     external forces are asked at all four stages. Constraints are kept as `stabilisation` says. The error is not watched:
-    compare two steps, or `rbd.Adaptive`. A step wants to be short against the fastest oscillation: unstable beyond 2.8 / w.
+    compare two steps, or `rbd.DormandPrince8`. A step must be short against the fastest oscillation w: beyond 2.8 / w it is
+    unstable.
 
     >>> trajectory = rbd.simulate(state, robot.loops, duration=10.0, step=1e-3, integrator=rbd.RungeKutta4())
     """
@@ -64,7 +65,7 @@ def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Sta
 
 
 @dataclass(frozen=True)
-class Adaptive:
+class DormandPrince8:
     """Smooth motion to a tolerance: steps as long as their error allows, moments between them by dense output of order 7.
 
     SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is centred anew after each step, when the constraints
@@ -78,7 +79,7 @@ class Adaptive:
     Raises:
         InputError: tolerances that are not in [1e-13, 1e-2], a longest step that is not above zero.
 
-    >>> trajectory = rbd.simulate(state, [], duration=10.0, step=1e-2, integrator=rbd.Adaptive(rtol=1e-12, atol=1e-12))
+    >>> trajectory = rbd.simulate(state, [], duration=10.0, step=1e-2, integrator=rbd.DormandPrince8(rtol=1e-12, atol=1e-12))
     """
 
     rtol: float = 1e-10
@@ -87,11 +88,11 @@ class Adaptive:
 
     def __post_init__(self) -> None:
         if not 1e-13 <= a_number(self.rtol) <= 1e-2:
-            raise InputError(f"rtol of Adaptive is {self.rtol!r:.80}; expected a number from 1e-13 to 1e-2.")
+            raise InputError(f"rtol of DormandPrince8 is {self.rtol!r:.80}; expected a number from 1e-13 to 1e-2.")
         if not 1e-18 <= a_number(self.atol) <= 1e-2:
-            raise InputError(f"atol of Adaptive is {self.atol!r:.80}; expected a number from 1e-18 to 1e-2.")
+            raise InputError(f"atol of DormandPrince8 is {self.atol!r:.80}; expected a number from 1e-18 to 1e-2.")
         if not a_number(self.longest) > 0.0:
-            raise InputError(f"longest of Adaptive is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
+            raise InputError(f"longest of DormandPrince8 is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
@@ -133,7 +134,7 @@ class _AdaptiveStep:
         next: Guess of the next step [s].
     """
 
-    def __init__(self, smooth: SmoothMotion, start: Stage, by: Adaptive, last: float, h: float | None) -> None:
+    def __init__(self, smooth: SmoothMotion, start: Stage, by: DormandPrince8, last: float, h: float | None) -> None:
         self._smooth, self._start = smooth, start
         self._chart, self._n = smooth.charts.at(start.state.q), len(start.state.v)
         y = np.concatenate([np.zeros(self._n), start.state.v])

@@ -60,7 +60,7 @@ def simulate(
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with what proves it.
 
     Constraints that all hold (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
-    the robot's configuration space (`RungeKutta4`, order 4, or `Adaptive`). Where something can break, slip or strike
+    the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where something can break, slip or strike
     (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2),
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
@@ -78,7 +78,7 @@ def simulate(
         external: Other forces of the world as for `rbd.solve`; or a function of state and time that gives them.
         law: "coulomb", or "convex" (Gauss's principle with cones), of contacts that can slip.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 of the others.
-        integrator: `RungeKutta4()`, `Adaptive()` or `TimeStepping()`; by default the first or the last, as said above.
+        integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, as said above.
         stabilisation: What keeps positions and velocities on what holds: `Projection()`, `Baumgarte(...)`, or None.
         record_every: Every how many steps a moment is recorded; the first and the last always are.
         progress: Show a bar on a terminal where it takes long.
@@ -236,7 +236,9 @@ def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integ
         held = all(isinstance(r.cone, Free) for r in rows_of(state, motion.constraints))
         return RungeKutta4() if held else TimeStepping()
     if isinstance(given, type) or not (hasattr(given, "run") and hasattr(given, "reason_unsupported")):
-        raise InputError(f"integrator is {given!r:.80}; expected rbd.RungeKutta4(), rbd.Adaptive() or rbd.TimeStepping().")
+        raise InputError(
+            f"integrator is {given!r:.80}; expected rbd.RungeKutta4(), rbd.DormandPrince8() or rbd.TimeStepping()."
+        )
     reason = given.reason_unsupported(motion, state)
     if reason is not None:
         raise Unsupported(reason)

@@ -146,7 +146,7 @@ class SmoothMotion:
             raise NoSolution(
                 f"the step to t = {t:.6g} s of {self.motion.robot.name} is too long for how sharply it turns: it leaves "
                 f"{held.name_of(worst)!r:.80} by {held.drift:.3g} m and {held.drift_rate:.3g} m/s (or rad). Give a smaller "
-                "step, or rbd.Adaptive()."
+                "step, or rbd.DormandPrince8()."
             )
         for _ in range(projection.iterations):
             error, rate = held.drift, held.drift_rate

@@ -109,7 +109,7 @@ def compare_laws(
     Where every contact sticks, or breaks with c_n >= mu |c_t|, the two agree. Where one starts to slip, the convex law lets it
     lift at mu times its tangential acceleration, gives it another normal force, and puts back by lifting what friction takes.
     They differ too where a point without load breaks with c_n < mu |c_t|, and where Coulomb's law has several motions: then a
-    `SeveralMotions` warns of it, and `coulomb.others` has the others.
+    `NonUniqueMotionWarning` warns of it, and `coulomb.others` has the others.
 
     Args:
         state: The robot, its contacts at rest.

@@ -63,7 +63,7 @@ def test_a_loop_describes_its_motion_where_it_is_open_too(bent, kind, frames):
     assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-8
 
 
-@pytest.mark.filterwarnings("ignore::rbd.errors.OpenLoop")  # left open on purpose
+@pytest.mark.filterwarnings("ignore::rbd.errors.LoopNotClosedWarning")  # left open on purpose
 @pytest.mark.parametrize("kind", ROWS)
 def test_a_loop_inside_a_robot_changes_nobodys_momentum(bent, kind):
     """Its base columns vanish, open as it is: opposite forces along one line. So the centroidal check holds."""
@@ -336,7 +336,7 @@ def test_a_four_bar_without_motors_holds_still_where_it_hangs():
         rbd.hold(rbd.State(robot(model), q), [loop])
 
 
-@pytest.mark.filterwarnings("ignore::rbd.errors.OpenLoop")  # left open on purpose
+@pytest.mark.filterwarnings("ignore::rbd.errors.LoopNotClosedWarning")  # left open on purpose
 def test_a_loop_has_derivatives_of_the_answer():
     """How a and the pin's force of a swinging four-bar change with q and v, against differences of the answers."""
     model, loops = _cranks(1)
@@ -412,6 +412,6 @@ def test_frames_that_are_not_there_or_on_one_body_are_refused(talos):
 def test_a_loop_that_is_open_is_solved_with_a_warning():
     """Accelerations say nothing about places: an open loop stays open, and the user is told."""
     robot = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
-    with pytest.warns(rbd.errors.OpenLoop, match="coupler_pin.*is open by.*assemble"):
+    with pytest.warns(rbd.errors.LoopNotClosedWarning, match="coupler_pin.*is open by.*assemble"):
         rbd.solve(rbd.State(robot, robot.neutral()), np.zeros(1), robot.loops)
     assert rbd.solve(robot.at("assembled"), np.zeros(1), robot.loops).status == "solved"

@@ -1,4 +1,4 @@
-"""Adaptive: energy, agreement with fixed steps, dense output, tolerances."""
+"""DormandPrince8: energy, agreement with fixed steps, dense output, tolerances."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_energy_stays_to_one_part_in_a_thousand_millions(name):
         start = rbd.State(robot, pin.neutral(robot.model))
     else:
         start = rbd.State(chain(2, com=0.5, inertia=1.0 / 12.0), np.zeros(2))
-    found = rbd.simulate(start, duration=10.0, step=0.05, integrator=rbd.Adaptive(), progress=False)
+    found = rbd.simulate(start, duration=10.0, step=0.05, integrator=rbd.DormandPrince8(), progress=False)
     assert np.abs(found.energy - found.energy[0]).max() <= 1e-9 * found.kinetic.max()
 
 
@@ -29,7 +29,7 @@ def test_moments_between_steps_are_as_good_as_the_steps():
     start = swinging(robot, "assembled", 4.0)
     coarse, fine = (
         rbd.simulate(start, robot.loops, duration=0.5, step=2e-3, integrator=by, progress=False)
-        for by in (rbd.Adaptive(rtol=1e-8, atol=1e-10), rbd.Adaptive(rtol=1e-13, atol=1e-14, longest=5e-3))
+        for by in (rbd.DormandPrince8(rtol=1e-8, atol=1e-10), rbd.DormandPrince8(rtol=1e-13, atol=1e-14, longest=5e-3))
     )
     assert max(off(coarse.state(i), fine.state(i)) for i in range(len(fine))) < 1e-6
     assert coarse.residuals["drift"].max() < 1e-9  # of bars of 100 m
@@ -39,7 +39,7 @@ def test_smaller_tolerances_give_smaller_errors():
     """On a spinning free body, whose orientation is no vector."""
     robot = rbd.load_robot("solo12")
     start = rbd.State(robot, robot.standing().q, np.linspace(-3.0, 3.0, robot.nv))
-    by = [rbd.Adaptive(rtol=r, atol=r, longest=1.0) for r in (1e-13, 1e-9, 1e-6, 1e-3)]
+    by = [rbd.DormandPrince8(rtol=r, atol=r, longest=1.0) for r in (1e-13, 1e-9, 1e-6, 1e-3)]
     ends = [rbd.simulate(start, duration=0.3, step=0.3, integrator=b, progress=False).state(-1) for b in by]
     errors = [off(ends[0], end) for end in ends[1:]]
     assert errors[0] < 1e-7
@@ -51,8 +51,8 @@ def test_a_short_push_is_not_stepped_over():
     robot = chain(1)
     robot.model.gravity.linear = np.zeros(3)
     found = rbd.simulate(
-        rbd.State(robot, np.zeros(1)), duration=1.0, step=0.5, integrator=rbd.Adaptive(rtol=1e-8, atol=1e-8), progress=False,
-        controller=lambda state, t: np.array([1.0 if 0.5 <= t < 0.6 else 0.0]),
+        rbd.State(robot, np.zeros(1)), duration=1.0, step=0.5, integrator=rbd.DormandPrince8(rtol=1e-8, atol=1e-8),
+        progress=False, controller=lambda state, t: np.array([1.0 if 0.5 <= t < 0.6 else 0.0]),
     )  # fmt: skip
     assert abs(found.v[-1, 0] - 0.1) < 1e-5
 
@@ -61,7 +61,7 @@ def test_a_short_push_is_not_stepped_over():
 def test_settings_that_are_none_are_refused(given):
     """With what was expected."""
     with pytest.raises(rbd.errors.InputError, match="expected"):
-        rbd.Adaptive(**given)
+        rbd.DormandPrince8(**given)
 
 
 class _Wall:
@@ -83,7 +83,7 @@ def _swings_to(amplitude, wall, **settings):
     joints = [(name, joint, 1.0, [1.0] * 3) for name, joint in (("x", pin.JointModelPX()), ("y", pin.JointModelPY()))]
     start = rbd.State(side_by_side(joints, names=("a", "b"), name="two"), np.array([-amplitude, 0.0]))
     return rbd.simulate(
-        start, [wall], duration=6.0, step=0.5, integrator=rbd.Adaptive(longest=np.inf, **settings), progress=False,
+        start, [wall], duration=6.0, step=0.5, integrator=rbd.DormandPrince8(longest=np.inf, **settings), progress=False,
         external=lambda state, t: np.array([-state.q[0], 0.0]),
     )  # fmt: skip
 
@@ -112,6 +112,6 @@ def test_a_jump_that_no_step_gets_over_is_told():
     robot = side_by_side([("x", pin.JointModelPX(), 1.0, [1.0] * 3)], names=("a",), name="one")
     with pytest.raises(rbd.SimulationStopped, match=r"no step is short enough at t = 1.41421 s for rtol 1e-10 .*a jump in the"):
         rbd.simulate(
-            rbd.State(robot, np.zeros(1)), duration=2.0, step=0.1, integrator=rbd.Adaptive(), progress=False,
+            rbd.State(robot, np.zeros(1)), duration=2.0, step=0.1, integrator=rbd.DormandPrince8(), progress=False,
             external=lambda state, t: np.array([1.0 - 1e8 * (state.q[0] > 1.0)]),
         )  # fmt: skip

@@ -87,7 +87,7 @@ def test_a_hinged_four_bar_moves_as_with_planar_rows():
     """Crank, coupler and rocker of different lengths, turning: the same motion with five rows as with two."""
     robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
     start = swinging(robot, "assembled", 3.0)
-    exact = _last(start, list(robot.loops), 0.1, 0.4, rbd.Adaptive(1e-12, 1e-13)).state(-1)
+    exact = _last(start, list(robot.loops), 0.1, 0.4, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
     errors = []
     for step in (0.005, 0.0025):
         found = _last(start, _hinged(robot), step, 0.4, rbd.RungeKutta4())
@@ -107,7 +107,7 @@ def test_bricards_mechanism_keeps_its_energy_at_order_four_and_costs_little():
         asked[0] += 1
         return np.zeros(5)
 
-    exact = _last(start, RING, 0.1, 1.0, rbd.Adaptive(1e-12, 1e-13), controller=counted)
+    exact = _last(start, RING, 0.1, 1.0, rbd.DormandPrince8(1e-12, 1e-13), controller=counted)
     assert asked[0] < 1000
     assert exact.residuals["law"].max() < 1e-11
     assert np.ptp(exact.energy) < 1e-9 * exact.kinetic.max()
@@ -124,7 +124,7 @@ def test_bricards_mechanism_keeps_its_energy_at_order_four_and_costs_little():
 def test_bricards_mechanism_is_of_order_two_in_time_stepping(extrapolate):
     """In the middle of a step the ring is off by h^2, and its fifth row no longer repeats the others: it must not act."""
     start = rbd.State(bricard(), np.zeros(5))
-    exact = _last(start, RING, 0.1, 1.0, rbd.Adaptive(1e-12, 1e-13)).state(-1)
+    exact = _last(start, RING, 0.1, 1.0, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
     errors = []
     for step in (0.01, 0.005):
         found = _last(start, RING, step, 1.0, rbd.TimeStepping(extrapolate=extrapolate))
@@ -141,7 +141,7 @@ def test_baumgartes_feedback_keeps_time_stepping_stable_and_of_order_two(frequen
     """A four-bar's pin under feedback: its drift stays of the size of h^2, and falls with it."""
     robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
     start = swinging(robot, "assembled", 3.0)
-    exact = _last(start, robot.loops, 0.1, 1.0, rbd.Adaptive(1e-12, 1e-13)).state(-1)
+    exact = _last(start, robot.loops, 0.1, 1.0, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
     by, drifts, errors = rbd.Baumgarte(frequency), [], []
     for step in (0.005, 0.0025):
         found = _last(start, robot.loops, step, 1.0, rbd.TimeStepping(), stabilisation=by)
@@ -196,7 +196,7 @@ class _Disagreeing:
 
 
 EVERY = pytest.mark.parametrize(
-    "integrator", [rbd.RungeKutta4(), rbd.Adaptive(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
+    "integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
 )
 
 

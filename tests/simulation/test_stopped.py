@@ -10,7 +10,7 @@ import rbd
 from rbd.simulation.events import Moment
 
 INTEGRATORS = pytest.mark.parametrize(
-    "integrator", [rbd.RungeKutta4(), rbd.Adaptive(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
+    "integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
 )
 
 

@@ -176,10 +176,12 @@ class TestRodThroughTheDoor:
             self.ask(0.0)
 
     def test_where_there_are_two_it_warns_and_gives_both(self):
-        """`SeveralMotions` with what they are; the first leaves, the second presses with -b / D."""
+        """`NonUniqueMotionWarning` with what they are; the first leaves, the second presses with -b / D."""
         rate = 9.0
         b, D = self.half * rate**2 * np.sin(self.angle) - G, rod_pressing(self.mu, self.angle, self.mass)
-        with pytest.warns(rbd.SeveralMotions, match=r"rod has no one motion: 2 motions .*'tip' leaves; .*'tip' presses with"):
+        with pytest.warns(
+            rbd.NonUniqueMotionWarning, match=r"rod has no one motion: 2 motions .*'tip' leaves; .*'tip' presses with"
+        ):
             s = self.ask(rate)
         assert s.forces["tip"] == pytest.approx(np.zeros(3)) and s.accelerations["tip"][2] == pytest.approx(b)
         (other,) = s.others
@@ -288,8 +290,8 @@ class TestSlidingBox:
             assert residuals_of(P, P.a_free + P.solve_M(P.J.T @ f), f, w, "coulomb").within(1e-9)
 
     def test_the_door_warns_of_an_undecided_split(self):
-        """`SeveralMotions`, with the ends in `others`."""
-        with pytest.warns(rbd.SeveralMotions, match="a family of motions"):
+        """`NonUniqueMotionWarning`, with the ends in `others`."""
+        with pytest.warns(rbd.NonUniqueMotionWarning, match="a family of motions"):
             s = self.ask(self.state((0.5, 0.2, 0.0), (0.0, 0.0, 1.0)), 0.3)
         assert s.status == "solved" and len(s.others) == 2 and all(o.status == "solved" for o in s.others)
 
@@ -363,7 +365,9 @@ def test_a_car_on_four_points_may_yaw_as_it_brakes(mu):
         for end, x, friction in (("front", l, 0.0), ("rear", -l, mu))
         for side, s in (("left", 1), ("right", -1))
     ]
-    with pytest.warns(rbd.SeveralMotions, match="points of 'front left', 'front right', 'rear left' and 'rear right' share"):
+    with pytest.warns(
+        rbd.NonUniqueMotionWarning, match="points of 'front left', 'front right', 'rear left' and 'rear right' share"
+    ):
         s = rbd.solve(state, np.zeros(0), wheels, solver=COULOMB)
     rear = m * G * l / (2 * l + mu * h)
     assert s.a == pytest.approx([-mu * rear / m, 0, 0, 0, 0, 0], abs=1e-10)
