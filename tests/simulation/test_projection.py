@@ -270,8 +270,9 @@ def _flat(robot, n, phi, rate):
 
 
 @pytest.mark.parametrize(("integrator", "step"), [(rbd.RungeKutta4(), STEP), (rbd.DormandPrince8(1e-12, 1e-13), 0.01)])
-def test_the_benchmark_passes_its_singular_pose_ten_times(integrator, step):
+def test_the_benchmark_passes_its_singular_pose_ten_times(integrator, step, exhaustive):
     """IFToMM A02, N = 2, for 10 s: loops, energy, and where it is, of Gonzalez's benchmark and of its closed form."""
+    step = step if exhaustive else max(step, 2.0 * STEP)  # of order 4 the longer one is as good as the bounds ask
     robot = rbd.mechanism.n_four_bar(2)
     start = swinging(robot, "assembled", -1.0)
     found = rbd.simulate(start, robot.loops, duration=10.0, step=step, integrator=integrator, record_every=10, progress=False)

@@ -29,12 +29,16 @@ def wandered(trajectory: rbd.Trajectory, since: float) -> float:
 
 
 @pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (20.0, 0.0, 0.0)], ids=["undisturbed", "pushed"])
-def test_talos_stands_for_ten_seconds(talos, force):
-    """Its feet stay within 1e-6 m; it comes back to its posture, no contact breaks or slips, the torques are the motors'."""
+def test_talos_stands_for_ten_seconds(talos, force, exhaustive):
+    """Its feet stay within 1e-6 m; it comes back to its posture, no contact breaks or slips, the torques are the motors'.
+
+    Undisturbed for five seconds only, where not everything is run.
+    """
     push = Push("torso_2_link", force, start=0.5, duration=0.1) if any(force) else None
-    trajectory = held(talos, 10.0, push)
-    assert trajectory.times[-1] == 10.0 and not trajectory.interrupted
-    assert wandered(trajectory, 5.0) <= FEET_DRIFT and wandered(trajectory, 0.0) <= FEET_DRIFT
+    seconds = 10.0 if exhaustive or push is not None else 5.0
+    trajectory = held(talos, seconds, push)
+    assert trajectory.times[-1] == seconds and not trajectory.interrupted
+    assert wandered(trajectory, 0.5 * seconds) <= FEET_DRIFT and wandered(trajectory, 0.0) <= FEET_DRIFT
     assert not trajectory.events
     assert all((modes == "sticks").all() for modes in trajectory.modes.values())
     assert (np.abs(trajectory.tau) <= talos.effort_limit).all()
