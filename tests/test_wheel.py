@@ -51,7 +51,8 @@ def test_the_wheel_holds_the_package_and_its_mechanisms(wheel: Path):
     assert wheel.name.startswith(f"rbd_contact-{rbd.__version__}-py3-none-any")
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"rbd/py.typed", "rbd/robots/data/robots.toml", "rbd/robots/urdf/four_bar.urdf"} <= names
-    assert {f"rbd/robots/urdf/{path.name}" for path in (TOP / "urdf").iterdir() if path.is_file()} <= names
+    models = [path for path in (TOP / "urdf").iterdir() if path.suffix in (".urdf", ".yaml", ".md")]
+    assert {f"rbd/robots/urdf/{path.name}" for path in models} <= names and "rbd/robots/urdf/make.py" not in names
     assert not [name for name in names if not re.match(r"rbd(_contact-[^/]*)?/", name)]
 
 
