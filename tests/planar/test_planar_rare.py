@@ -225,3 +225,10 @@ def test_targets_are_reached_from_stretched_and_folded_poses_too():
         if there is not None:
             assert np.abs(arm.end(there) - target).max() <= 1e-14 * arm.outer
     assert lost <= 10
+
+
+def test_one_link_that_reaches_its_target_is_not_called_singular():
+    """Its end point moves along the circle, whatever the angle: nothing is special there."""
+    found = inverse(Chain(1, lengths=[1.0]), [0.6, 0.8])
+    assert found.reachable and not found.singular and found.note == ""
+    assert np.abs(found.branches - np.arctan2(0.8, 0.6)).max() < 1e-15
