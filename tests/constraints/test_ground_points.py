@@ -190,3 +190,32 @@ def test_a_box_falls_about_the_edge_that_it_stands_on():
                - true[1] ** 2 * np.array([math.sin(true[0]), math.cos(true[0])]))  # fmt: skip
     assert np.abs(found.forces["edge"][-1][[0, 2]] - m * (com + [0.0, g])).max() < 5e-3 * m * g
     assert np.abs(found.point_forces["edge"][-1].sum(axis=0) - found.forces["edge"][-1][:3]).max() < 1e-9
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, -2.0])
+def test_axes_on_a_plane_follow_the_soles_length(turn: float):
+    """The first axis of a sole that stands on a ramp is its own x as far as the plane goes: friction is told along the foot."""
+    c, s = np.cos(0.3), np.sin(0.3)
+    ramp = rbd.Ground(point=(0.0, 0.0, 0.5), normal=(s, 0.0, c))
+    robot = free_body(2.0, [0.1, 0.2, 0.3])
+    sole = rbd.SurfaceContact("sole", "body", half_lengths=(0.1, 0.05), friction=0.5, on=ramp)
+    R = pin.exp3(np.array([0.0, 0.3, 0.0])) @ pin.exp3(np.array([0.0, 0.0, turn]))
+    state = free_state(robot, (0.0, 0.0, 0.5), pin.log3(R))
+    assert np.abs(OnGround(sole, state).R - R).max() < ROUNDING
+
+
+def test_a_contact_kind_of_ones_own_has_the_resultants_of_its_corners(talos: rbd.Robot):
+    """Only rows are given: forces at the corners make the wrench that the rows' forces make, in world axes."""
+    sole, state = talos.soles(friction=0.6)[0], talos.standing()
+
+    class Mine:
+        name = "mine"
+
+        def rows(self, state: rbd.State) -> rbd.Rows:
+            return sole.rows(state)
+
+    rows, found = sole.rows(state), FromRows(Mine()).at(state, 0.0)
+    G, _ = rows.cone.generators()
+    f = np.random.default_rng(3).normal(size=G.shape[1])
+    assert np.abs(found.to_world @ f - rows.resultant @ (G @ f)).max() < 1e-14
+    assert np.abs(found.J - G.T @ rows.J).max() < 1e-14

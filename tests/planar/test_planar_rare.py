@@ -232,3 +232,10 @@ def test_one_link_that_reaches_its_target_is_not_called_singular():
     found = inverse(Chain(1, lengths=[1.0]), [0.6, 0.8])
     assert found.reachable and not found.singular and found.note == ""
     assert np.abs(found.branches - np.arctan2(0.8, 0.6)).max() < 1e-15
+
+
+@pytest.mark.parametrize(("target", "side"), [([0.9, 1.2], "outside"), ([0.3, 0.4], "inside")])
+def test_a_target_off_the_circle_of_one_link_is_told_on_which_side(target: list[float], side: str):
+    """Within reach of one link there is only its circle."""
+    found = inverse(Chain(1, lengths=[1.0]), target)
+    assert not found.reachable and f"{side} the circle of radius 1 m" in found.note
