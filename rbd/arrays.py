@@ -1,4 +1,4 @@
-"""Checks and measures of arrays, cheap enough for every call."""
+"""Checked arrays, vectors and scalars; small linear algebra that is fast enough for every call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one door: from a state, motor torques and constraints to a proved answer."""
+"""`solve`: the acceleration and contact forces of a robot at one state, with their residuals."""
 
 from __future__ import annotations
 

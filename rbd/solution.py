@@ -1,4 +1,4 @@
-"""The answer and all that can be said of it: chosen forces, what is unique, why there is none, derivatives, in words."""
+"""`Solution`: an answer with its force distribution, uniqueness, infeasibility proof, derivatives and printed table."""
 
 from __future__ import annotations
 

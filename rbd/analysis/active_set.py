@@ -1,4 +1,4 @@
-"""The derivative of an answer by the implicit function theorem, in arrays.
+"""Derivatives of an answer by the implicit function theorem, contact modes held.
 
 With the modes of `rbd.analysis.modes` held, an answer satisfies equations, and a change of their terms moves it by
 

@@ -1,4 +1,4 @@
-"""All forces that give the same motion under the same law, as one convex set.
+"""The convex set of all forces that give the same motion under the same law.
 
 With a given, the equations of motion leave J^T f = M a - rhs, and the law leaves to each point only the forces that go with
 its acceleration (`rbd.analysis.complementary`). What is left is {x : x = start + null z, D x >= d, cones}: x holds the corner

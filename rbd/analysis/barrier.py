@@ -1,4 +1,4 @@
-"""The least of a convex quadratic over bounds and circular cones, from within: a path of minima of t objective + barrier.
+"""A barrier method: a convex quadratic over bounds and circular cones, from the interior.
 
 Every point on the way is strictly inside. The barrier -sum log(slack) - sum log(mu^2 n^2 - |t|^2) has the parameter
 nu = rows + 2 cones, and a point whose Newton decrement is below 1/2 is within (nu + 2 sqrt(nu)) / t of the least value

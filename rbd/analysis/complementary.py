@@ -1,4 +1,4 @@
-"""What the law leaves to the forces of one motion: those that go with the accelerations of their points.
+"""Which forces complementarity admits, given the accelerations of the contact points.
 
     opens (y in the interior of K*)     no force
     keeps still (y = 0)                 any force of its set

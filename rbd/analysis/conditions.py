@@ -1,4 +1,4 @@
-"""What the rows ask of an acceleration under a law: A a + b = 0 where they hold, >= 0 where they push.
+"""The conditions that rows put on an acceleration: A a + b = 0 of bilateral rows, A a + b >= 0 of unilateral ones.
 
 A law with forces f = F z, z in a product of lines, half-lines and friction cones, asks that y = F^T (J a + offset) be zero
 along lines, not negative along half-lines, and in the dual of each cone. Forces between two bounds, and contacts that open,

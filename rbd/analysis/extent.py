@@ -1,4 +1,4 @@
-"""How far linear functions reach over an admissible set.
+"""Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
 `rbd.analysis.separable` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not come

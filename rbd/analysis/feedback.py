@@ -1,4 +1,4 @@
-"""What stabilisation does to a motion: the part of the acceleration that comes from the rows' feedback."""
+"""The part of the acceleration that Baumgarte stabilisation makes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which of all forces that give the same motion: those of least norm, inside their cones.
+"""The force distribution of minimum norm among all admissible forces.
 
     minimise |T s(x)|^2 over the admissible set        s: corner forces of contacts [N], row forces of all else
 

@@ -1,4 +1,4 @@
-"""Why there is no answer: a smallest set of rows that contradict each other, with the forces that prove it.
+"""Infeasible constraints: an irreducible conflicting set of rows, with its Farkas certificate.
 
 The rows ask that c = J a + offset lie in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
 rows that hold, only if) there are forces f in K with

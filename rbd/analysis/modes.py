@@ -1,4 +1,4 @@
-"""What each part of an answer does: holds, sticks, slips, slides, presses, yields or opens.
+"""Contact modes of an answer: each point sticks, slips or opens; each row holds, presses or yields.
 
 While nothing changes its mode the inequalities of a law are equations. Allowed changes of the weights are columns Phi, and
 what must stay zero are the accelerations along columns Psi, the same but where friction slips:

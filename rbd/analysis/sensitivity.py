@@ -1,4 +1,4 @@
-"""How an answer changes with the configuration, the velocity, the torques and external forces.
+"""Derivatives of an answer with respect to configuration, velocity, torques and external forces.
 
 The equations that hold at the answer are differentiated with the contact modes held (`rbd.analysis.active_set`). What the
 dynamics contribute, d(M a + h), is Pinocchio's analytical derivative of inverse dynamics; what the constraints contribute,

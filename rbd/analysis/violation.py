@@ -1,4 +1,4 @@
-"""The least violation of constraints that contradict each other: what must be added to the rows so that they can be met.
+"""The least violation of infeasible constraints: the smallest change of the rows that makes them feasible.
 
     minimise 1/2 |W s|^2     subject to     J a + offset + s in K*     for some a
 

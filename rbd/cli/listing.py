@@ -1,4 +1,4 @@
-"""Which robots there are, and what one robot consists of, as tables for a person."""
+"""Tables of `rbd robots` and `rbd info`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `rbd mechanism` finds out about a file: words, mobility, branches, singular poses, integrability."""
+"""The report of `rbd mechanism`: topology, mobility, assembly modes, singular poses, integrability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `rbd plane` finds out: whether a planar chain reaches two points, and the minimum-jerk motion between them."""
+"""The report of `rbd plane`: whether a planar chain reaches two points, and its minimum-jerk motion between them."""
 
 from __future__ import annotations
 

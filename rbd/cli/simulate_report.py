@@ -1,4 +1,4 @@
-"""What a simulated robot has to tell, as tables for a person and as plain data for a file."""
+"""The report of `rbd simulate`: tables for the terminal, plain data for a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the command line prints: words and names as they are, never read as rich's markup; bad options refused."""
+"""Output of the command line: text is printed literally, never as markup; bad options are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contacts at a point and on a patch: held, rubbing or smooth; on the ground, on what moves, on another body.
+"""Contacts at a point and on a patch: held, with friction or without; on the ground, on moving ground, on another body.
 
 Rows are in contact axes (tangent, tangent, normal); the normal points out of what is touched, so that a positive normal
 force pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v

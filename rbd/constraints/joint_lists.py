@@ -1,4 +1,4 @@
-"""All limits, gears and dry friction that a robot's file states, as lists of constraints."""
+"""Joint limits, mimic couplings and dry friction that a robot's file states, as lists of constraints."""
 
 from __future__ import annotations
 

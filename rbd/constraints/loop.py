@@ -1,4 +1,4 @@
-"""Loops: two frames of a robot that a joint of the mechanism keeps together, beside the joints of its tree.
+"""Loop closures: two frames of a robot kept together by a joint that its tree does not have.
 
 Rows are in the axes of frame_a, and say how frame_b stands and moves as seen from it. So a loop inside a robot pushes its two
 bodies with opposite forces along one line, and changes nobody's momentum, also where the loop is not quite closed.

@@ -1,4 +1,4 @@
-"""What a contact touches, where that is more than a ground at rest: a surface that moves, another body, an anchor on either.
+"""The surface that a contact touches: moving ground, another body, or an anchor on either.
 
 Let the surface move with velocity u, acceleration s, angular velocity W and angular acceleration W', all of the material
 point of it that now touches. Seen from the surface, in axes that turn with it, a point with v and a of a body with w and w'

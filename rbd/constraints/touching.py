@@ -1,4 +1,4 @@
-"""Points where shapes touch, or will soon: where they are, and how they move against what they touch.
+"""Contact points of convex shapes and how they move over two bodies.
 
 A point of contact belongs to no material: the lowest point of a ball that rolls stays below its centre. Let p' be how fast the
 place of contact moves, and v + w x (p - o), b + w' x (p - o) velocity and J_dot v of the body at p, o its joint. Then

@@ -1,4 +1,4 @@
-"""What a controller is; torques as a table over time; and any controller as a computer would run it: once a period."""
+"""Controllers: the protocol, torque schedules, and a zero-order hold of any controller."""
 
 from __future__ import annotations
 

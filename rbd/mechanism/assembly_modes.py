@@ -1,4 +1,4 @@
-"""The ways in which a mechanism can be put together: its assembly modes, by many starts."""
+"""Assembly modes of a mechanism, found from many random starts."""
 
 from __future__ import annotations
 

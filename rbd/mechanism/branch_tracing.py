@@ -1,4 +1,4 @@
-"""Driving a mechanism by one joint: its poses, the limits of its motion, the singular poses on the way."""
+"""Driving a mechanism by one joint: poses, limits of motion, singular poses along the path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Down to the constraints along the manifold: Levenberg's and Marquardt's steps, and Newton's where no step closes them.
+"""Levenberg-Marquardt steps onto the constraint manifold, and stationary points of the distance to it.
 
 The distance is 1/2 |e(q)|^2. A step is
 

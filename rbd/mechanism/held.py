@@ -1,4 +1,4 @@
-"""Constraints that hold, taken together as functions of q: their stacked Jacobian and errors, and the way back onto them.
+"""Bilateral constraints stacked as functions of q: Jacobian, errors, and projection onto them.
 
 Everything here is without units. A velocity is v = D z, with D the robot's own length for coordinates that slide and one for
 those that turn; a row is divided by the largest norm that it has near the start. So ranks and singular values do not depend

@@ -1,4 +1,4 @@
-"""The rows of constraints that hold, stacked at one state."""
+"""Bilateral rows stacked at one state."""
 
 from __future__ import annotations
 

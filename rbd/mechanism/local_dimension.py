@@ -1,4 +1,4 @@
-"""Does a velocity that the constraints allow go on into a motion? Looked at nearby, by Newton; no proof.
+"""Whether an admissible velocity extends to a finite motion: a numerical test nearby, no proof.
 
 The configurations that satisfy the constraints form a set V. At a regular point its dimension is n - rank J. Where the rank
 of J drops there are velocities that J allows and that lead nowhere (a stretched string of bars), and velocities that begin

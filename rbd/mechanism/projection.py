@@ -1,4 +1,4 @@
-"""Back onto the constraints: position and velocity, each by the least motion that the inertia metric knows.
+"""Projection onto constraints: position and velocity, by the least motion in the inertia metric.
 
 What a motion has drifted off constraints that hold is undone by
 

@@ -1,4 +1,4 @@
-"""A velocity put onto constraints: the nearest, in the metric of inertia, that keeps them."""
+"""Projection of a velocity onto constraints: the nearest admissible one in the inertia metric."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot's file, read and checked once: what the loader builds from, and what the doctor compares the model with."""
+"""A robot's file, read and checked once: URDF or MJCF."""
 
 from __future__ import annotations
 

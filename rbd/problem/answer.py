@@ -1,4 +1,4 @@
-"""What a solver returns: acceleration and constraint forces of one problem, and what arithmetic tells of them.
+"""`Answer`: what a solver returns, with residuals, status and forces.
 
 Residuals are recomputed from the problem, never taken from the solver. What needs analysis (which forces are chosen, what is
 unique, why there is no answer, derivatives) is told by `rbd.Solution`, which is made of an answer.

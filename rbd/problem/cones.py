@@ -1,4 +1,4 @@
-"""Where a constraint force may live.
+"""Force cones K of constraints, and their generators.
 
 A cone K here is any closed convex set of forces in contact axes (tangent, tangent, normal): a whole space, a half-line, a
 friction cone, an interval. Every K is the image K = G P of a product P of simple *parts* (line, half-line, interval,

@@ -1,4 +1,4 @@
-"""The true sets behind a problem's rows, part by part, and what the velocities have already decided.
+"""The force sets of a problem as a product of elementary cones, with what velocities already decide.
 
 Forces are f = G w with weights w in a product of simple parts; each weight answers to one entry of y = H^T c + offset, the
 acceleration of its point. G and H are the same for contacts at rest. A contact that moves has lost its choice:

@@ -1,4 +1,4 @@
-"""The doctor: a loaded robot and its file, looked at once more."""
+"""`doctor`: what is wrong with a loaded robot and its file."""
 
 from __future__ import annotations
 

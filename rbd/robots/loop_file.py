@@ -1,4 +1,4 @@
-"""What a robot's own file cannot say: the loops, gears, wheels and postures of a mechanism, in a small YAML beside it.
+"""Loop files: the loops, couplings, wheels and postures of a mechanism, in YAML beside its URDF.
 
 A URDF is a tree. `four_bar.loops.yaml` beside `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
 left out:

@@ -1,4 +1,4 @@
-"""All points of a motion at one state, stacked; the same points from one stack to the next; and which of them slide."""
+"""The contact points of all constraints stacked at one state, matched from one step to the next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a robot is written into a file: not itself but where it came from, and its numbers, so that a changed one is told."""
+"""How a trajectory file names its robot: source, version and fingerprint, so that a changed robot is noticed."""
 
 from __future__ import annotations
 

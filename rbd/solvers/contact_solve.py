@@ -1,4 +1,4 @@
-"""The first thing to try for impulses: those that hold every row still, if their sets allow them."""
+"""Impulses of sticking contacts: all rows held still, if the force sets allow it."""
 
 from __future__ import annotations
 

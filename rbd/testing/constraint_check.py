@@ -1,4 +1,4 @@
-"""A constraint against the motion that it claims to describe."""
+"""`check_constraint`: a constraint's Jacobian and J_dot v against the motion that it describes."""
 
 from __future__ import annotations
 

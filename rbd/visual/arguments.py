@@ -1,4 +1,4 @@
-"""What the doors of this room are given: paths, counts and lengths, checked alike."""
+"""Checked arguments of the drawing functions: paths, counts and lengths."""
 
 from __future__ import annotations
 

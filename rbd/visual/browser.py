@@ -1,4 +1,4 @@
-"""A picture of a page, taken by a browser that nobody sees."""
+"""Screenshots of pages, taken by a headless browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A few points in place of many that could touch: those that carry, and those around them that the body would tip onto."""
+"""Contact manifolds reduced to a few points: those that carry, and those that the body would tip over."""
 
 from __future__ import annotations
 
