@@ -415,3 +415,9 @@ def test_a_loop_that_is_open_is_solved_with_a_warning():
     with pytest.warns(rbd.errors.LoopNotClosedWarning, match="coupler_pin.*is open by.*assemble"):
         rbd.solve(rbd.State(robot, robot.neutral()), np.zeros(1), robot.loops)
     assert rbd.solve(robot.at("assembled"), np.zeros(1), robot.loops).status == "solved"
+
+
+def test_the_kind_of_a_loop_is_said_by_its_name():
+    """Three words in a row are names; a fourth would be mistaken for one."""
+    with pytest.raises(TypeError):
+        rbd.LoopClosure("pin", "a", "b", "revolute")  # type: ignore[misc]

@@ -284,3 +284,20 @@ def test_tables_name_what_was_found():
     moving = state.with_velocity(velocity.v)
     acceleration = acceleration_partition(moving, loops, {"crank": 0.0})
     assert "acceleration" in str(acceleration) and acceleration.condition == velocity.condition and acceleration.rank == 2
+
+
+def test_every_joint_that_can_move_is_named_where_nothing_is_known():
+    """A five-bar has two degrees of freedom, and all four of its joints take part in them."""
+    robot = rbd.load_robot("five_bar")
+    names = ", ".join(f"'{name}'" for name in robot.joints())
+    with pytest.raises(rbd.InputError, match=f"2 freedoms and 0 known rates; {names} can move"):
+        velocity_partition(robot.at("assembled"), robot.loops, {})
+
+
+def test_rates_that_agree_are_taken_however_large():
+    """Two known rates of 1e7 rad/s that agree to rounding are no contradiction."""
+    robot = rbd.load_robot("four_bar")
+    state, names = robot.at("assembled"), robot.joints()
+    v = velocity_partition(state, robot.loops, {names[0]: 1.0}).v
+    fast = velocity_partition(state, robot.loops, {names[0]: 1e7, names[2]: 1e7 * float(v[2])}).v
+    assert np.abs(1e-7 * fast - v).max() < 1e-12

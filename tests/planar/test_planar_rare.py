@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import sympy
 
 from rbd.errors import InputError, SingularPose
-from rbd.planar import Chain, Linearised, constrained, endpoint_motion, inverse, inverse_path, minimum_jerk, motion
+from rbd.planar import Chain, Linearised, classify, constrained, endpoint_motion, inverse, inverse_path, minimum_jerk, motion
 from rbd.planar.arm import arm_of
-from rbd.planar.redundant import _reach, _settle
+from rbd.planar.redundant import _reach, _settle, evenly_bent
 from rbd.planar.relations import newton
+from rbd.planar.urdf import _link
 
 THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
 
@@ -239,3 +242,24 @@ def test_a_target_off_the_circle_of_one_link_is_told_on_which_side(target: list[
     """Within reach of one link there is only its circle."""
     found = inverse(Chain(1, lengths=[1.0]), target)
     assert not found.reachable and f"{side} the circle of radius 1 m" in found.note
+
+
+def test_a_target_out_of_reach_is_pointed_at_by_the_straight_chain():
+    """Equal angles between neighbours, none at all: the end is as near to a far target as it can be."""
+    arm = arm_of(Chain(3, lengths=[1.0, 0.5, 0.3]))
+    assert np.abs(arm.end(evenly_bent(arm, np.array([0.0, 3.0]))) - [0.0, 1.8]).max() < 1e-15
+
+
+@pytest.mark.parametrize("off", [-1e-15, 0.0, 1e-15, 1e-14])
+def test_a_chain_pinned_where_it_is_folded_is_in_line_though_rounding_says_a_little_more(off: float):
+    """One link against the two others: the only pose, and the note says that the slightest play lets them bend."""
+    told = classify(Chain(3, lengths=(0.7, 0.1, 0.2)), pinned=(0.4 + off, 0.0))
+    assert told.mobility == 0 and "All links are in line" in str(told)
+
+
+@pytest.mark.parametrize("d", [-0.2, 0.8])
+def test_a_counterweight_is_held_by_a_rod_of_its_own_length(d: float):
+    """From the joint to the mass, before the link or beyond it: the page and other viewers draw it so."""
+    shapes = r'<origin xyz="([^"]*)"[^>]*/><geometry>(.*?)</geometry>'
+    *_, (origin, geometry) = re.findall(shapes, _link(1, "xz", 0.5, 1.0, d, 0.01, 0.02))
+    assert float(origin.split()[0]) == pytest.approx(0.5 * d) and f'length="{abs(d):g}"' in geometry

@@ -11,6 +11,7 @@ import pytest
 
 from rbd.simulation import progress
 from rbd.simulation.progress import progress_of
+from rbd.simulation.run import _times
 
 TIMES = np.linspace(0.0, 10.0, 1001).tolist()
 SHOW, HIDE = "\x1b[?25h", "\x1b[?25l"
@@ -99,3 +100,12 @@ def _seconds(told) -> float:
     for _ in range(2000):
         told(1.0)
     return time.perf_counter() - began
+
+
+@pytest.mark.parametrize(
+    ("duration", "step", "times"),
+    [(0.25, 0.1, [0.0, 0.1, 0.2, 0.25]), (0.3, 0.1, [0.0, 0.1, 0.2, 0.3]), (0.05, 0.1, [0.0, 0.05])],
+)
+def test_the_last_step_is_shorter_where_the_duration_asks_for_it(duration: float, step: float, times: list[float]):
+    """Steps of the length given, then what is left; rounding makes no sliver of a step."""
+    assert _times(duration, step) == pytest.approx(times, abs=1e-15) and _times(duration, step)[-1] == duration
