@@ -295,9 +295,9 @@ def test_every_joint_that_can_move_is_named_where_nothing_is_known():
 
 
 def test_rates_that_agree_are_taken_however_large():
-    """Two known rates of 1e7 rad/s that agree to rounding are no contradiction."""
+    """Two known rates of 1e7 rad/s that agree to twelve digits are no contradiction."""
     robot = rbd.load_robot("four_bar")
     state, names = robot.at("assembled"), robot.joints()
     v = velocity_partition(state, robot.loops, {names[0]: 1.0}).v
-    fast = velocity_partition(state, robot.loops, {names[0]: 1e7, names[2]: 1e7 * float(v[2])}).v
-    assert np.abs(1e-7 * fast - v).max() < 1e-12
+    fast = velocity_partition(state, robot.loops, {names[0]: 1e7, names[2]: 1e7 * float(v[2]) * (1.0 + 1e-12)}).v
+    assert np.abs(1e-7 * fast - v).max() < 1e-11
