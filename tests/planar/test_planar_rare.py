@@ -266,7 +266,7 @@ def test_a_counterweight_is_held_by_a_rod_of_its_own_length(d: float):
 
 
 def test_relations_that_no_angles_satisfy_for_the_lengths_tried_are_still_compared():
-    """The relation cos cos = a + 5 has no real angles: that twice of it says nothing new is found where it does not hold, too."""
+    """The relation cos cos = a + 5 has no real angles; that twice of it says nothing new is found all the same."""
     chain, a = Chain(3), sympy.Symbol("a", positive=True)
     relation = sympy.cos(chain.q[0]) * sympy.cos(chain.q[1]) - (a + 5)
     with pytest.raises(InputError, match="gives no condition on rates: it follows from"):
