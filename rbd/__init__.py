@@ -4,10 +4,9 @@
 """
 
 from importlib import import_module as _import_module
-from pkgutil import iter_modules as _iter_modules
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rbd.installation import check_place as _check_place
+from rbd.installation import VERSION as _VERSION, check_place as _check_place
 from rbd.modules import submodule as _submodule
 
 _check_place()  # another Pinocchio than ours is named before anything breaks
@@ -113,7 +112,7 @@ if _TYPE_CHECKING:
     from rbd.studies.agreement import Agreement as Agreement, agree as agree
     from rbd.studies.laws import LawComparison as LawComparison, compare_laws as compare_laws
 
-__version__ = "0.1.0"
+__version__ = _VERSION
 
 _NAMES = {
     "rbd.analysis.infeasibility": "Contradiction contradiction",
@@ -155,7 +154,6 @@ _NAMES = {
 }
 """What stands on top, by the module that it comes from; the imports above tell type checkers the same."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
-_SUBPACKAGES = {module.name for module in _iter_modules(__path__) if not module.name.startswith("_")}
 
 __all__ = sorted([*_HOME, "__version__", "dynamics", "errors"])  # noqa: PLE0605
 
@@ -173,4 +171,8 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_SUBPACKAGES})
+    from pkgutil import iter_modules
+
+    return sorted(
+        {*globals(), *__all__, *(module.name for module in iter_modules(__path__) if not module.name.startswith("_"))}
+    )

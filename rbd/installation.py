@@ -9,21 +9,13 @@ import os
 
 from rbd.errors import WrongPinocchio
 
+VERSION = "0.1.0"
+"""Of `rbd`; the build reads it here."""
 OLDEST = (4, 1)
 REMEDY = (
     "Try: unset PYTHONPATH, or a terminal that did not source ROS's setup; pip uninstall pinocchio; "
     "pip install --force-reinstall 'pin>=4.1'"
 )
-
-
-def version() -> str:
-    """The version of `rbd` that is installed; "unknown" where it runs without having been installed."""
-    from importlib import metadata  # a tenth of what Pinocchio costs
-
-    try:
-        return metadata.version("rbd-contact")
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def check(module: object) -> None:

@@ -22,7 +22,6 @@ import os
 import random
 import re
 import resource
-import select
 import signal
 import sys
 import tempfile
@@ -36,6 +35,7 @@ from types import ModuleType
 
 import numpy as np
 import pinocchio as pin
+from forked import child, ended
 from scipy.linalg import lapack
 
 import rbd
@@ -324,28 +324,6 @@ def _misread(path: Path, root: str, state: rbd.State) -> bool:
     return not lost and (M.shape != state.M.shape or bool(np.abs(M - state.M).max() > 1e-9 * np.abs(M).max()))
 
 
-def fork(seed: int, i: int, files: dict[str, bytes], path: Path, how: ModuleType | None = None) -> tuple[int, int]:
-    """(process, pipe its judgement comes from) of a child that makes and loads one mutant, silent whatever parsers print."""
-    how = sys.modules[__name__] if how is None else how
-    read, write = os.pipe()
-    if child := os.fork():
-        os.close(write)
-        return child, read
-    try:
-        quiet = os.open(os.devnull, os.O_RDWR)
-        for stream in (0, 1, 2):
-            os.dup2(quiet, stream)
-        for what, limit in ((resource.RLIMIT_AS, MEMORY_LIMIT), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_CPU, 30)):
-            resource.setrlimit(what, (limit, limit))
-        data, root, _ = how.mutant(seed, i, files)
-        path.write_bytes(data)
-        os.write(write, json.dumps(how.judge(path, root)).encode())  # at once: a pipe with something in it is taken for ended
-    except Exception as error:
-        os.write(write, json.dumps(("failure", f"the judge failed: {error!r:.300}")).encode())
-    finally:
-        os._exit(0)
-
-
 def run(
     seed: int, numbers: Iterable[int], jobs: int = 2, keep: Path | None = None, how: ModuleType | None = None
 ) -> Iterator[tuple[int, str, str]]:
@@ -353,31 +331,32 @@ def run(
 
     `how` has sources, mutant and judge; by default this module, for URDF.
     """
-    files = (how or sys.modules[__name__]).sources()
-    waiting, running = iter(numbers), dict[int, tuple[int, int, Path, float]]()
     ending = "xml" if how else "urdf"
+    how = sys.modules[__name__] if how is None else how
+    files = how.sources()
+    limits = {resource.RLIMIT_AS: MEMORY_LIMIT, resource.RLIMIT_CORE: 0, resource.RLIMIT_CPU: 30}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        while (i := next(waiting, None) if len(running) < jobs else None) is not None or running:
-            if i is not None:
-                path = Path(folder) / f"mutant_{i}.{ending}"
-                child, pipe = fork(seed, i, files, path, how)
-                running[pipe] = (i, child, path, time.monotonic() + TIME_LIMIT)
-                continue
-            ready = select.select(list(running), [], [], 0.1)[0]
-            late = [p for p, job in running.items() if p not in ready and time.monotonic() > job[3]]
-            for pipe in ready + late:
-                i, child, path, _ = running.pop(pipe)
-                if pipe in late:
-                    os.kill(child, signal.SIGKILL)
-                with open(pipe) as stream:
-                    said = stream.read()
-                ends = {True: f"crash by signal {os.waitpid(child, 0)[1] & 127}", False: f"not ready within {TIME_LIMIT:g} s"}
-                verdict, message = json.loads(said) if said else ("failure", ends[pipe in ready])
-                if keep is not None and verdict == "failure" and path.exists():
-                    keep.mkdir(parents=True, exist_ok=True)
-                    (keep / f"seed_{seed}_{path.name}").write_bytes(path.read_bytes())
-                path.unlink(missing_ok=True)
-                yield i, verdict, message
+
+        def path_of(i: int) -> Path:
+            return Path(folder) / f"mutant_{i}.{ending}"
+
+        def judged(i: int) -> object:
+            data, root, _ = how.mutant(seed, i, files)
+            path_of(i).write_bytes(data)
+            return how.judge(path_of(i), root)
+
+        def start(i: int) -> tuple[int, int]:
+            return child(lambda: judged(i), lambda error: ("failure", f"the judge failed: {error!r:.300}"), limits)
+
+        for one in ended(start, numbers, jobs, TIME_LIMIT):
+            why = f"not ready within {TIME_LIMIT:g} s" if one.late else f"crash by signal {one.signal}"
+            verdict, message = json.loads(one.said) if one.said else ("failure", why)
+            path = path_of(one.i)
+            if keep is not None and verdict == "failure" and path.exists():
+                keep.mkdir(parents=True, exist_ok=True)
+                (keep / f"seed_{seed}_{path.name}").write_bytes(path.read_bytes())
+            path.unlink(missing_ok=True)
+            yield one.i, verdict, message
 
 
 def main() -> int:

@@ -17,7 +17,6 @@ import json
 import math
 import os
 import resource
-import select
 import signal
 import sys
 import time
@@ -31,6 +30,7 @@ from pathlib import Path
 import certificate as C
 import numpy as np
 import random_problems as R
+from forked import child, ended
 from numpy.typing import NDArray
 
 import rbd
@@ -378,45 +378,28 @@ def told(seed: int, i: int) -> tuple[str, str]:
         return kind, str(next(globals()[kind](rng)))
 
 
-def _fork(seed: int, i: int) -> tuple[int, int]:
-    read, write = os.pipe()
-    if child := os.fork():
-        os.close(write)
-        return child, read
-    try:
-        quiet = os.open(os.devnull, os.O_RDWR)
-        for stream in (0, 1, 2):
-            os.dup2(quiet, stream)
-        limit = math.ceil(time.process_time() + TIME_LIMIT)
-        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
-        os.write(write, json.dumps(asdict(judge(seed, i))).encode())
-    except BaseException as error:
-        fault = Verdict("judge", "", "failure", f"the judge failed: {error!r:.300}")
-        os.write(write, json.dumps(asdict(fault)).encode())
-    finally:
-        os._exit(0)
-
-
 def run(seed: int, numbers: Iterable[int], jobs: int = 1) -> Iterator[tuple[int, Verdict]]:
     """(i, verdict) of each problem, as it ends."""
-    waiting, running = iter(numbers), dict[int, tuple[int, int, float]]()
-    while (i := next(waiting, None) if len(running) < jobs else None) is not None or running:
-        if i is not None:
-            child, pipe = _fork(seed, i)
-            running[pipe] = (i, child, time.monotonic() + 10.0 * TIME_LIMIT)
-            continue
-        ready = select.select(list(running), [], [], 0.2)[0]
-        late = [pipe for pipe, job in running.items() if pipe not in ready and time.monotonic() > job[2]]
-        for pipe in ready + late:
-            i, child, _ = running.pop(pipe)
-            if pipe in late:
-                os.kill(child, signal.SIGKILL)
-            with open(pipe) as stream:
-                said = stream.read()
-            number = os.waitpid(child, 0)[1] & 127
-            over = pipe in late or number in (signal.SIGXCPU, signal.SIGKILL)
-            why = f"more than {TIME_LIMIT:g} s" if over else f"crash by signal {number}"
-            yield i, Verdict(**json.loads(said)) if said else Verdict(*told(seed, i), "failure", why, seconds=TIME_LIMIT)
+
+    def judged(i: int) -> dict[str, object]:
+        limit = math.ceil(time.process_time() + TIME_LIMIT)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+        return asdict(judge(seed, i))
+
+    def start(i: int) -> tuple[int, int]:
+        return child(lambda: judged(i), _failed, {})
+
+    for one in ended(start, numbers, jobs, 10.0 * TIME_LIMIT):
+        over = one.late or one.signal in (signal.SIGXCPU, signal.SIGKILL)
+        why = f"more than {TIME_LIMIT:g} s" if over else f"crash by signal {one.signal}"
+        yield (
+            one.i,
+            Verdict(**json.loads(one.said)) if one.said else Verdict(*told(seed, one.i), "failure", why, seconds=TIME_LIMIT),
+        )
+
+
+def _failed(error: BaseException) -> dict[str, object]:
+    return asdict(Verdict("judge", "", "failure", f"the judge failed: {error!r:.300}"))
 
 
 def main() -> int:

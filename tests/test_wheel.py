@@ -49,6 +49,7 @@ def run(installed: Path, *command: str) -> subprocess.CompletedProcess[str]:
 def test_the_wheel_holds_the_package_and_its_mechanisms(wheel: Path):
     """And no tests, under the distribution's name; the version is that of the code."""
     assert wheel.name.startswith(f"rbd_contact-{rbd.__version__}-py3-none-any")
+    assert f"\nversion: {rbd.__version__}\n" in (TOP / "CITATION.cff").read_text(encoding="utf-8")
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"rbd/py.typed", "rbd/robots/data/robots.toml", "rbd/robots/urdf/four_bar.urdf"} <= names
     models = [path for path in (TOP / "urdf").iterdir() if path.suffix in (".urdf", ".yaml", ".md")]

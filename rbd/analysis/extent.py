@@ -118,7 +118,7 @@ class Reach:
 
     @lazy
     def closed(self) -> bool:
-        """Whether it was found that no direction of the set goes on for ever."""
+        """Whether the set was found to be bounded."""
         found = self._along(self.normals.sum(axis=0))
         return found.solved and -found.value < 1e-7
 
@@ -232,7 +232,7 @@ class Reach:
         return found
 
     def _endless(self, function: Array) -> bool | None:
-        """Whether the function grows for ever along some direction of the set; None where that was not found."""
+        """Whether the function is unbounded over the set; None where that was not found."""
         q = function @ self.basis
         scale = largest(q)
         if not len(self.adm.mu):

@@ -24,7 +24,7 @@ from rich.progress import track
 
 from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, open_console
 from rbd.errors import InputError, ModelWarning, SimulationStopped
-from rbd.installation import version
+from rbd.installation import VERSION
 from rbd.model.output_files import write_text
 
 MOST_SAMPLES = 10_000
@@ -45,7 +45,7 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         import pinocchio
 
-        versions = f"rbd {version()} (Python {platform.python_version()}, pin {pinocchio.__version__})"
+        versions = f"rbd {VERSION} (Python {platform.python_version()}, pin {pinocchio.__version__})"
         open_console().print(versions, highlight=False)
         raise typer.Exit
 

@@ -68,7 +68,7 @@ class JointLimit:
 
         Raises:
             JointNotFound: with the nearest names.
-            InputError: the joint has several freedoms, turns for ever, or has no bound at all.
+            InputError: the joint has several degrees of freedom, is continuous, or has no bound at all.
         """
         if not isinstance(robot, CheckedModel):
             raise InputError(f"bounds of {self.name!r:.80} want a robot, got {type(robot).__name__}.")

@@ -72,26 +72,39 @@ def _inside(path: Path, real_folders: Iterable[Path]) -> bool:
     return any(real.is_relative_to(folder) for folder in real_folders)
 
 
+def mesh_bytes(path: Path, kinds: Iterable[str]) -> tuple[str, bytes]:
+    """(ending, content) of a mesh file, a regular one of at most `MOST_BYTES`.
+
+    Args:
+        path: Of the file.
+        kinds: Endings that are read, with their dots.
+
+    Raises:
+        ModelError: why not, to be put behind the file's name.
+    """
+    kind, known = path.suffix.lower(), tuple(kinds)
+    if kind not in known:
+        raise ModelError(f"is a {kind or 'nameless'} file; expected {', '.join(known)}")
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
+            raise ModelError("is no regular file")
+        if found.st_size > MOST_BYTES:
+            raise ModelError(f"is larger than {MOST_BYTES // 2**20} MiB")
+        return kind, path.read_bytes()
+    except OSError as error:
+        raise ModelError(f"cannot be read ({error.strerror})") from None
+
+
 def check_mesh(path: Path, folders: Iterable[Path]) -> None:
     """Refuse a mesh file that no reader should open.
 
     Raises:
         ModelError: why, to be put behind the file's name.
     """
-    kind = path.suffix.lower()
-    if kind not in _CHECKS:
-        raise ModelError(f"is a {kind or 'nameless'} file; expected {', '.join(_CHECKS)}")
-    try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
-            raise ModelError("is no regular file")
-        if found.st_size == 0:
-            raise ModelError("is empty")
-        if found.st_size > MOST_BYTES:
-            raise ModelError(f"is larger than {MOST_BYTES // 2**20} MiB")
-        data = path.read_bytes()
-    except OSError as error:
-        raise ModelError(f"cannot be read ({error.strerror})") from None
+    kind, data = mesh_bytes(path, _CHECKS)
+    if not data:
+        raise ModelError("is empty")
     _CHECKS[kind](data)
     if kind == ".obj":
         _check_materials(data, path, folders)

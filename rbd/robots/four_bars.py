@@ -35,7 +35,7 @@ def four_bar(
         rocker    from O4 = (d, 0)                angle th4 = q of `rocker_joint`
 
     closed by `coupler_pin`, the two rows (x, z) of a planar `rbd.LoopClosure` between the coupler's tip and the rocker's:
-    a e^(i th2) + b e^(i th3) = d + c e^(i th4). Joints turn for ever: each is (cos, sin) in q. `link_angles` gives th2, th3,
+    a e^(i th2) + b e^(i th3) = d + c e^(i th4). Joints are continuous: each is (cos, sin) in q. `link_angles` gives th2, th3,
     th4. Bars are thin uniform rods; the rocker's and the coupler's joints have no motor.
 
     Postures are `assembled`, the open branch, and `crossed`, the other one (coupler and rocker on the other side of the line

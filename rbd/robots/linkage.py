@@ -47,7 +47,7 @@ class Link:
         slides: Along the parent's x axis, in place of turning.
         motor: Whether its joint is driven.
         tip: The corner that a loop closes, by its number; None for none.
-        limits: Of the joint [rad] or [m]; None for one that turns for ever.
+        limits: Of the joint [rad] or [m]; None for a continuous one.
         shapes: More to draw or to touch with, as elements of the URDF.
         width: Of a bar as drawn, over the linkage's.
     """

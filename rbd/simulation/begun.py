@@ -11,9 +11,15 @@ from rbd.simulation.velocity_problem import VelocityAnswer
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """A step's first half, or a whole step: from where, with which points, what came of it; tau where it was asked for.
+    """The first half of a step, or a whole step, with what was solved in it.
 
-    h is the length of the step, and u the points' velocities that it began with.
+    Attributes:
+        at: The contact points where the step begins.
+        active: Which of them are in contact.
+        tau: Motor torques, where a controller was asked for them.
+        answer: Velocity and impulses.
+        h: Length of the step [s].
+        u: The points' velocities at its beginning.
     """
 
     at: Snapshot

@@ -1,4 +1,4 @@
-"""When a point touches or comes through its surface, and positions put right after a step.
+"""Detection of touching points between two states, and position correction after a step.
 
 A point that was closed stays closed up to a gap of `loose`: a corner that carries nothing may hover by the error of a step.
 A point that was open touches at `tight`, where its gap is zero to rounding. So nothing strikes early, slow or small as it may

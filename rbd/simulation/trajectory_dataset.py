@@ -13,7 +13,7 @@ import numpy as np
 
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError
-from rbd.installation import version
+from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
 from rbd.simulation.events import Event
@@ -41,7 +41,7 @@ def keys(names: tuple[str, ...]) -> dict[str, str]:
 def header_of(fields: Fields) -> dict[str, Any]:
     """All that is not arrays."""
     return {
-        "rbd": version(),
+        "rbd": VERSION,
         "robot": recipe(fields["robot"]),
         "constraints": list(fields["forces"]),
         "contacts": list(fields["points"]),
@@ -123,7 +123,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, x in arrays.items():
         attrs = {"long_name": told[name]} | ({"units": units[name]} if name in units else {})
         variables[name] = (["time", *dims.get(name, [])], x, attrs)
-    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": version()}
+    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
     about |= {word: fields[word] for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
     return xr.Dataset(variables | _event_variables(fields["events"]), coords, about)

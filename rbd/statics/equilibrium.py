@@ -189,7 +189,7 @@ class _Statics:
         Raises:
             CannotHold: naming the limit in the way.
         """
-        # Linear programs first: on a program without a solution ProxSuite can run for seconds, or for ever.
+        # Linear programs first: on a program without a solution ProxSuite can run for seconds, or without end.
         self._refuse()
         r = len(self.low)
         if not r:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import stat
 from pathlib import Path
 
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.errors import ModelError
+from rbd.model.mesh_files import mesh_bytes
 
-MOST_BYTES = 256 * 2**20
 LARGEST = 1e6
 """No coordinate is larger, in the file's unit."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -22,18 +22,10 @@ def read_mesh(path: Path) -> tuple[Array, Array, int]:
         ValueError: why not, to be put behind the file's name.
     """
     readers = {".stl": _stl, ".obj": _obj, ".msh": _msh}
-    kind = path.suffix.lower()
-    if kind not in readers:
-        raise ValueError(f"is a {kind or 'nameless'} file; expected {', '.join(readers)}")
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
-            raise ValueError("is no regular file")
-        if found.st_size > MOST_BYTES:
-            raise ValueError(f"is larger than {MOST_BYTES // 2**20} MiB")
-        data = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot be read ({error.strerror})") from None
+        kind, data = mesh_bytes(path, readers)
+    except ModelError as error:
+        raise ValueError(str(error)) from None
     vertices, faces, widest = readers[kind](data)
     return *checked(vertices, faces), widest
 
