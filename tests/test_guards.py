@@ -332,7 +332,9 @@ CASES: dict[str, Case] = {
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
-    "compare_solvers": Case(lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED),  # times in it differ
+    "compare_solvers": Case(  # without the times in it, which differ
+        lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED
+    ),
     "hold": Case(rbd.hold, {"state": STATE, "contacts": FEET, "external": np.zeros(BOLT.nv)}),
     "doctor": Case(rbd.doctor, {"robot": BOX}),
     "FileLimits": Case(
