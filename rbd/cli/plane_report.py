@@ -14,7 +14,7 @@ from rbd.arrays import Array, a_number
 from rbd.cli.terminal import Table
 from rbd.errors import InputError, NoSolution
 from rbd.model.output_files import write_file
-from rbd.planar.arm import beside
+from rbd.planar.angles import beside
 from rbd.planar.chain import Chain
 from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from rbd.planar.chain import Chain
-    from rbd.planar.ellipse import Ellipse
+    from rbd.planar.numeric import Ellipse
 
 LINK_COLOR, GROUND_COLOR, REACH_COLOR = "#24344d", "0.25", "0.75"
 FORCE_COLOR = CONTACT_COLORS[6]
