@@ -1,13 +1,12 @@
 """Joint angles, rates, accelerations and jerks along a path of the end point.
 
-One branch of the inverse kinematics is followed continuously, with angles that never jump by a turn.
+One branch of the inverse kinematics is followed continuously, with angles that never jump by a turn. One and two links are
+computed for all samples at once. Two links keep their branch, except where the path runs through a singular pose: there both
+branches meet, and the chain goes on in the one that continues the motion without a kink, as a path through the base or along
+a tangent of the outer circle demands. More links follow the path of least motion: each step is perpendicular to the null
+space of J half-way, so that q' = J^+ r' as samples become dense.
 
-One and two links are computed for all samples at once. Two links keep their branch, except where the path runs through a
-singular pose: there both branches meet, and the chain goes on in the one that continues the motion without a kink, as a
-path through the base or along a tangent of the outer circle demands. More links follow the path of least motion: each step
-is perpendicular to the null space of J half-way, so that q' = J^+ r' as samples become dense.
-
-Joint rates, accelerations and jerks of a planar chain, from those of its end point.
+Joint rates, accelerations and jerks follow from those of the end point:
 
     J q' = v,   J q'' = a - J' q',   J q''' = j - 2 J' q'' - J'' q'.
 
@@ -38,7 +37,7 @@ from rbd.planar.numeric import ROUND_OFF, ChainNumbers
 KINK = 0.1
 """A branch is changed at a singular pose only if that leaves less than this part of the kink that staying would make."""
 WIDE = 0.5 * np.pi
-"""A step of an angle between samples beyond which the path is told to be sampled too coarsely [rad]."""
+"""A step of an angle between samples beyond which the path counts as sampled too coarsely [rad]."""
 CONTRADICTS = 1e-6
 """Part of a single link's end-point motion that may be off its circle: round-off of whoever computed it, and no more."""
 
@@ -106,14 +105,14 @@ def inverse_path(
     if not within.all():
         first, worst = int(np.argmin(within)), int(np.argmax(distance))
         x, y = path[first]
-        told = (
+        message = (
             f"sample {first} of {len(path)}, ({x:g}, {y:g}) m, is out of reach by {distance[first]:g} m: "
             f"{arm.beyond(path[first])}; {np.sum(~within)} samples are out of reach, the farthest is sample {worst}, "
             f"by {distance[worst]:g} m"
         )
         if check:
-            raise InputError(f"{told}. Move the path, or take the nearest points that can be reached: check=False.")
-        notes.append(told)
+            raise InputError(f"{message}. Move the path, or take the nearest points that can be reached: check=False.")
+        notes.append(message)
     direction = np.array(0.0 if near is None else np.arctan2(*arm.position(near)[::-1]))
     reached = arm.nearest(path, direction)
     switches: tuple[int, ...] = ()
@@ -129,11 +128,11 @@ def inverse_path(
         if stuck:
             notes.append(f"the chain had to jump to another pose at sample {stuck[0]}: sample the path more finely")
     q = q + ((wrapped(q[0]) if near is None else beside(q[0], near)) - q[0])
-    notes += _tell(q, singular, switches)
+    notes += _notes(q, singular, switches)
     return InversePath(path, q, within, distance, singular, switches, "; ".join(notes))
 
 
-def _tell(q: Array, singular: Array, switches: tuple[int, ...]) -> list[str]:
+def _notes(q: Array, singular: Array, switches: tuple[int, ...]) -> list[str]:
     notes = []
     if singular.any():
         many = int(singular.sum())
@@ -310,7 +309,7 @@ def joint_rates(
     s = np.linalg.svd(J, compute_uv=False)
     singular = s[:, 1] <= SINGULAR * s[:, 0] if arm.n > 1 else np.zeros(len(pose), dtype=bool)
     if singular.any() and at_singular == "raise":
-        raise SingularPose(_told(arm, pose, singular))
+        raise SingularPose(_singular_message(arm, pose, singular))
     good = ~singular
     motion = [m[good] for m in motion]
     solve = _along_the_circle if arm.n == 1 else _two_links if arm.n == 2 else _least
@@ -332,7 +331,7 @@ def _vectors(what: str, value: Sequence[float] | Array, pose: Array) -> Array:
     return given
 
 
-def _told(arm: ChainNumbers, pose: Array, singular: Array) -> str:
+def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:
     k = int(np.argmax(singular))
     x, y = arm.position(pose[k])
     more = f" ({int(singular.sum())} samples of {len(pose)} are singular)" if singular.sum() > 1 else ""
