@@ -314,7 +314,7 @@ def plane(
         if out is not None:
             _told(console, "picture", draw(motion, out))
         if html is not None:
-            from rbd.visual.planar_scene import export_planar
+            from rbd.visual.planar_figures import export_planar
 
             _told(console, "page", export_planar(motion, html))
 
