@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.stand_report import StandReport
+from rbd.cli.robot_reports import StandReport
 
 runner = CliRunner()
 

@@ -102,7 +102,7 @@ def test_files_are_told_under_their_names(name: str, tmp_path: Path, monkeypatch
 
 def test_reports_are_right_on_any_console(odd: Path):
     """Printed by a user's own console too, which reads markup in what is text."""
-    from rbd.cli.listing import robot_info
+    from rbd.cli.robot_reports import robot_info
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -166,6 +166,37 @@ def test_friction_out_of_range_is_refused(command: list[str], friction: str):
     """Also where nothing touches."""
     code, out, told = run(*command, "--friction", friction)
     assert code == 2 and not out and "friction is" in told
+
+
+@pytest.mark.parametrize(
+    ("command", "advice"),
+    [
+        (["stand", "no such"], "`rbd robots` has them all"),
+        (["stand", "ur5"], "`rbd robots` tells which robots do"),
+        (["stand", "solo12", "--friction=-1"], "--friction is -1.0; expected a finite number >= 0."),
+        (["stand", "solo12", "--facets=2"], "--facets is 2"),
+        (["stand", "solo12", "--push=0,1,0", "--at=x"], "See `rbd info`"),
+        (["stand", "solo12", "--push=0,inf,0", "--at=base_link"], "three finite numbers, X,Y,Z in newtons"),
+        (["mechanism", str(URDF / "four_bar.urdf"), "--tries=0"], "--tries is 0"),
+        (["simulate", str(URDF / "box.urdf"), "--step=0"], "--step is 0.0"),
+        (["simulate", str(URDF / "box.urdf"), "--law=x"], "--law is 'x'; expected 'coulomb' or 'convex'"),
+        (["plane", "--from=1,0", "--to=0.5,0.5", "--links=0"], "--links 1 to 50"),
+        (["plane", "--from=1,0", "--to=0,1", "--lengths=0.5,0.5", "--links=3"], "--lengths has 2 numbers, and --links is 3"),
+        (["plane", "--from=0,1", "--to=1,0", "--links=1", "--space=endpoint"], "Plan in joint space (--space joint)"),
+        (["plane", "--from=nan,0", "--to=1,0"], "--from is 'nan,0'; expected two finite numbers, X,Y in metres"),
+    ],
+)
+def test_messages_advise_in_options_and_commands(command: list[str], advice: str):
+    """A call of Python, or an argument's name, helps nobody at a prompt."""
+    code, _, told = run(*command)
+    assert code in (1, 2) and advice in told
+    assert not re.search(r"\brbd\.\w|\w\(|\w=", told), told
+
+
+def test_warnings_speak_of_commands_too():
+    """Where a report is to be had, it is a command's."""
+    _, _, told = run("simulate", "solo12", "--duration", "0.002")
+    assert "rbd.doctor" not in told and "robot.standing()" not in told
 
 
 def test_the_address_of_a_replay_is_told(monkeypatch: pytest.MonkeyPatch):

@@ -13,8 +13,8 @@ from PIL import Image
 import rbd
 import rbd.planar
 from rbd.visual import Scene, screenshot
+from rbd.visual.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
-from rbd.visual.planar_sticks import plot_ellipses, plot_sticks
 
 PICTURES = Path(__file__).resolve().parent
 LINK, OTHER, GREY = "#24344d", "#b8c0cc", "0.45"

@@ -22,7 +22,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, open_console
+from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, numbers_of, open_console
 from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
 from rbd.model.output_files import write_text
@@ -75,7 +75,7 @@ def stand(
     Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
     and prints what each foot carries.
     """
-    from rbd.cli.stand_report import StandReport
+    from rbd.cli.robot_reports import StandReport
     from rbd.least_constraint import solve
     from rbd.model.external_force import ExternalForce
     from rbd.problem.cones import check_friction
@@ -83,13 +83,17 @@ def stand(
     from rbd.statics.equilibrium import hold
 
     console = open_console()
-    with answering():
+    with answering(stand):
         force = _push(push, at)
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
         check_friction(friction, facets)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or ())
+        if not loaded.source.feet:
+            raise InputError(
+                f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` tells which robots do."
+            )
         with _timed(seconds, "stand"):
             state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
         external = [] if force is None or at is None else [ExternalForce(at, force)]
@@ -111,7 +115,7 @@ def stand(
                 _write_json(json_, report)
                 console.print(report)
                 if written is not None:
-                    _told(console, "picture", written)
+                    _print_path(console, "picture", written)
                 if show:
                     _serve(console, scene.open())
         else:
@@ -122,11 +126,11 @@ def stand(
 @app.command()
 def robots() -> None:
     """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands out of the box."""
-    from rbd.cli.listing import robot_lines, robots_table
+    from rbd.cli.robot_reports import robot_lines, robots_table
     from rbd.robots import catalogue
 
     console = open_console()
-    with answering():
+    with answering(robots):
         names = catalogue.robots()
         shown = track(robot_lines(names), "loading", len(names), console=open_console(errors=True), transient=True)
         console.print(robots_table(list(shown)))
@@ -138,12 +142,12 @@ def info(
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
     package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
 ) -> None:
-    """Tell one robot's joints, limits, frames, effort limits, mass, and what the doctor found."""
-    from rbd.cli.listing import robot_info
+    """Tell one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
+    from rbd.cli.robot_reports import robot_info
     from rbd.robots.robot import load_robot
 
     console = open_console()
-    with answering():
+    with answering(info):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # the doctor's findings are printed below in full
             loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
@@ -169,7 +173,7 @@ def mechanism(
     from rbd.robots.robot import load_robot
 
     console = open_console()
-    with answering():
+    with answering(mechanism):
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=file)
         check_tries(seed, tries)
         loaded = load_robot(file, package_dirs=package_dir or ())
@@ -185,7 +189,7 @@ def mechanism(
                 scene.show(report.state)
                 scene.beside(report.poses(), shown=report.shown)
                 if html is not None:
-                    _told(console, "picture", scene.export(html))
+                    _print_path(console, "picture", scene.export(html))
                 if show:
                     _serve(console, scene.open())
 
@@ -231,7 +235,7 @@ def simulate(
     from rbd.simulation.run import simulate as run
 
     console = open_console()
-    with answering():
+    with answering(simulate):
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
         save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
@@ -260,11 +264,11 @@ def simulate(
         console.print(report)
         if save is not None:
             trajectory.save(save)
-            _told(console, "trajectory", save)
+            _print_path(console, "trajectory", save)
         if plot is not None:
-            _told(console, "plot", draw(trajectory, plot))
+            _print_path(console, "plot", draw(trajectory, plot))
         if html is not None and len(trajectory) > 1:
-            _told(console, "picture", trajectory.export(html, external=external))
+            _print_path(console, "picture", trajectory.export(html, external=external))
         if show and len(trajectory) > 1:
             from rbd.visual import Scene, replay
             from rbd.visual.animation import VIEWER_SECONDS
@@ -296,13 +300,12 @@ def plane(
     The base is at the origin. For example: rbd plane --links 2 --from 1,0 --to 0.5,0.5 --out plane.png
     """
     console = open_console()
-    with answering():
+    with answering(plane):
         try:
-            from rbd.cli.plane_report import PlaneReport, check_picture, draw, plane_task
+            from rbd.cli.plane_report import PlaneReport, draw, plane_task
         except ImportError as error:  # SymPy is an extra
             raise InputError(str(error)) from None
         check_outputs({"--out": (out, FIGURES), "--html": (html, PAGES), "--json": (json_, ())})
-        check_picture(out)
         task = plane_task(
             from_, to, links=links, lengths=lengths, angles=angles, duration=duration, branch=branch, space=space
         )  # fmt: skip
@@ -312,11 +315,11 @@ def plane(
         console.print(report)
         _write_json(json_, report)
         if out is not None:
-            _told(console, "picture", draw(motion, out))
+            _print_path(console, "picture", draw(motion, out))
         if html is not None:
-            from rbd.visual.planar_scene import export_planar
+            from rbd.visual.planar_figures import export_planar
 
-            _told(console, "page", export_planar(motion, html))
+            _print_path(console, "page", export_planar(motion, html))
 
 
 def _every(duration: float, step: float) -> int:
@@ -343,30 +346,24 @@ def _push(push: str | None, at: str | None) -> np.ndarray | None:
     if push is None or at is None:
         missing, given = ("--push X,Y,Z", "--at") if push is None else ("--at FRAME", "--push")
         raise InputError(f"{given} came without {missing}; a push wants both, e.g. --push 0,80,0 --at torso_2_link.")
-    try:
-        numbers = [float(x) for x in push.split(",")]
-    except ValueError:
-        raise InputError(f"--push is {push!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
-    from rbd.arrays import as_vector3
-
-    return as_vector3("--push", numbers)
+    return numbers_of("--push", push, "newtons", names="X,Y,Z")
 
 
 def _write_json(path: Path | None, report: Reported) -> None:
     if path is not None:
-        write_text(path, json.dumps(_sayable(report.data()), indent=2, allow_nan=False) + "\n")
+        write_text(path, json.dumps(_jsonable(report.data()), indent=2, allow_nan=False) + "\n")
 
 
-def _sayable(value: object) -> object:
+def _jsonable(value: object) -> object:
     """None in place of NaN and infinity, which JSON has not."""
     if isinstance(value, dict):
-        return {key: _sayable(each) for key, each in value.items()}
+        return {key: _jsonable(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_sayable(each) for each in value]
+        return [_jsonable(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _told(console: Console, what: str, where: Path | str) -> None:
+def _print_path(console: Console, what: str, where: Path | str) -> None:
     console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
 
 

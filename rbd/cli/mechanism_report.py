@@ -10,6 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.cli.terminal import in_options
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError, RbdError
 from rbd.mechanism import (
     Branches,
@@ -32,7 +34,6 @@ from rbd.mechanism import (
 from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
 from rbd.mechanism.held import check_seed, turning
 from rbd.model.state import State
-from rbd.problem.rows import Rows
 from rbd.robots.robot import Robot
 
 Answer = TypeVar("Answer")
@@ -48,12 +49,12 @@ class MechanismReport:
     Attributes:
         robot: The mechanism.
         state: The pose that is looked at, assembled.
-        words: Serial, branched, closed, parallel; bodies, joints, loops.
+        topology: Serial, branched, closed, parallel; bodies, joints, loops.
         mobility: Three ways.
         fixed: {joint: value} of the independent joints, held while branches are looked for.
         branches: All that were found.
         here: The singularities of the pose.
-        motion: One turn of the input, of a mechanism with one freedom.
+        motion: One turn of the input, of a mechanism with one degree of freedom.
         along: The singularities of that motion.
         integrable: Whether the constraints of velocity are holonomic.
         left_out: {what: why}.
@@ -61,7 +62,7 @@ class MechanismReport:
 
     robot: Robot
     state: State
-    words: MechanismClass
+    topology: MechanismClass
     mobility: Mobility
     fixed: dict[str, float]
     branches: Branches | None
@@ -79,7 +80,7 @@ class MechanismReport:
         )
         held = ", ".join(f"{name} = {value:.6g}" for name, value in self.fixed.items())
         parts = [
-            ("words", str(self.words)),
+            ("words", str(self.topology)),
             ("parts", f"joints: {joints}\nloops and wheels: {loops}"),
             ("mobility", str(self.mobility)),
             ("branches" + (f" with {held}" if held else ""), None if self.branches is None else str(self.branches)),
@@ -160,12 +161,9 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     """
     check_tries(seed, tries)
     held = (*robot.loops(), *robot.wheels())
-    state = State(robot, q)
-    placed = [c for c in held if _has_position(c.rows(state))]
-    if placed:
-        state = State(robot, assemble(robot, placed, q).q)
+    state = assembled(robot, held, State(robot, q))
     left_out: dict[str, str] = {}
-    words, found = classify(robot, held, at=state), mobility(state, held, seed=seed)
+    topology, found = classify(robot, held, at=state), mobility(state, held, seed=seed)
     free = independent_velocities(state, held, prefer=robot.actuated_names)
     fixed = _values(robot, state, free, left_out)
     every = None
@@ -184,22 +182,29 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     integrable = None
     if found.velocity_only:
         integrable = _unless(left_out, "integrability", lambda: integrability(robot, held, seed=seed))
-    return MechanismReport(robot, state, words, found, fixed or {}, every, here, motion, along, integrable, left_out)
+    return MechanismReport(robot, state, topology, found, fixed or {}, every, here, motion, along, integrable, left_out)
 
 
-def _has_position(rows: Rows) -> bool:
-    return rows.error is not None and (rows.holonomic is None or bool(rows.holonomic.any()))
+def assembled(robot: Robot, constraints: Sequence[Constraint], near: State) -> State:
+    """The state near another one with its loops closed and its wheels on the ground.
+
+    Raises:
+        CannotAssemble: the loops do not close.
+    """
+    rows = [(c, c.rows(near)) for c in constraints]
+    placed = [c for c, r in rows if r.error is not None and (r.holonomic is None or r.holonomic.any())]
+    return State(robot, assemble(robot, placed, near.q).q) if placed else near
 
 
 def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str, str]) -> dict[str, float] | None:
-    """{joint: its value} of the independent velocities; None, with the reason, where they are not joints with one freedom."""
+    """{joint: its value} of the independent velocities; None, with the reason, where a joint has several of them."""
     if len(free) > MOST_FIXED:
-        left_out["branches"] = f"{len(free)} freedoms; fix some of them and ask rbd.mechanism.branches"
+        left_out["branches"] = f"{len(free)} degrees of freedom; they are fixed to find branches, at most {MOST_FIXED}"
         return None
     out = {}
     for name in free:
         if name not in robot.model.names:
-            left_out["branches"] = f"{name} belongs to a joint with several freedoms"
+            left_out["branches"] = f"{name} belongs to a joint with several degrees of freedom"
             return None
         joint = robot.model.joints[robot.joint_id(name)]
         q = state.q[joint.idx_q : joint.idx_q + joint.nq]
@@ -208,9 +213,9 @@ def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str,
 
 
 def _unless(left_out: dict[str, str], what: str, ask: Callable[[], Answer]) -> Answer | None:
-    """The answer; where there is none, its words in `left_out`."""
+    """The answer; where there is none, the reason in `left_out`."""
     try:
         return ask()
     except RbdError as why:
-        left_out[what] = str(why)
+        left_out[what] = in_options(str(why))
         return None

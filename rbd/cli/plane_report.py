@@ -11,11 +11,10 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
 from rbd.arrays import Array, as_float
-from rbd.cli.terminal import Table
+from rbd.cli.terminal import Table, counted, facts, numbers_of, save_figure
 from rbd.errors import InputError, NoSolution
-from rbd.model.output_files import write_file
-from rbd.planar.arm import beside
-from rbd.planar.chain import Chain
+from rbd.planar.angles import beside
+from rbd.planar.chain import MOST_LINKS, Chain
 from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.quintic import minimum_jerk
@@ -50,11 +49,9 @@ class PlaneTask:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         lengths = ", ".join(f"{float(length):.4g}" for length in self.chain.lengths)
         angles = {"joint": "joint", "segment": "segment", "vertical": "from the vertical"}[self.chain.angles]
-        yield Text(f"planar chain, {_links(self.chain.n)} of {lengths} m, angles: {angles}")
+        yield Text(f"planar chain, {counted(self.chain.n, 'link')} of {lengths} m, angles: {angles}")
         yield ""
-        table = Table()
-        for heading in ("", "target in m", "reachable", "singular", "branches in deg"):
-            table.add_column(heading)
+        table = Table(None, ("", "target in m", "reachable", "singular", "branches in deg"))
         for name, end in (("from", self.start), ("to", self.stop)):
             reached = "yes" if end.reachable else f"no, out of reach by {end.distance:.6g} m"
             branches = " or ".join(_tuple(np.degrees(row)) for row in end.branches) or "none"
@@ -101,30 +98,27 @@ class PlaneReport:
         m = self.motion
         where = "the end point goes straight" if m.space == "endpoint" else "the angles go straight"
         yield Text(f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}")
-        table = Table(headings=False)
-        table.add_column("")
-        table.add_column("")
         far = float(np.hypot(*np.diff(m.x, axis=0).T).sum())
-        table.add_row("way of the end point", f"{far:.6g} m")
-        table.add_row("peak speed", _peak(m.speed, m.times, "m/s"))
-        table.add_row("peak acceleration", _peak(np.hypot(*m.a.T), m.times, "m/s2"))
+        rows = [("length of the end point's path", f"{far:.6g} m")]
+        rows.append(("peak speed", _peak(m.speed, m.times, "m/s")))
+        rows.append(("peak acceleration", _peak(np.hypot(*m.a.T), m.times, "m/s2")))
         for part in PARTS:
             name = "Coriolis" if part == "coriolis" else part
-            table.add_row(f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.times, "m/s2"))
+            rows.append((f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.times, "m/s2")))
         for k in range(min(m.chain.n, MOST_ROWS)):
-            table.add_row(f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.times, "deg/s"))
+            rows.append((f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.times, "deg/s")))
         if m.chain.n > MOST_ROWS:
-            table.add_row("", f"and {m.chain.n - MOST_ROWS} more angles")
+            rows.append(("", f"and {m.chain.n - MOST_ROWS} more angles"))
         for k in range(0 if m.unbounded else min(m.chain.n, MOST_ROWS)):
-            table.add_row(f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.times, "deg/s2"))
+            rows.append((f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.times, "deg/s2")))
         if m.unbounded:
             ends = " and ".join(f"{t:g} s" for t in m.unbounded)
-            table.add_row("angular accelerations", f"without bound towards {ends}")
+            rows.append(("angular accelerations", f"without bound towards {ends}"))
         if m.chain.n > 1:
             least, most = self._manipulability()
-            table.add_row("least manipulability", f"{least['value']:.4g} m2 at {least['at']:.4g} s")
-            table.add_row("largest manipulability", f"{most['value']:.4g} m2 at {most['at']:.4g} s")
-        yield table
+            rows.append(("least manipulability", f"{least['value']:.4g} m2 at {least['at']:.4g} s"))
+            rows.append(("largest manipulability", f"{most['value']:.4g} m2 at {most['at']:.4g} s"))
+        yield facts(None, rows)
         if m.note:
             yield Text(f"note: {m.note}")
 
@@ -191,12 +185,15 @@ def plane_task(
     Raises:
         InputError: what cannot be read, or means nothing.
     """
-    given = None if lengths is None else _numbers("--lengths", lengths)
+    given = None if lengths is None else numbers_of("--lengths", lengths, "metres")
     count = links if links is not None else 2 if given is None else len(given)
-    chain = Chain(count, lengths=given)  # so that a wrong number of links is told before any length is made up
-    if given is None:
-        chain = chain.with_lengths([1.0 / count] * count)
-    chain = chain.with_angles(angles)
+    if not 1 <= count <= MOST_LINKS:
+        raise InputError(f"a chain of {count} links was asked for; expected --links 1 to {MOST_LINKS}.")
+    if given is not None and len(given) != count:
+        raise InputError(
+            f"--lengths has {counted(len(given), 'number')}, and --links is {count}; expected one number per link."
+        )
+    chain = Chain(count, lengths=[1.0 / count] * count if given is None else given, angles=angles)
     chosen = space if space is not None else SPACES[count == 1]
     if chosen not in SPACES:
         raise InputError(f"--space is {space!r:.80}; expected endpoint or joint.")
@@ -204,24 +201,11 @@ def plane_task(
         raise InputError(f"--branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
     if not 0.0 < as_float(duration) < np.inf:
         raise InputError(f"--duration is {duration!r:.80}; expected seconds above zero.")
-    first, last = inverse(chain, _point("--from", start)), _point("--to", stop)
+    first = inverse(chain, numbers_of("--from", start, "metres", names="X,Y"))
+    last = numbers_of("--to", stop, "metres", names="X,Y")
     # Of a family of poses the one nearest to the first end's; of two links the branches in their own order.
     near = first.q if count > 2 and first.reachable else None
     return PlaneTask(chain, first, inverse(chain, last, start=near), float(duration), chosen, branch)
-
-
-def check_picture(path: Path | None) -> None:
-    """Refuse a picture that could not be drawn, before anything is computed.
-
-    Raises:
-        InputError: no Matplotlib.
-    """
-    if path is None:
-        return
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise InputError("--out wants Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
 
 
 def draw(motion: PlanarMotion, path: Path) -> Path:
@@ -232,44 +216,29 @@ def draw(motion: PlanarMotion, path: Path) -> Path:
     """
     from matplotlib.figure import Figure
 
+    from rbd.visual.planar_figures import plot_ellipses, plot_sticks
     from rbd.visual.planar_plots import plot_panels, plot_split
-    from rbd.visual.planar_sticks import plot_ellipses, plot_sticks
 
     figure = Figure(figsize=(12.0, 14.0), layout="constrained")
-    # Told as an array: the stubs know of a single subfigure only.
+    # As an array: the stubs know of a single subfigure only.
     above, middle, below = np.asarray(figure.subfigures(3, 1, height_ratios=[1.1, 1.25, 0.85], hspace=0.03))
     sticks, ellipses = above.subplots(1, 2)
     plot_sticks(sticks, motion.chain, motion.q)
-    sticks.set_title(f"{_links(motion.chain.n)}: poses evenly in time", loc="left", fontsize="small")
+    sticks.set_title(f"{counted(motion.chain.n, 'link')}: poses evenly in time", loc="left", fontsize="small")
     plot_ellipses(ellipses, motion.chain, motion.q)
     plot_panels(middle.subplots(2, 4, sharex=True), motion)
     plot_split(below.subplots(1, 3, sharey=True), motion)
     ends = [_tuple(point) for point in (motion.x[0], motion.x[-1])]
     figure.suptitle(
-        f"Minimum jerk of {_links(motion.chain.n)}, {ends[0]} to {ends[1]} m in {motion.path.duration:g} s, "
+        f"Minimum jerk of {counted(motion.chain.n, 'link')}, {ends[0]} to {ends[1]} m in {motion.path.duration:g} s, "
         f"planned in {'end-point' if motion.space == 'endpoint' else 'joint'} space"
     )  # fmt: skip
-    write_file(path, lambda file: figure.savefig(file, dpi=130, format=path.suffix[1:].lower()))
-    return path
+    return save_figure(figure, path, dpi=130)
 
 
 def _chosen(end: Inverse, branch: int) -> Array:
     """The angles of a branch; where both meet, of the one there is."""
     return end.branches[min(branch, len(end.branches) - 1)]
-
-
-def _point(option: str, text: str) -> Array:
-    values = _numbers(option, text)
-    if len(values) != 2:
-        raise InputError(f"{option} is {text!r:.80}; expected two numbers, X,Y in metres, e.g. 0.5,0.5.")
-    return values
-
-
-def _numbers(option: str, text: str) -> Array:
-    try:
-        return np.array([float(x) for x in text.split(",")])
-    except ValueError:
-        raise InputError(f"{option} is {text!r:.80}; expected numbers with commas between, in metres, e.g. 0.5,0.5.") from None
 
 
 def _largest(values: Array, times: Array) -> dict[str, float]:
@@ -288,10 +257,6 @@ def _peak(values: Array, times: Array, unit: str) -> str:
 def _tuple(values: Sequence[float] | Array) -> str:
     # Rounding before adding zero turns -0 into 0
     return "(" + ", ".join(f"{x:.5g}" for x in np.round(np.asarray(values, float), 6) + 0.0) + ")"
-
-
-def _links(n: int) -> str:
-    return f"{n} link{'' if n == 1 else 's'}"
 
 
 def _end_data(end: Inverse) -> dict[str, object]:

@@ -14,12 +14,9 @@ from rich.text import Text
 
 from rbd.arrays import Array
 from rbd.cli.simulate_setup import Setup
-from rbd.cli.stand_report import rounded
-from rbd.cli.terminal import Table
+from rbd.cli.terminal import Table, counted, facts, rounded, save_figure
 from rbd.control.pushes import Push
-from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.output_files import write_file
 from rbd.model.state import State
 from rbd.simulation.events import HOLDS, OPEN, SLIPS
 from rbd.simulation.trajectory import Trajectory
@@ -161,9 +158,8 @@ class SimulateReport:
 
     def _constraints_table(self) -> Table:
         x = self.trajectory
-        table = _table("constraints", "constraint")
-        for heading in ("at the end", "force at the end [N]", "largest force [N]", "at [s]", "touches", "leaves"):
-            table.add_column(heading, justify="right")
+        numbers = ("at the end", "force at the end [N]", "largest force [N]", "at [s]", "touches", "leaves")
+        table = Table("constraints", ("constraint",), numbers)
         idle = 0
         for name in x.forces:
             known = self._constraint(name)
@@ -184,30 +180,22 @@ class SimulateReport:
     def _events_table(self) -> Table:
         events = self.trajectory.events
         more = f"; {len(events) - EVENTS} more" if len(events) > EVENTS else ""
-        table = _table(f"{_count(len(events), 'event')}{more}", "at [s]")
-        table.add_column("what")
+        table = Table(f"{counted(len(events), 'event')}{more}", ("at [s]", "what"))
         for event in events[:EVENTS]:
-            told = str(event).split(": ", 1)[1]
-            table.add_row(f"{event.t:.6f}", told)
+            table.add_row(f"{event.t:.6f}", str(event).split(": ", 1)[1])
         return table
 
     def _motion_table(self) -> Table:
         x = self.trajectory
-        table = _table("motion", None)
-        table.add_row("time", f"{x.times[0]:g} to {x.times[-1]:g} s, {_count(self.steps, 'step')} of {1e3 * x.step:g} ms")
-        if x.interrupted:
-            table.add_row("ended early", x.interrupted)
-        if self.verdict:
-            table.add_row("at the end", self.verdict)
-        for what, told in self._places():
-            table.add_row(what, told)
-        motor = _busiest_motor(x)
-        if motor:
-            table.add_row("largest torque", motor)
-        e = x.energy
+        steps = f"{counted(self.steps, 'step')} of {1e3 * x.step:g} ms"
+        rows = [("time", f"{x.times[0]:g} to {x.times[-1]:g} s, {steps}")]
+        rows += [("ended early", x.interrupted)] if x.interrupted else []
+        rows += [("at the end", self.verdict)] if self.verdict else []
+        rows += self._places()
+        motor, e = _busiest_motor(x), x.energy
+        rows += [("largest torque", motor)] if motor else []
         change = f"change {e[-1] - e[0]:.3g} J, kinetic at most {x.kinetic.max():.4g} J"
-        table.add_row("energy", f"{e[0]:.6g} J to {e[-1]:.6g} J: {change}")
-        return table
+        return facts("motion", [*rows, ("energy", f"{e[0]:.6g} J to {e[-1]:.6g} J: {change}")])
 
     def _places(self) -> list[tuple[str, str]]:
         x = self.trajectory
@@ -224,53 +212,33 @@ class SimulateReport:
 
     def _proof_table(self) -> Table:
         x = self.trajectory
-        table = _table("proof", None)
-        table.add_row("method", f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else ""))
-        holds = any((modes == HOLDS).any() for modes in x.modes.values())
-        told_of = {"law": True, "drift": holds, "drift_rate": holds, "penetration": bool(x.points)}
-        for name, unit in [(c.name, c.unit) for c in RESIDUALS]:
-            if not told_of.get(name, True):
-                continue
-            worst = float(np.abs(x.residuals[name]).max())
-            told = "(scaled)" if unit == "1" else unit
-            at = f" at {self._when(np.abs(x.residuals[name])):.3f} s" if worst else ""
-            table.add_row(f"worst {name.replace('_', ' ')}", f"{worst:.1e} {told}{at}")
-        for i, limit in enumerate(self.setup.limits):
-            table.add_row("" if i else "left out", limit)
+        rows = [("method", f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else ""))]
+        bilateral = any((modes == HOLDS).any() for modes in x.modes.values())
+        asked = {"drift": bilateral, "drift_rate": bilateral, "penetration": bool(x.points)}
+        for name, unit in [(c.name, c.unit) for c in RESIDUALS if asked.get(c.name, True)]:
+            size = np.abs(x.residuals[name])
+            worst = float(size.max())
+            at = f" at {self._when(size):.3f} s" if worst else ""
+            rows.append((f"worst {name.replace('_', ' ')}", f"{worst:.1e} {'(scaled)' if unit == '1' else unit}{at}"))
+        rows += [("" if i else "left out", limit) for i, limit in enumerate(self.setup.limits)]
         pace = self.steps / self.seconds["simulate"]
         times = ", ".join(f"{what} {t:.2f} s" for what, t in self.seconds.items())
-        table.add_row("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time")
-        return table
-
-
-PLOTS = (".png", ".svg", ".pdf")
+        return facts("proof", [*rows, ("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time")])
 
 
 def draw(trajectory: Trajectory, path: Path) -> Path:
     """Forces (where there are any) above energies, over time; returns where they are.
 
     Raises:
-        InputError: Matplotlib is not installed, or the file cannot be written.
+        InputError: the file cannot be written.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("--plot wants Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
+    from matplotlib.figure import Figure
+
     panels = (trajectory.plot_forces, trajectory.plot_energy) if trajectory.forces else (trajectory.plot_energy,)
     figure = Figure(figsize=(9.0, 4.0 * len(panels)), layout="constrained")
     for panel, axes in zip(panels, figure.subplots(len(panels), squeeze=False)[:, 0], strict=True):
         panel(axes)
-    write_file(path, lambda file: figure.savefig(file, dpi=120, format=path.suffix[1:].lower()))
-    return path
-
-
-def _table(title: str, first: str | None) -> Table:
-    """A table of ours; without a first heading, of two columns without any."""
-    table = Table(title, headings=first is not None)
-    table.add_column("" if first is None else first)
-    if first is None:
-        table.add_column("")
-    return table
+    return save_figure(figure, path, dpi=120)
 
 
 def _joints(first: State, last: State) -> list[tuple[str, str]]:
@@ -283,10 +251,11 @@ def _joints(first: State, last: State) -> list[tuple[str, str]]:
         straight = joint.shortname().startswith("JointModelP")
         per_second, unit = ("m/s", "m") if straight else ("rad/s", "rad")
         q0, q1 = (_coordinate(s.q[joint.idx_q : joint.idx_q + joint.nq]) for s in (first, last))
-        told = f"{q0 + 0.0:.4f} to {q1 + 0.0:.4f} {unit}, at {last.v[joint.idx_v] + 0.0:.4f} {per_second}"
-        out.append((model.names[i], told))
+        out.append(
+            (model.names[i], f"{q0 + 0.0:.4f} to {q1 + 0.0:.4f} {unit}, at {last.v[joint.idx_v] + 0.0:.4f} {per_second}")
+        )
     left = len(single) - len(out)
-    return [*out, ("", f"and {_count(left, 'more joint')}")] if left else out
+    return [*out, ("", f"and {counted(left, 'more joint')}")] if left else out
 
 
 def _coordinate(q: Array) -> float:
@@ -306,7 +275,3 @@ def _busiest_motor(x: Trajectory) -> str:
     limit = robot.effort_limit[i]
     share = f", {100 * used[at, i]:.1f} % of its limit" if np.isfinite(limit) else ""
     return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.times[at]:.3f} s"
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from rbd.arrays import as_vector3
+from rbd.cli.mechanism_report import assembled
+from rbd.cli.terminal import numbers_of
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
@@ -16,9 +17,7 @@ from rbd.control.posture import HoldPosture
 from rbd.control.pushes import Push
 from rbd.control.torques import Controller
 from rbd.errors import InputError
-from rbd.mechanism import assemble
 from rbd.model.state import State
-from rbd.problem.rows import Rows
 from rbd.robots.loop_file import Root
 from rbd.robots.robot import Robot, load_robot
 
@@ -56,9 +55,9 @@ def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         robot = load_robot(name, root=root, package_dirs=package_dirs)
-    told = root is not None or robot.mechanism.file.root is not None
+    said = root is not None or robot.mechanism.file.root is not None
     stands = bool(robot.source.feet or robot.loops() or robot.wheels())
-    if told or stands or not robot.floating or not robot.nu or robot.urdf.suffix != ".urdf":
+    if said or stands or not robot.floating or not robot.nu or robot.urdf.suffix != ".urdf":
         for warning in caught:
             warnings.warn(warning.message, warning.category, stacklevel=2)
         return robot
@@ -99,7 +98,7 @@ def setup(
         state, feet = robot.standing(posture), tuple(robot.feet(friction))
     else:
         name = posture or robot.source.posture or next(iter(robot.postures), None)
-        state = _assembled(robot, held, robot.at(name))
+        state = assembled(robot, held, robot.at(name))
     if bodies is None:
         bodies = bool(feet) and robot.collision_model.ngeoms > 0
     constraints = (*feet, *held)
@@ -142,7 +141,7 @@ def pushes(
     at = _one_each("--at", frames, n)
     start = _one_each("--from", starts or (0.0,), n)
     lasting = _one_each("--for", durations or (0.1,), n)
-    vectors = [_vector(force) for force in forces]
+    vectors = [numbers_of("--push", force, "newtons", names="X,Y,Z") for force in forces]
     return tuple(Push(f, v, start=s, duration=d) for f, v, s, d in zip(at, vectors, start, lasting, strict=True))
 
 
@@ -150,25 +149,6 @@ def _one_each(option: str, given: Sequence[Value], n: int) -> Sequence[Value]:
     if len(given) not in (1, n):
         raise InputError(f"{option} came {len(given)} times with {n} times --push; give it once for all, or once a push.")
     return list(given) * n if len(given) == 1 else given
-
-
-def _vector(text: str) -> tuple[float, float, float]:
-    try:
-        values = [float(x) for x in text.split(",")]
-    except ValueError:
-        raise InputError(f"--push is {text!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
-    x, y, z = as_vector3("--push", values).tolist()
-    return x, y, z
-
-
-def _assembled(robot: Robot, held: Sequence[Constraint], state: State) -> State:
-    """With its loops closed and its wheels on the ground."""
-    placed = [c for c in held if _has_position(c.rows(state))]
-    return State(robot, assemble(robot, placed, state.q).q) if placed else state
-
-
-def _has_position(rows: Rows) -> bool:
-    return rows.error is not None and (rows.holonomic is None or bool(rows.holonomic.any()))
 
 
 def _others(robot: Robot, feet: Sequence[Constraint], friction: float) -> CollisionContacts:

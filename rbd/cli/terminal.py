@@ -1,51 +1,126 @@
-"""Output of the command line: text is printed literally, never as markup; bad options are refused."""
+"""What all commands share: options read and refused, tables, pictures, errors told in the words of the command line.
+
+Text is printed literally, never as markup.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import os
+import re
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, get_args, get_type_hints
 
+import numpy as np
 import rich.table
 import typer
 from rich import box
 from rich.console import Console
 from rich.text import Text
+from typer.models import OptionInfo
 
+from rbd.arrays import Array, is_finite
 from rbd.errors import InputError, NoSolution, RbdError
-from rbd.model.output_files import check_place
+from rbd.model.output_files import check_place, write_file
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT = 1, 2
 WIDTH = 140
 """A file or a pipe has no width; tables cut at 80 columns would lose numbers."""
 PAGES, FIGURES, TRAJECTORIES = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc")
 _SILENT = (DeprecationWarning, PendingDeprecationWarning, ResourceWarning)
+_PYTHON = {
+    "rbd.robots.catalogue.names()": "`rbd robots`",
+    "rbd.doctor(robot)": "`rbd info`",
+    "robot.frames()": "`rbd info`",
+    "(joint_motion)": "(--space joint)",
+    ", or None for a contact that holds": "",
+}
+"""What messages advise in Python, and the same on the command line."""
+_CODE = re.compile(r"\brbd\.\w|[A-Za-z_]\w*\(|\w=[\w.(\[{]")
+"""A name of the package, a call, or a keyword argument."""
 
 
 class Table(rich.table.Table):
-    """A table whose text is told as it is: "[/foo]" and ":smile:" are names of joints, also where a console reads markup.
+    """A table whose text is printed literally: "[/foo]" and ":smile:" are names of joints, also where a console reads markup.
 
     Args:
         title: Above the table, on the left.
-        headings: Whether the columns have any.
+        left: Headings of its first columns, which are flush left.
+        right: Headings of the columns after them, which are flush right.
+        headings: Whether the headings are printed.
     """
 
-    def __init__(self, title: str | None = None, *, headings: bool = True) -> None:
-        told = None if title is None else Text(title)
-        super().__init__(title=told, title_justify="left", box=box.SIMPLE_HEAD, show_header=headings)
+    def __init__(
+        self, title: str | None = None, left: Sequence[str] = (), right: Sequence[str] = (), *, headings: bool = True
+    ) -> None:
+        caption = None if title is None else Text(title)
+        super().__init__(title=caption, title_justify="left", box=box.SIMPLE_HEAD, show_header=headings)
+        for heading in left:
+            self.add_column(heading)
+        for heading in right:
+            self.add_column(heading, justify="right")
 
     def add_column(self, header: Any = "", **options: Any) -> None:  # type: ignore[override]
         """A column; see rich."""
-        super().add_column(_as_it_is(header), **options)
+        super().add_column(_literal(header), **options)
 
     def add_row(self, *cells: Any, **options: Any) -> None:
         """A row; see rich."""
-        super().add_row(*map(_as_it_is, cells), **options)
+        super().add_row(*map(_literal, cells), **options)
+
+
+def facts(title: str | None, rows: Iterable[tuple[str, str]]) -> Table:
+    """A table of names and values, without headings."""
+    table = Table(title, ("", ""), headings=False)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def rounded(values: Array, digits: int) -> str:
+    """Numbers with so many digits, separated by commas."""
+    # Rounding before adding zero turns -0.00 into 0.00
+    return ", ".join(f"{x:.{digits}f}" for x in np.round(values, digits) + 0.0)
+
+
+def counted(n: int, what: str) -> str:
+    """A number of things, as "1 step" or "2 steps"."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
+    """The finite numbers of an option.
+
+    Args:
+        option: Its name.
+        text: What came, numbers with commas between.
+        unit: Of the numbers, for the message.
+        names: What the numbers are, as "X,Y,Z"; "" for any count.
+
+    Raises:
+        InputError: what cannot be read, another count, numbers that are not finite.
+    """
+    count = len(names.split(",")) if names else 0
+    try:
+        values = np.array([float(x) for x in text.split(",")])
+    except ValueError:
+        values = np.zeros(0)
+    finite = is_finite(values)
+    if not finite or not len(values) or (count and len(values) != count):
+        many = {0: "", 2: "two ", 3: "three "}[count] + ("" if finite else "finite ") + "numbers"
+        example = "0,80,0" if count == 3 else "0.5,0.5"
+        expected = f"{many}, {names} in {unit}" if names else f"{many} with commas between, in {unit}"
+        raise InputError(f"{option} is {text!r:.80}; expected {expected}, e.g. {example}.")
+    return values
 
 
 def open_console(*, errors: bool = False) -> Console:
@@ -61,19 +136,45 @@ def open_console(*, errors: bool = False) -> Console:
 
 
 @contextmanager
-def answering() -> Iterator[None]:
-    """Turn this package's errors into messages and exit codes, and its warnings into lines, each told once."""
+def answering(command: Command | None = None) -> Iterator[None]:
+    """Turn this package's errors into messages and exit codes, and its warnings into lines, each printed once.
+
+    Args:
+        command: Whose options messages speak of.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             yield
         except NoSolution as error:
-            _fail("no solution", error, NO_SOLUTION)
+            _fail("no solution", in_options(str(error), command), NO_SOLUTION)
         except RbdError as error:
-            _fail("bad input", error, BAD_INPUT)
+            _fail("bad input", in_options(str(error), command), BAD_INPUT)
         finally:
-            for words in dict.fromkeys(str(w.message) for w in caught if not issubclass(w.category, _SILENT)):
-                _complain("warning", "yellow", words)
+            messages = [str(w.message) for w in caught if not issubclass(w.category, _SILENT)]
+            for message in dict.fromkeys(in_options(message, command) for message in messages):
+                _complain("warning", "yellow", message)
+
+
+def in_options(message: str, command: Command | None = None) -> str:
+    """A message in the words of the command line: arguments are options of the command, and advice in Python is left out."""
+    for python, ours in _PYTHON.items():
+        message = message.replace(python, ours)
+    options = {} if command is None else _options(command)
+    first, *more = re.split(r"(?<=\.)\s+(?=[A-Z`])", message)
+    name, is_, rest = first.partition(" is ")
+    if is_ and name in options:
+        first = f"{options[name]} is {rest}"
+    return " ".join([first, *(sentence for sentence in more if not _CODE.search(sentence))])
+
+
+def _options(command: Command) -> dict[str, str]:
+    """{argument: its option} of a command."""
+    found = {}
+    for name, hint in get_type_hints(command, include_extras=True).items():
+        for option in (each for each in get_args(hint) if isinstance(each, OptionInfo)):
+            found[name.rstrip("_")] = (option.param_decls or ("--" + name.replace("_", "-"),))[0]
+    return found
 
 
 def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *, beside: str | None = None) -> None:
@@ -84,7 +185,8 @@ def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *,
         beside: The file that the command reads: it is not overwritten.
 
     Raises:
-        InputError: an ending that says nothing, a folder that is not there, no permission, one file for two options.
+        InputError: an ending that says nothing, a folder that is not there, no permission, one file for two options, a
+            figure without Matplotlib.
     """
     taken: dict[str, str] = {}
     if beside is not None and os.path.isfile(beside):
@@ -95,6 +197,8 @@ def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *,
         suffix = path.suffix if endings is TRAJECTORIES else path.suffix.lower()
         if endings and suffix not in endings:
             raise InputError(f"{option} is {str(path)!r:.300}; expected a file that ends in {' or '.join(endings)}.")
+        if endings is FIGURES and importlib.util.find_spec("matplotlib") is None:
+            raise InputError(f"{option} needs Matplotlib. Install the extra: pip install 'rbd-contact[plot]'")
         check_place(path, what=option)
         if other := taken.get(place := os.path.realpath(path)):
             raise InputError(f"{option} and {other} are one file, {str(path)!r:.300}. Give each its own.")
@@ -102,14 +206,24 @@ def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *,
             taken[place] = option
 
 
-def _fail(what: str, error: RbdError, code: int) -> NoReturn:
-    _complain(what, "red", str(error))
+def save_figure(figure: Figure, path: Path, *, dpi: int) -> Path:
+    """Write a figure; returns where it is.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_file(path, lambda file: figure.savefig(file, dpi=dpi, format=path.suffix[1:].lower()))
+    return path
+
+
+def _fail(what: str, message: str, code: int) -> NoReturn:
+    _complain(what, "red", message)
     raise typer.Exit(code)
 
 
-def _complain(what: str, color: str, words: str) -> None:
-    open_console(errors=True).print(Text.assemble((what, color), f": {words}"), soft_wrap=True)
+def _complain(what: str, color: str, message: str) -> None:
+    open_console(errors=True).print(Text.assemble((what, color), f": {message}"), soft_wrap=True)
 
 
-def _as_it_is(cell: Any) -> Any:
+def _literal(cell: Any) -> Any:
     return Text(cell) if isinstance(cell, str) else cell

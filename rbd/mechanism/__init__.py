@@ -16,9 +16,8 @@ from rbd.mechanism.singular_configurations import Singularities, SingularitiesAl
 from rbd.mechanism.topology import MechanismClass, classify
 from rbd.mechanism.velocity_projection import project_velocity
 from rbd.modules import submodule as _submodule
-from rbd.robots.four_bars import four_bar, n_four_bar
 from rbd.robots.linkage import link_angles
-from rbd.robots.slider_cranks import slider_crank
+from rbd.robots.standard_linkages import four_bar, n_four_bar, slider_crank
 
 __all__ = [
     "AccelerationPartition",

@@ -17,15 +17,13 @@ from rbd.planar.angles import AngleMap
 from rbd.planar.bodies import Bodies
 from rbd.planar.chain import Chain
 from rbd.planar.constrained_chain import ConstrainedChain, constrained
-from rbd.planar.ellipse import Ellipse
 from rbd.planar.equations_of_motion import Dynamics, dynamics
 from rbd.planar.inverse_kinematics import Inverse, inverse, inverse_formulas
-from rbd.planar.kinematics import Split
+from rbd.planar.kinematics import Split, jacobian
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
-from rbd.planar.partial_derivatives import jacobian
-from rbd.planar.path_following import InversePath, inverse_path
+from rbd.planar.numeric import Ellipse
+from rbd.planar.path_following import InversePath, inverse_path, joint_rates
 from rbd.planar.quintic import MinimumJerk, Peaks, minimum_jerk
-from rbd.planar.rates import joint_rates
 from rbd.planar.small_motion import Linearised, Modes
 from rbd.planar.topology import ChainClass, classify
 from rbd.planar.urdf import RobotCoordinates, robot_coordinates, to_robot, to_urdf

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, as_array, check_finite
+from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.errors import InputError, nearest
 
 JOINT, SEGMENT, VERTICAL = "joint", "segment", "vertical"
@@ -81,8 +81,7 @@ class AngleMap:
         """
         if isinstance(values, sympy.MatrixBase):
             return self.matrix * self._column(values) + self.offset
-        offset = np.array(self.offset, dtype=float).ravel()
-        return self.rates(values) + offset
+        return self.rates(values) + self.floats[1]
 
     def rates(self, values: Any) -> Any:
         """Angular velocities in the other convention, or accelerations, or jerks: the offset falls out.
@@ -95,8 +94,17 @@ class AngleMap:
         """
         if isinstance(values, sympy.MatrixBase):
             return self.matrix * self._column(values)
-        given = samples("angles", values, self.matrix.rows)
-        return given @ np.array(self.matrix, dtype=float).T
+        return samples("angles", values, self.matrix.rows) @ self.floats[0].T
+
+    @lazy
+    def floats(self) -> tuple[Array, Array]:
+        """The matrix (n, n) and the offset (n,) [rad] as arrays."""
+        return np.array(self.matrix, dtype=float), np.array(self.offset, dtype=float).ravel()
+
+    @lazy
+    def inverse(self) -> AngleMap:
+        """The map back."""
+        return angle_map(self.matrix.rows, self.to, self.source)
 
     def _column(self, values: Symbols) -> Symbols:
         n = self.matrix.rows
@@ -129,3 +137,34 @@ def samples(what: str, values: object, n: int) -> Array:
         raise InputError(f"{what} came with shape {given.shape}; expected one number per link, ({n},), or (samples, {n}).")
     check_finite(what, given.ravel())
     return given
+
+
+def units(angle: Array) -> Array:
+    """(cos, sin) of angles, shape (..., 2)."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def wrapped(q: Array) -> Array:
+    """Angles brought to (-pi, pi] by full turns [rad]; those that are there already are not touched."""
+    turns = np.ceil((q - np.pi) / (2.0 * np.pi))
+    return np.where((q > -np.pi) & (q <= np.pi), q, q - 2.0 * np.pi * turns)
+
+
+def beside(q: Array, start: Array) -> Array:
+    """Angles moved by full turns to within half a turn of others [rad]."""
+    return q - 2.0 * np.pi * np.round((q - start) / (2.0 * np.pi))
+
+
+def plain(what: str, value: object) -> Array:
+    """Finite numbers as a new float array; exact numbers of SymPy, alone, in lists or as a column, are numbers too.
+
+    Raises:
+        InputError: on anything else.
+    """
+    if isinstance(value, sympy.MatrixBase) and 1 in value.shape:
+        value = list(value)
+    if isinstance(value, list | tuple) and any(isinstance(x, sympy.Expr) for x in value):
+        value = [float(x) if isinstance(x, sympy.Expr) and x.is_number and x.is_finite and x.is_real else x for x in value]
+    out = as_array(what, value)
+    check_finite(what, out.ravel())
+    return out

@@ -18,12 +18,11 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from rbd.arrays import Array, as_float, lazy
 from rbd.errors import InputError
-from rbd.planar import printing
+from rbd.planar import expressions
 from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention
-from rbd.planar.compiled import Compiled, compile_expression
-from rbd.planar.ellipse import Ellipse, end_point_ellipse
+from rbd.planar.expressions import Compiled, compile_expression
 from rbd.planar.kinematics import Links, Split
-from rbd.planar.numeric import ChainNumbers
+from rbd.planar.numeric import ChainNumbers, Ellipse
 
 MOST_LINKS = 50
 """A chain of more links is a rope; its expressions fill pages."""
@@ -227,7 +226,7 @@ class Chain:
         return ChainNumbers.of(self.lengths, self.angles)
 
     def ellipse(self, q: Sequence[float] | Array, kind: str = "velocity", *, i: int | None = None) -> Ellipse:
-        """Velocity or force ellipse of joint i at a configuration; see `rbd.planar.ellipse`.
+        """Velocity or force ellipse of joint i at a configuration; see `rbd.planar.numeric`.
 
         Args:
             q: Angles, shape (n,) [rad], measured as this chain does.
@@ -237,7 +236,7 @@ class Chain:
         Raises:
             InputError: on another word or shape, or where lengths are symbols.
         """
-        return end_point_ellipse(self.numeric, q, kind, i)
+        return self.numeric.ellipse(q, kind, i)
 
     def latex(self, expr: Any) -> str:
         r"""LaTeX of an expression, in Newton's dots: \ell_{1}, \theta_{1}, \dot{\theta}_{1}.
@@ -248,19 +247,19 @@ class Chain:
         Raises:
             InputError: on what is none of these.
         """
-        return printing.latex(expr)
+        return expressions.latex(expr)
 
-    def formula(self, expr: Any) -> printing.Formula:
+    def formula(self, expr: Any) -> expressions.Formula:
         """The same expression, shown typeset by a notebook.
 
         Raises:
             InputError: as `latex` does.
         """
-        return printing.Formula(expr)
+        return expressions.Formula(expr)
 
     def _repr_latex_(self) -> str:
         """Where the end point is, for notebooks."""
-        return printing.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
+        return expressions.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
 
 
 def check_chain(chain: Chain) -> Chain:

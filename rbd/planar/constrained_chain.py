@@ -21,9 +21,8 @@ import sympy
 
 from rbd.arrays import Array, as_array, lazy
 from rbd.errors import InputError, NoSolution
-from rbd.planar import printing
-from rbd.planar.angles import Symbols
-from rbd.planar.arm import plain
+from rbd.planar import expressions
+from rbd.planar.angles import Symbols, plain
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.kinematics import Split
 from rbd.planar.relations import Reduced, Relation, newton, read, reduce
@@ -235,11 +234,11 @@ class ConstrainedChain:
         Raises:
             InputError: on what has no LaTeX.
         """
-        return printing.latex([sympy.Eq(r, 0) for r in self.relations] if expr is None else expr)
+        return expressions.latex([sympy.Eq(r, 0) for r in self.relations] if expr is None else expr)
 
     def _repr_latex_(self) -> str:
         """Where the end point is, for notebooks."""
-        return printing.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
+        return expressions.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{relation} = 0" for relation in self.relations)

@@ -1,6 +1,13 @@
-"""Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), written down at once for any number of links.
+"""Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), written down pair by pair of links.
 
-What is written down is in `rbd.planar.pairs`: one cosine and one sine for every pair of links, and nothing to simplify.
+In the absolute angles phi_i of the links the kinetic energy is a sum over pairs of links, and the potential energy one over
+links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:
+
+    T = 1/2 sum_ij mu_ij cos(phi_i - phi_j) w_i w_j,        V = g sum_i nu_i sin phi_i,        w_i = d phi_i / dt
+
+so the moment that moves link i is E_i = sum_j mu_ij (cos(phi_i - phi_j) dw_j/dt + sin(phi_i - phi_j) w_j^2) + g nu_i cos phi_i.
+Other angles are phi = S q + s with constant S: M, the Christoffel symbols and the forces transform with S as tensors, and
+nothing is differentiated or simplified. Two links meet in one cosine whose angle is the sum of the joint angles between them.
 A test derives the same by differentiation.
 
 Sources: [Duarte2021], problem 4; docs/theory.md for the form M a + C v + g = tau.
@@ -20,7 +27,6 @@ from rbd.errors import InputError, SingularInertia
 from rbd.planar.angles import Symbols, samples
 from rbd.planar.bodies import Bodies, Shapes, bodies_of, constant, refuse_symbols, replacements, symbols_of
 from rbd.planar.chain import Chain
-from rbd.planar.pairs import Pairs
 from rbd.planar.small_motion import Linearised, linearise
 
 GRAVITY = sp.Symbol("g", positive=True)
@@ -40,27 +46,98 @@ class Dynamics:
         chain: Whose angles q they are in.
         bodies: Masses, centres of mass, inertias.
         gravity: Along -y [m/s2].
-        M: Inertia, symmetric and positive definite, shape (n, n) [kg m2].
-        christoffel: G_ijk, of the first kind, symmetric in j and k, shape (n, n, n) [kg m2].
-        C: C_ij = sum_k G_ijk qd_k, shape (n, n) [kg m2/s]; Mdot - 2 C is skew.
-        g: Moments against gravity, dV/dq, shape (n, 1) [N m].
-        T: Kinetic energy [J].
-        V: Potential energy, zero at the height of the base [J].
-        equations: tau as functions of q, qd, qdd, shape (n, 1), grouped by links and pairs; it is M qdd + C qd + g [N m].
-        bias: C qd + g likewise, shape (n, 1) [N m]: tau where qdd = 0, as `rbd.dynamics.bias_force` of a robot.
     """
 
     chain: Chain
     bodies: Bodies
     gravity: sp.Expr
-    M: Symbols
-    christoffel: sp.ImmutableDenseNDimArray
-    C: Symbols
-    g: Symbols
-    T: sp.Expr
-    V: sp.Expr
-    equations: Symbols
-    bias: Symbols
+
+    @lazy
+    def _S(self) -> Symbols:  # noqa: N802  the letter of the equation
+        """S of phi = S q + s, shape (n, n): whole numbers."""
+        return self.chain.segment_angles.jacobian(self.chain.q)
+
+    @lazy
+    def _rates(self) -> Symbols:
+        """Rates of the links, w = S qd, shape (n, 1) [rad/s]."""
+        return self._S * self.chain.qd
+
+    @lazy
+    def M(self) -> Symbols:  # noqa: N802
+        """Inertia, symmetric and positive definite, shape (n, n) [kg m2]: M_ab = sum_ij S_ia S_jb mu_ij cos(phi_i - phi_j)."""
+        n, S, mu = self.chain.n, self._S, self.bodies.coupling
+
+        def entry(a: int, b: int) -> sp.Expr:
+            own = (S[i, a] * S[i, b] * mu(i, i) for i in range(n))
+            return sp.Add(*own, *((S[i, a] * S[j, b] + S[j, a] * S[i, b]) * c for (i, j), c in self._cosines.items()))
+
+        return sp.ImmutableMatrix(n, n, entry)
+
+    @lazy
+    def christoffel(self) -> sp.ImmutableDenseNDimArray:
+        """Christoffel symbols of the first kind, symmetric in the last two, shape (n, n, n) [kg m2].
+
+        G_abc = sum_ij S_ia S_jb S_jc mu_ij sin(phi_i - phi_j): links feel only G_ijj.
+        """
+        n, S = self.chain.n, self._S
+
+        def entry(a: int, b: int, c: int) -> sp.Expr:
+            turns = self._sines.items()
+            return sp.Add(*((S[i, a] * S[j, b] * S[j, c] - S[j, a] * S[i, b] * S[i, c]) * s for (i, j), s in turns))
+
+        entries = [entry(a, b, c) for a in range(n) for b in range(n) for c in range(n)]
+        return sp.ImmutableDenseNDimArray(entries, (n, n, n))
+
+    @lazy
+    def C(self) -> Symbols:  # noqa: N802
+        """C_ab = sum_c G_abc qd_c, the rates of each pair kept together, shape (n, n) [kg m2/s]; Mdot - 2 C is skew."""
+        n, S, w = self.chain.n, self._S, self._rates
+
+        def entry(a: int, b: int) -> sp.Expr:
+            return sp.Add(*(s * (S[i, a] * S[j, b] * w[j] - S[j, a] * S[i, b] * w[i]) for (i, j), s in self._sines.items()))
+
+        return sp.ImmutableMatrix(n, n, entry)
+
+    @lazy
+    def g(self) -> Symbols:
+        """Moments against gravity, g_a = dV/dq_a = g sum_i S_ia nu_i cos phi_i, shape (n, 1) [N m]."""
+        return sp.ImmutableMatrix([sp.Add(*self._weights(a)) for a in range(self.chain.n)])
+
+    @property
+    def coriolis(self) -> Symbols:
+        """C qd, shape (n, 1) [N m], a sum over pairs of links in the squares of their rates."""
+        return sp.ImmutableMatrix([sp.Add(*self._turning(a)) for a in range(self.chain.n)])
+
+    @lazy
+    def bias(self) -> Symbols:
+        """C qd + g, grouped likewise, shape (n, 1) [N m]: tau where qdd = 0, as `rbd.dynamics.bias_force` of a robot."""
+        return sp.ImmutableMatrix([sp.Add(*self._turning(a), *self._weights(a)) for a in range(self.chain.n)])
+
+    @lazy
+    def equations(self) -> Symbols:
+        """Forces tau = M qdd + C qd + g [N m], shape (n, 1), grouped by links and pairs: S^T E."""
+        n, S, speeding = self.chain.n, self._S, self._S * self.chain.qdd
+
+        def force(a: int) -> sp.Expr:
+            own = (S[i, a] * self.bodies.coupling(i, i) * speeding[i] for i in range(n))
+            pushed = (c * (S[i, a] * speeding[j] + S[j, a] * speeding[i]) for (i, j), c in self._cosines.items())
+            return sp.Add(*own, *pushed, *self._turning(a), *self._weights(a))
+
+        return sp.ImmutableMatrix([force(a) for a in range(n)])
+
+    @lazy
+    def T(self) -> sp.Expr:  # noqa: N802
+        """Kinetic energy T = 1/2 sum_i mu_ii w_i^2 + sum_{i<j} mu_ij cos(phi_i - phi_j) w_i w_j [J]."""
+        w = self._rates
+        own = (self.bodies.coupling(i, i) * w[i] ** 2 / 2 for i in range(self.chain.n))
+        return sp.Add(*own, *(c * w[i] * w[j] for (i, j), c in self._cosines.items()))
+
+    @lazy
+    def V(self) -> sp.Expr:  # noqa: N802
+        """Potential energy V = g sum_i nu_i sin phi_i [J], zero at the height of the base."""
+        heights = zip(self.bodies.first_moments, self.chain.segment_angles, strict=True)
+        total = sp.Add(*(nu * sp.sin(phi) for nu, phi in heights))
+        return -self.gravity * -total if total.could_extract_minus_sign() else self.gravity * total
 
     @property
     def energy(self) -> sp.Expr:
@@ -76,11 +153,6 @@ class Dynamics:
     def skew(self) -> Symbols:
         """N = Mdot - 2 C, shape (n, n): N = -N^T, and so x^T N x = 0: Coriolis forces do no work beside Mdot's."""
         return self.mass_rate - 2 * self.C
-
-    @property
-    def coriolis(self) -> Symbols:
-        """C qd, shape (n, 1) [N m], a sum over pairs of links in the squares of their rates."""
-        return Pairs(self.chain, self.bodies, self.gravity).coriolis_forces()
 
     @property
     def unknowns(self) -> tuple[sp.Symbol, ...]:
@@ -99,7 +171,7 @@ class Dynamics:
         known = replacements(values, self.unknowns, "these dynamics")
         own = {symbol: value for symbol, value in known.items() if symbol in self.bodies.unknowns}
         bodies = self.bodies.subs(own)
-        return _dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
+        return Dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
     def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
         """Small motion about a posture held at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
@@ -198,6 +270,33 @@ class Dynamics:
     def _inverse(self) -> Callable[..., Array]:
         return self.function(self.equations)
 
+    @lazy
+    def _cosines(self) -> dict[tuple[int, int], sp.Expr]:
+        return self._by_pair(sp.cos)
+
+    @lazy
+    def _sines(self) -> dict[tuple[int, int], sp.Expr]:
+        return self._by_pair(sp.sin)
+
+    def _by_pair(self, function: type[sp.Function]) -> dict[tuple[int, int], sp.Expr]:
+        """{(i, j) with i < j: mu_ij times a function of phi_i - phi_j}."""
+        n, phi, mu = self.chain.n, self.chain.segment_angles, self.bodies.coupling
+        return {(i, j): mu(i, j) * function(phi[i] - phi[j]) for i in range(n) for j in range(i + 1, n)}
+
+    def _turning(self, a: int) -> list[sp.Expr]:
+        """What the turning of the links does to coordinate a: mu_ij sin(phi_i - phi_j) (S_ia w_j^2 - S_ja w_i^2) of a pair."""
+        S, w, out = self._S, self._rates, []
+        for (i, j), s in self._sines.items():
+            if S[i, a] == S[j, a]:  # both links are moved: only their relative turning is felt
+                out.append(s * S[i, a] * (w[j] - w[i]) * (w[j] + w[i]))
+            else:
+                out.append(s * (S[i, a] * w[j] ** 2 - S[j, a] * w[i] ** 2))
+        return out
+
+    def _weights(self, a: int) -> list[sp.Expr]:
+        phi, nu = self.chain.segment_angles, self.bodies.first_moments
+        return [self._S[i, a] * self.gravity * nu[i] * sp.cos(phi[i]) for i in range(self.chain.n)]
+
 
 def dynamics(
     chain: Chain,
@@ -228,24 +327,7 @@ def dynamics(
     d_2*ell_1*m_2*sin(theta_2(t))
     """
     known = bodies_of(chain, bodies=bodies, masses=masses, centres=centres, inertias=inertias)
-    return _dynamics(chain, known, GRAVITY if gravity is None else _gravity(gravity, chain.t))
-
-
-def _dynamics(chain: Chain, bodies: Bodies, gravity: sp.Expr) -> Dynamics:
-    pairs = Pairs(chain, bodies, gravity)
-    return Dynamics(
-        chain,
-        bodies,
-        gravity,
-        M=pairs.mass_matrix(),
-        christoffel=pairs.christoffel(),
-        C=pairs.coriolis_matrix(),
-        g=pairs.gravity_moments(),
-        T=pairs.kinetic_energy(),
-        V=pairs.potential_energy(),
-        equations=pairs.equations(),
-        bias=pairs.bias(),
-    )
+    return Dynamics(chain, known, GRAVITY if gravity is None else _gravity(gravity, chain.t))
 
 
 def _gravity(given: Any, t: sp.Symbol) -> sp.Expr:

@@ -6,7 +6,20 @@ triangle with sides ell_1, ell_2, r, which lose no digits near the stretched and
     theta_2 = +- 2 atan2(sqrt((s - r)(s + r)), sqrt((r - d)(r + d))),   s = ell_1 + ell_2,   d = ell_1 - ell_2,
     theta_1 = atan2(y, x) -+ 2 atan2(sqrt((s - r)(r - d)), sqrt((s + r)(r + d))).
 
-More links: the pose nearest to a start, see `rbd.planar.redundant`. Source: [Duarte2021], "Inverse kinematics".
+More links: of all poses with the end point at the target the one nearest to a start,
+
+    minimise |q - q_start|^2 / 2   subject to   r(q) = target.
+
+A pose on the target is found first (Levenberg's damped least squares from the start; and, since that stands still where the
+start is in line with the target, two poses made of three straight pieces, which exist for every target within reach). Then
+Newton's method on the family of poses: in the null space N of J, with the curvature of the constraint,
+
+    N^T (I + sum_a lambda_a d2 r_a / dq^2) N z = -N^T (q - q_start),   lambda = -(J J^T)^-1 J (q - q_start),
+
+and back onto the target after each step. The nearest of what was found is returned: a minimum, told as such where its
+curvature says so, though nothing proves that no other pose is nearer still. Pieces: the polygon of the links closes as
+long as no side is longer than all others together.
+Source of one and two links: [Duarte2021], "Inverse kinematics".
 """
 
 from __future__ import annotations
@@ -20,14 +33,17 @@ import sympy
 
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError
-from rbd.planar.arm import ROUND_OFF, Arm, arm_of, beside, check_start, plain, wrapped
+from rbd.planar.angles import beside, plain, units, wrapped
 from rbd.planar.chain import Chain, check_chain
-from rbd.planar.redundant import nearest_pose
+from rbd.planar.expressions import coordinate
+from rbd.planar.numeric import ROUND_OFF, ChainNumbers
 
 TOLERANCE = 1e-12
 """Beyond reach by less than this part of the chain's length counts as reachable: round-off of whoever computed the target."""
 SINGULAR = 1e-7
 """Smallest over largest singular value of J (two links: sin theta_2) below which a pose is called singular."""
+FLAT = 1e-9
+"""Gradient [rad] below which a pose counts as nearest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +107,14 @@ def inverse(
     Raises:
         InputError: on lengths that are symbols, a target or start of another shape, or what is not finite.
     """
-    arm = arm_of(chain)
+    arm = check_chain(chain).numeric
     point = plain("target", target)
     if point.shape != (2,):
         raise InputError(f"target has shape {point.shape}; expected x and y of the end point, (2,) [m].")
     near = check_start(start, arm.n)
     relative = check_tolerance(tolerance)
     distance = float(arm.distance(point))
-    direction = 0.0 if near is None else float(np.arctan2(*arm.end(near)[::-1]))
+    direction = 0.0 if near is None else float(np.arctan2(*arm.position(near)[::-1]))
     nearest = arm.nearest(point, np.array(direction))
     if not arm.reachable(np.array(distance), relative):
         singular = arm.n > 1
@@ -107,34 +123,33 @@ def inverse(
     return Inverse(point, branches, True, distance, nearest, singular, note)
 
 
-def _unreachable(arm: Arm, point: Array, distance: float) -> str:
+def _unreachable(arm: ChainNumbers, point: Array, distance: float) -> str:
     where = f"the target ({point[0]:g}, {point[1]:g}) m is out of reach by {distance:g} m: {arm.beyond(point)}"
     around = " All points at that radius are equally near." if not point.any() else ""
     return f"{where}. The nearest point that can be reached is `nearest`.{around}"
 
 
-def _solve(arm: Arm, point: Array, near: Array | None, direction: float) -> tuple[Array, bool, str]:
+def _solve(arm: ChainNumbers, point: Array, near: Array | None, direction: float) -> tuple[Array, bool, str]:
     """Branches, whether they are singular, and what is special, for a point within reach."""
     if arm.n == 1:
-        q = arm.joints(np.arctan2(point[1:], point[:1]))[None]
+        q = arm.from_segment(np.arctan2(point[1:], point[:1]))[None]
         return wrapped(q) if near is None else beside(q, near), False, ""
     if arm.n > 2:
-        pose = nearest_pose(arm, point, near)
-        s = np.linalg.svd(arm.jacobian(pose.q), compute_uv=False)
+        q, note = nearest_pose(arm, point, near)
+        s = np.linalg.svd(arm.jacobian(q), compute_uv=False)
         singular = bool(s[1] <= SINGULAR * s[0])
-        q = pose.q if near is not None else wrapped(pose.q)
         kind = "the chain is in line: a singular pose" if singular else ""
-        return q[None], singular, "; ".join(filter(None, [kind, pose.note]))
+        return (q if near is not None else wrapped(q))[None], singular, "; ".join(filter(None, [kind, note]))
     bend, lean, toward = triangle(arm, point)
     at_base = not point.any()
     if at_base:
         toward = lean  # the first link along x
     signs = np.array([1.0]) if at_base or bend in (0.0, np.pi) else np.array([1.0, -1.0])
     first = toward - signs * lean
-    q = arm.joints(np.stack([first, first + signs * bend], axis=-1))
+    q = arm.from_segment(np.stack([first, first + signs * bend], axis=-1))
     if at_base:
         if near is not None:  # the first link may point anywhere: where it does at the start
-            q = q + (near[0] - q[0, 0]) * arm.from_segment.sum(axis=1)
+            q = q + (near[0] - q[0, 0]) * arm.from_segment.rates(np.ones(arm.n))
         note = "the end point is at the base: folded, and the first link may point anywhere, a family of one parameter"
         return (wrapped(q) if near is None else beside(q, near)), True, note
     if near is None:
@@ -149,7 +164,7 @@ def _solve(arm: Arm, point: Array, near: Array | None, direction: float) -> tupl
     return q, True, f"{shape}: a singular pose, where both branches meet"
 
 
-def triangle(arm: Arm, points: Array) -> tuple[Array, Array, Array]:
+def triangle(arm: ChainNumbers, points: Array) -> tuple[Array, Array, Array]:
     """Of two links: the bend of the elbow, how the first link leans off the way to the target, and that way's direction [rad].
 
     Args:
@@ -166,7 +181,7 @@ def triangle(arm: Arm, points: Array) -> tuple[Array, Array, Array]:
         bend = 2.0 * np.arctan2(np.sqrt((1.0 - r) * (1.0 + r)), r)
         lean = 2.0 * np.arctan2(np.sqrt(1.0 - r), np.sqrt(1.0 + r))
     else:
-        d = float(np.copysign(hole, arm.lengths[0] - arm.lengths[1]))
+        d = float(np.copysign(hole, arm.ell[0] - arm.ell[1]))
         bend = 2.0 * np.arctan2(np.sqrt((1.0 - r) * (1.0 + r)), np.sqrt((r - hole) * (r + hole)))
         lean = 2.0 * np.arctan2(np.sqrt((1.0 - r) * (r - d)), np.sqrt((r + d) * (1.0 + r)))
     return bend, lean, np.arctan2(points[..., 1], points[..., 0])
@@ -207,25 +222,6 @@ def inverse_formulas(chain: Chain, x: Any = None, y: Any = None) -> tuple[sympy.
     return tuple(out)
 
 
-def coordinate(name: str, value: Any) -> sympy.Expr:
-    """A real expression; None gives a symbol of that name.
-
-    Raises:
-        InputError: if it is none.
-    """
-    if value is None:
-        return sympy.Symbol(name, real=True)
-    try:
-        given = sympy.sympify(value, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError):
-        given = None
-    if not isinstance(given, sympy.Expr) or given.is_finite is False or given.is_real is False or given is sympy.nan:
-        raise InputError(
-            f"{name} is {value!r:.80}; expected a real number or expression [m], as sympy.Symbol('{name}', real=True)."
-        )
-    return given
-
-
 def check_tolerance(tolerance: object) -> float:
     """A relative distance, zero to 0.1.
 
@@ -236,3 +232,164 @@ def check_tolerance(tolerance: object) -> float:
     if not 0.0 <= value <= 0.1:
         raise InputError(f"tolerance is {tolerance!r:.80}; expected a part of the chain's length, 0 to 0.1, as 1e-12.")
     return value
+
+
+def check_start(start: Sequence[float] | Array | None, n: int) -> Array | None:
+    """A configuration to be near to, shape (n,) [rad], or None.
+
+    Raises:
+        InputError: if it is neither.
+    """
+    if start is None:
+        return None
+    q = plain("start", start)
+    if q.shape != (n,):
+        raise InputError(f"start has shape {q.shape}; expected one angle per link, ({n},) [rad].")
+    return q
+
+
+def nearest_pose(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Array, str]:
+    """The pose with the end point at a target that is nearest to a start, of three links or more; and what is special about it.
+
+    Args:
+        arm: The chain.
+        target: A point within reach, shape (2,) [m].
+        start: Angles to be near to, shape (n,) [rad]; None for an evenly bent chain.
+    """
+    line = _in_line(arm, target, start)
+    if line is not None:
+        return line
+    q0 = evenly_bent(arm, target) if start is None else start
+    tried = [_reach(arm, target, q0), *(_reach(arm, target, beside(_pieces(arm, target, side), q0)) for side in (1.0, -1.0))]
+    found = [_settle(arm, target, q0, q) for q in tried if q is not None]
+    gaps = [float(np.linalg.norm(q - q0)) for q, _ in found]
+    best = int(np.argmin(gaps))
+    q, minimum = found[best]
+    if start is None:
+        return q, f"one pose of a family of {arm.n - 2} parameters, near an evenly bent chain"
+    words = "the nearest to the start that was found" if minimum else "near the start, though a nearer one may exist"
+    twin = any(abs(gap - gaps[best]) < 1e-6 and np.abs(p - q).max() > 1e-3 for (p, _), gap in zip(found, gaps, strict=True))
+    also = "; another is just as near" if twin else ""
+    return q, f"one pose of a family of {arm.n - 2} parameters, {words}{also}"
+
+
+def evenly_bent(arm: ChainNumbers, target: Array) -> Array:
+    """The chain with equal angles between neighbours, turned to the target, that ends as far from the base as it can match."""
+    r = float(np.hypot(*target))
+    bends = np.linspace(0.0, np.pi, 181)
+    reach = np.hypot(*(arm.ell @ units(bends[:, None] * np.arange(arm.n))).T)
+    below = np.flatnonzero(reach <= r)
+    if len(below) and below[0] > 0:  # the least bend that matches, between two samples
+        low, high = bends[below[0] - 1], bends[below[0]]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            outside = np.hypot(*(arm.ell @ units(middle * np.arange(arm.n)))) > r
+            low, high = (middle, high) if outside else (low, middle)
+        bend = 0.5 * (low + high)
+    else:
+        bend = bends[np.argmin(np.abs(reach - r))]
+    phi = bend * np.arange(arm.n)
+    end = arm.ell @ units(phi)
+    return arm.from_segment(phi + np.arctan2(target[1], target[0]) - np.arctan2(end[1], end[0]))
+
+
+def _in_line(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Array, str] | None:
+    """The only pose at the edges of the reach: all links on one line. Its direction is free if it ends at the base."""
+    r, slack = float(np.hypot(*target)), ROUND_OFF * arm.outer
+    longest = int(np.argmax(arm.ell))
+    collinear = 2.0 * arm.ell[longest] >= arm.outer - slack  # no triangle can be made of the links
+    if r >= arm.outer - slack:
+        turned, note = np.zeros(arm.n), "stretched out, the only pose"
+    elif r <= arm.inner + slack and collinear:
+        turned, note = np.where(np.arange(arm.n) == longest, 0.0, np.pi), "folded onto one line, the only pose"
+    else:
+        return None
+    phi = np.arctan2(target[1], target[0]) + turned
+    q = arm.from_segment(phi)
+    if r <= slack:
+        note = "folded onto one line through the base, which may point anywhere"
+        if start is not None:
+            turn = arm.from_segment.rates(np.ones(arm.n))  # of q, as all links turn together
+            q = beside(q, start)
+            q = q + turn * (turn @ (start - q)) / (turn @ turn)
+    return (q if start is None else beside(q, start)), note
+
+
+def _pieces(arm: ChainNumbers, target: Array, side: float) -> Array:
+    """The links before the middle one in a straight piece, the middle one, and those after it: a polygon with the target."""
+    l, r = arm.ell, float(np.hypot(*target))
+    middle = int(np.searchsorted(np.cumsum(l), 0.5 * arm.outer))
+    first, last = float(l[:middle].sum()), float(l[middle + 1 :].sum())
+    # How far the end of the first piece may be from the target: both triangles must close.
+    low, high = max(abs(r - first), abs(l[middle] - last)), min(r + first, l[middle] + last)
+    gap = 0.5 * (low + high)
+    toward = np.arctan2(target[1], target[0])
+    phi_first = toward - side * _corner(first, r, gap)
+    knee = first * units(np.array(phi_first))
+    phi_middle = np.arctan2(*(target - knee)[::-1]) - side * _corner(l[middle], gap, last)
+    elbow = knee + l[middle] * units(np.array(phi_middle))
+    phi_last = np.arctan2(*(target - elbow)[::-1])
+    order = np.arange(arm.n)
+    return arm.from_segment(np.where(order < middle, phi_first, np.where(order == middle, phi_middle, phi_last)))
+
+
+def _corner(a: float, b: float, opposite: float) -> float:
+    """Angle of a triangle between sides a and b [rad]; 0 where one of them is none."""
+    if a * b == 0.0:
+        return 0.0
+    return float(np.arccos(np.clip((a * a + b * b - opposite * opposite) / (2.0 * a * b), -1.0, 1.0)))
+
+
+def _reach(arm: ChainNumbers, target: Array, q: Array, most: int = 100) -> Array | None:
+    """Levenberg's method from q onto the target; None where it does not get there."""
+    damping, error = 1e-3, arm.position(q) - target
+    for _ in range(most):
+        size = float(np.hypot(*error))
+        if size <= 0.25 * ROUND_OFF * arm.outer:
+            return q
+        J = arm.jacobian(q)
+        # Damping fades with the error, so that the last steps are Newton's.
+        shift = damping * min(size * arm.outer, arm.outer**2)
+        step = -J.T @ np.linalg.solve(J @ J.T + (shift + 1e-15 * arm.outer**2) * np.eye(2), error)
+        step *= min(1.0, 1.0 / float(np.abs(step).max(initial=1e-300)))  # a radian at most
+        trial = arm.position(q + step) - target
+        if np.hypot(*trial) < size:
+            q, error, damping = q + step, trial, 0.1 * damping
+        elif damping > 1e6:
+            break
+        else:
+            damping = max(10.0 * damping, 1e-8)
+    return q if float(np.hypot(*error)) <= 10.0 * ROUND_OFF * arm.outer else None
+
+
+def _settle(arm: ChainNumbers, target: Array, q0: Array, q: Array, most: int = 60) -> tuple[Array, bool]:
+    """Newton's method on the family, from a pose on the target; and whether it ended in a minimum."""
+    for _ in range(most):
+        J = arm.jacobian(q)
+        _, s, Vt = np.linalg.svd(J)
+        if s[1] <= 1e-9 * s[0]:
+            return q, False  # in line: the family has no tangent here
+        N, off = Vt[2:].T, q - q0
+        gradient = N.T @ off
+        multiplier = -np.linalg.solve(J @ J.T, J @ off)
+        A = arm.to_segment.floats[0]
+        pull = -arm.ell * (units(arm.to_segment(q)) @ multiplier)  # d2 r / dphi_k^2 = -ell_k (cos, sin)
+        H = N.T @ (np.eye(arm.n) + A.T @ (pull[:, None] * A)) @ N
+        w, U = np.linalg.eigh(H)
+        if np.abs(gradient).max() <= FLAT and w[0] > -1e-6:
+            return q, bool(w[0] > 0.0)
+        # Along directions of negative curvature Newton would climb: their sign is turned, and a saddle is left at a slant.
+        climb = U.T @ gradient
+        climb = np.where((w < -1e-6) & (np.abs(climb) < 1e-6), 1e-3, climb)
+        step = N @ (U @ (-climb / np.maximum(np.abs(w), 1e-3)))
+        step *= min(1.0, 1.0 / float(np.abs(step).max()))
+        lower, now = None, float(off @ off)
+        for halving in range(30):
+            moved = _reach(arm, target, q + 0.5**halving * step, 30)
+            if moved is not None and float((moved - q0) @ (moved - q0)) < now:
+                lower = moved
+                break
+        if lower is None:
+            return q, bool(np.abs(gradient).max() <= 1e-6 and w[0] > 0.0)
+        q = lower
+    return q, False

@@ -16,13 +16,12 @@ from scipy.integrate import solve_ivp
 
 from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.errors import InputError, NoSolution, SingularPose
-from rbd.planar.arm import Arm, arm_of
-from rbd.planar.chain import Chain
+from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import TOLERANCE, inverse
 from rbd.planar.kinematics import Split
-from rbd.planar.path_following import inverse_path
+from rbd.planar.numeric import ChainNumbers
+from rbd.planar.path_following import check_branch, inverse_path, joint_rates
 from rbd.planar.quintic import MinimumJerk
-from rbd.planar.rates import joint_rates
 
 ENDPOINT, JOINT = "endpoint", "joint"
 IN_LINE = 1e-4
@@ -125,10 +124,9 @@ def endpoint_motion(
         SingularPose: no sample is left, or a chain of more than two links comes into line on the way.
         InputError: no such path, times that do not increase, lengths that are symbols.
     """
-    arm = arm_of(chain)
+    arm = check_chain(chain).numeric
     _check_path(path, (2,), "two coordinates of the end point, e.g. minimum_jerk([1.0, 0.0], [0.5, 0.5], 1.0)")
-    if isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch not in (0, 1):
-        raise InputError(f"branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
+    check_branch(branch)
     wanted = _check_times(times, path)
     _check_reach(arm, path)
     if arm.n <= 2:
@@ -142,7 +140,7 @@ def endpoint_motion(
     times_, q = wanted[regular], q[regular]
     x, v, a, j = (f(times_) for f in (path.displacement, path.velocity, path.acceleration, path.jerk))
     rates = joint_rates(chain, q, v, a, j)
-    split = chain.numeric.split(q, rates.qd, rates.qdd)
+    split = arm.split(q, rates.qd, rates.qdd)
     unbounded, note = _told(arm, path, wanted, regular)
     return PlanarMotion(chain, path, ENDPOINT, times_, x, v, a, j, q, rates.qd, rates.qdd, rates.qddd, split, unbounded, note)
 
@@ -160,18 +158,17 @@ def joint_motion(chain: Chain, path: MinimumJerk, *, times: Sequence[float] | Ar
     Raises:
         InputError: no such path, times that do not increase, lengths that are symbols.
     """
-    arm = arm_of(chain)
+    arm = check_chain(chain).numeric
     if arm.n == 1 and isinstance(path, MinimumJerk) and path.start.shape == ():
         path = MinimumJerk(path.start[None], path.stop[None], path.duration)
     _check_path(path, (arm.n,), f"{arm.n} angles, e.g. minimum_jerk({[0.0] * arm.n}, {[1.0] * arm.n}, 1.0)")
     t = _check_times(times, path)
     q, qd, qdd, qddd = (f(t) for f in (path.displacement, path.velocity, path.acceleration, path.jerk))
-    k = chain.numeric
-    x, v, a, j = k.position(q), k.velocity(q, qd), k.acceleration(q, qd, qdd), k.jerk(q, qd, qdd, qddd)
+    x, v, a, j = arm.position(q), arm.velocity(q, qd), arm.acceleration(q, qd, qdd), arm.jerk(q, qd, qdd, qddd)
     note = (
         "" if arm.n == 1 or _bent(arm, q).all() else f"in line at {_moments(t, ~_bent(arm, q))}, which the angles do not mind"
     )
-    return PlanarMotion(chain, path, JOINT, t, x, v, a, j, q, qd, qdd, qddd, k.split(q, qd, qdd), (), note)
+    return PlanarMotion(chain, path, JOINT, t, x, v, a, j, q, qd, qdd, qddd, arm.split(q, qd, qdd), (), note)
 
 
 def _check_path(path: object, shape: tuple[int, ...], expected: str) -> None:
@@ -193,7 +190,7 @@ def _check_times(times: object, path: MinimumJerk) -> Array:
     return given
 
 
-def _check_reach(arm: Arm, path: MinimumJerk) -> None:
+def _check_reach(arm: ChainNumbers, path: MinimumJerk) -> None:
     """Refuse a straight path that leaves the ring of reach: farthest from the base at an end, nearest perhaps between."""
     step = path.stop - path.start
     length2 = float(step @ step)
@@ -221,7 +218,7 @@ def _followed(chain: Chain, path: MinimumJerk, times: Array, branch: int, start:
 
 
 def _integrated(
-    chain: Chain, arm: Arm, path: MinimumJerk, times: Array, regular: Array, start: Sequence[float] | Array | None
+    chain: Chain, arm: ChainNumbers, path: MinimumJerk, times: Array, regular: Array, start: Sequence[float] | Array | None
 ) -> Array:
     """Angles of more links: q' = J^+ v from the first pose that is not in line, shape (samples, n)."""
     q = np.zeros((len(times), arm.n))
@@ -257,25 +254,25 @@ def _integrated(
     for _ in range(3):  # Newton: what the integration lost, 1e-10, is brought back onto the path
         J = arm.jacobian(found)
         JT = np.swapaxes(J, 1, 2)
-        found = found + (JT @ np.linalg.solve(J @ JT, (target - arm.end(found))[..., None]))[..., 0]
+        found = found + (JT @ np.linalg.solve(J @ JT, (target - arm.position(found))[..., None]))[..., 0]
     q[regular] = found[np.searchsorted(wanted, inside[regular])]
     return q
 
 
-def _bent(arm: Arm, q: Array) -> Array:
+def _bent(arm: ChainNumbers, q: Array) -> Array:
     """Whether the chain is out of line at each sample, shape (samples,)."""
-    phi = arm.segments(q)
+    phi = arm.to_segment(q)
     return np.abs(np.sin(np.diff(phi, axis=1))).max(axis=1) > IN_LINE
 
 
-def _inside(arm: Arm, points: Array) -> Array:
+def _inside(arm: ChainNumbers, points: Array) -> Array:
     """Whether points are so far within the ring of reach that the chain can be out of line there, shape (samples,)."""
     r = np.hypot(points[:, 0], points[:, 1])
     slack = arm.outer - r if arm.inner == 0.0 else np.minimum(arm.outer - r, r - arm.inner)
     return slack > 0.1 * IN_LINE**2 * arm.outer
 
 
-def _told(arm: Arm, path: MinimumJerk, times: Array, regular: Array) -> tuple[tuple[float, ...], str]:
+def _told(arm: ChainNumbers, path: MinimumJerk, times: Array, regular: Array) -> tuple[tuple[float, ...], str]:
     """Times towards which joint accelerations have no bound, and what was left out and why."""
     if arm.n == 1:
         return (), ""

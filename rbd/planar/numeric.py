@@ -3,26 +3,76 @@
 Written from the structure, as the recursion over segments: absolute rates are running sums of joint rates, one sine and one
 cosine per segment, and every sum over links is a product with the lengths. Samples go in blocks, links along the first axis.
 What it computes equals the symbols of `rbd.planar.kinematics`; a test compares them.
+
+How freely the end point moves in each direction, how strongly it pushes: joint velocities of |qd| <= 1 rad/s make end-point
+velocities in {v : v^T (J J^T)^-1 v <= 1}, an ellipse whose semi-axes are the singular values of J. Joint torques of |tau| <=
+1 N m balance forces in {f : f^T J J^T f <= 1}, tau = J^T f being the virtual work: the same axes, the reciprocal lengths.
+Where the chain moves easily it pushes weakly. Manipulability is sqrt(det J J^T), the velocity ellipse's area over pi
+[Yoshikawa1985]. The unit ball of rates depends on how angles are measured, and so do the ellipses: robots measure joint angles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import sympy
 
-from rbd.arrays import Array
-from rbd.errors import InputError
-from rbd.planar.angles import JOINT, VERTICAL
-from rbd.planar.compiled import check_motion
+from rbd.arrays import Array, as_float, lazy
+from rbd.errors import InputError, nearest
+from rbd.planar.angles import JOINT, SEGMENT, VERTICAL, AngleMap, angle_map, samples, units
+from rbd.planar.expressions import check_motion
 from rbd.planar.kinematics import Split, check_joint
 
+VELOCITY, FORCE = "velocity", "force"
+ROUND_OFF = 8 * float(np.finfo(float).eps)
+"""A point this near an edge of what the chain can reach, relative to its length, is on it: the point itself is no better."""
 CELLS = 8192
 """Numbers per array of a block: a dozen of them stay in the cache."""
 Block = Callable[..., Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipse:
+    """An ellipse about a point of a chain.
+
+    Attributes:
+        kind: "velocity" or "force".
+        centre: The point, shape (2,) [m].
+        semi_axes: Their lengths, longest first, shape (2,) [m/s per rad/s, or N per N m]; at a singular configuration the
+            velocity ellipse has a zero, the force ellipse an infinite one.
+        directions: Unit vectors along them as columns, shape (2, 2); x not negative.
+        manipulability: sqrt(det J J^T) [m^2], zero where singular; the same of both kinds.
+    """
+
+    kind: str
+    centre: Array
+    semi_axes: Array
+    directions: Array
+    manipulability: float
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether one direction is lost."""
+        return self.manipulability == 0.0
+
+    def points(self, count: int = 100, *, scale: float = 1.0, longest: float = np.inf) -> Array:
+        """The closed outline about the centre, shape (count, 2) [m], semi-axes times `scale` and cut at `longest`.
+
+        Raises:
+            InputError: if an axis is infinite and `longest` is too, or numbers are not positive.
+        """
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 3 <= count <= 100_000:
+            raise InputError(f"count is {count!r:.80}; expected a whole number of points, 3 to 100000.")
+        if not (0.0 < as_float(scale) < np.inf and as_float(longest) > 0.0):
+            raise InputError(f"scale is {scale!r:.80}, longest is {longest!r:.80}; expected positive numbers.")
+        axes = np.minimum(scale * self.semi_axes, longest)
+        if not np.isfinite(axes).all():
+            raise InputError("at a singular configuration the force ellipse has an infinite axis; give `longest` to cut it.")
+        around = np.linspace(0.0, 2.0 * np.pi, int(count))
+        return self.centre + np.column_stack([axes[0] * np.cos(around), axes[1] * np.sin(around)]) @ self.directions.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +86,14 @@ class ChainNumbers:
     Attributes:
         ell: Its lengths, shape (n,) [m].
         angles: How its angles are measured; see `rbd.planar.angles`.
+        outer: The farthest that the end point gets from the base [m]: the sum of the lengths.
+        inner: The nearest [m]: the longest link less all others, or zero.
     """
 
     ell: Array
     angles: str
+    outer: float
+    inner: float
 
     @classmethod
     def of(cls, lengths: tuple[sympy.Expr, ...], angles: str) -> ChainNumbers:
@@ -51,14 +105,27 @@ class ChainNumbers:
         if not all(length.is_number for length in lengths):
             first = ", ".join(str(length) for length in lengths[:4])
             raise InputError(
-                f"lengths are symbols ({first}); numbers are needed [m], as chain.with_lengths([0.5] * {len(lengths)})."
+                f"lengths are symbols ({first}); numbers are needed [m], as chain.with_lengths([0.5] * {len(lengths)}). Only "
+                "inverse_formulas does without, for one and two links."
             )
-        return cls(np.array([float(length) for length in lengths]), angles)
+        # Sums of the exact lengths: 0.1 + 0.2 - 0.3 is no hole.
+        total, longest = sum(lengths), max(lengths, key=float)
+        return cls(np.array([float(length) for length in lengths]), angles, float(total), max(float(2 * longest - total), 0.0))
 
     @property
     def n(self) -> int:
         """How many links."""
         return len(self.ell)
+
+    @lazy
+    def to_segment(self) -> AngleMap:
+        """From its angles to those of the links from x, phi = A q + b."""
+        return angle_map(self.n, self.angles, SEGMENT)
+
+    @property
+    def from_segment(self) -> AngleMap:
+        """The map back."""
+        return self.to_segment.inverse
 
     def positions(self, q: Any) -> Array:
         """Positions of all joints from the base to the end point [m], shape (n + 1, 2) or (samples, n + 1, 2)."""
@@ -137,6 +204,17 @@ class ChainNumbers:
 
         return self._run(block, (2, self.n), (q, qd))
 
+    def jacobian_second_rate(self, q: Any, qd: Any, qdd: Any, i: int | None = None) -> Array:
+        """Second time derivative of the Jacobian of joint i [m/s^2], shape (2, n) or (samples, 2, n)."""
+        ell = self._up_to(i)[:, None]
+
+        def block(out: Array, q: Array, qd: Array, qdd: Array) -> None:
+            s, c = self._directions(q)
+            along, across = ell * self._rates(qdd), ell * self._rates(qd) ** 2
+            out[:, 0], out[:, 1] = self._columns(across * s - along * c).T, self._columns(-along * s - across * c).T
+
+        return self._run(block, (2, self.n), (q, qd, qdd))
+
     def split(self, q: Any, qd: Any, qdd: Any, i: int | None = None) -> Split[Array]:
         """Acceleration of joint i in its three parts [m/s^2], each of shape (2,) or (samples, 2)."""
         ell = self._up_to(i)
@@ -152,8 +230,57 @@ class ChainNumbers:
         parts = self._run(block, (3, 2), (q, qd, qdd))
         return Split(parts[..., 0, :], parts[..., 1, :], parts[..., 2, :], self.angles)
 
+    def ellipse(self, q: Sequence[float] | Array, kind: str, i: int | None = None) -> Ellipse:
+        """Velocity or force ellipse of joint i at one configuration; see `Chain.ellipse`."""
+        if not isinstance(kind, str) or kind not in (VELOCITY, FORCE):
+            raise InputError(f"no ellipse is called {kind!r:.80}; {nearest(kind, (VELOCITY, FORCE))}.")
+        joint, given = check_joint(self.n, i, first=1), samples("q", q, self.n)
+        if given.ndim != 1:
+            raise InputError(f"q came with shape {given.shape}; expected one configuration, ({self.n},).")
+        U, sigma, _ = np.linalg.svd(self.jacobian(given, joint))
+        axes = np.array([sigma[0], sigma[1] if len(sigma) == 2 else 0.0])
+        # Rounding leaves a link on a line 1e-16 off it: below that, the direction is lost.
+        if axes[1] <= 8 * self.n * np.finfo(float).eps * axes[0]:
+            axes[1] = 0.0
+        manipulability = float(axes[0] * axes[1])
+        if kind == FORCE:
+            with np.errstate(divide="ignore"):
+                axes, U = 1.0 / axes[::-1], U[:, ::-1]
+        signs = np.where((U[0] < 0.0) | ((U[0] == 0.0) & (U[1] < 0.0)), -1.0, 1.0)
+        return Ellipse(kind, self.position(given, joint), axes, U * signs, manipulability)
+
+    # What the end point reaches
+
+    def distance(self, points: Array) -> Array:
+        """How far points are from the nearest that the end point can get to [m], shape (...)."""
+        r = np.hypot(points[..., 0], points[..., 1])
+        return np.maximum(np.maximum(r - self.outer, self.inner - r), 0.0)
+
+    def reachable(self, distance: Array, tolerance: float) -> Array:
+        """Whether points at such distances count as within reach, shape (...)."""
+        return distance <= max(tolerance, ROUND_OFF) * self.outer
+
+    def nearest(self, points: Array, direction: Array) -> Array:
+        """The nearest points within reach [m], shape (..., 2); of the base itself, the one in a direction [rad]."""
+        r = np.hypot(points[..., 0], points[..., 1])
+        inside = (r >= self.inner) & (r <= self.outer)
+        away = np.where(r > 0.0, np.arctan2(points[..., 1], points[..., 0]), direction)
+        return np.where(inside[..., None], points, np.clip(r, self.inner, self.outer)[..., None] * units(away))
+
+    def beyond(self, target: Array) -> str:
+        """Where an unreachable target lies, in words."""
+        r = float(np.hypot(*target))
+        if self.n == 1:
+            side = "outside" if r > self.outer else "inside"
+            return f"{side} the circle of radius {self.outer:g} m, all that one link reaches"
+        if r > self.outer:
+            return f"beyond {self.outer:g} m, where the chain is stretched out"
+        return f"in the hole of radius {self.inner:g} m around the base, as one link is longer than all others together"
+
     def _up_to(self, i: int | None) -> Array:
         """Lengths of the links before joint i, zeros beyond."""
+        if i is None:
+            return self.ell
         ell = self.ell.copy()
         ell[check_joint(self.n, i) :] = 0.0
         return ell
@@ -188,6 +315,10 @@ class ChainNumbers:
         """Check, cut into blocks of (n, samples), fill."""
         n = self.n
         checked = check_motion(n, given, len(given))
+        if checked[0].ndim == 1:
+            one = np.empty((1, *shape))
+            block(one, *(x[:, None] for x in checked))
+            return one[0]
         rows = [x.reshape(-1, n) for x in checked]
         out = np.empty((len(rows[0]), *shape))
         step = max(1, CELLS // n)
@@ -198,9 +329,9 @@ class ChainNumbers:
 
 
 def _running(rows: Array) -> Array:
-    """Running sums down the rows; np.cumsum walks across them, ten times as slow for long ones."""
+    """Running sums down the rows; NumPy walks across them, ten times as slow for long ones."""
     if rows.shape[1] < 16:
-        return np.cumsum(rows, axis=0)
+        return np.add.accumulate(rows)
     out = rows.copy()
     for k in range(1, len(out)):
         out[k] += out[k - 1]

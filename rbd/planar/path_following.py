@@ -1,9 +1,23 @@
-"""Inverse kinematics along a path: one branch, followed continuously, with angles that never jump by a turn.
+"""Joint angles, rates, accelerations and jerks along a path of the end point.
 
-One and two links are computed for all samples at once. Two links keep their branch, except where the path runs through a
-singular pose: there both branches meet, and the chain goes on in the one that continues the motion without a kink, as a
-path through the base or along a tangent of the outer circle demands. More links follow the path of least motion: each step
-is perpendicular to the null space of J half-way, so that q' = J^+ r' as samples become dense.
+One branch of the inverse kinematics is followed continuously, with angles that never jump by a turn. One and two links are
+computed for all samples at once. Two links keep their branch, except where the path runs through a singular pose: there both
+branches meet, and the chain goes on in the one that continues the motion without a kink, as a path through the base or along
+a tangent of the outer circle demands. More links follow the path of least motion: each step is perpendicular to the null
+space of J half-way, so that q' = J^+ r' as samples become dense.
+
+Joint rates, accelerations and jerks follow from those of the end point:
+
+    J q' = v,   J q'' = a - J' q',   J q''' = j - 2 J' q'' - J'' q'.
+
+Two links solve these. More links have many solutions for q'; taken is the least one, q' = J^T l with J J^T l = v (the
+pseudo-inverse), and its own time derivatives,
+
+    q'' = J^T l' + J'^T l,   q''' = J^T l'' + 2 J'^T l' + J''^T l,
+
+so that q'' is the derivative of q' along the motion: J^+ (a - J' q') alone is not, it leaves out how the null space turns.
+One link has one angle for two components: a velocity that is not along its circle contradicts it.
+At a singular pose the rates are undetermined, or without bound as the pose is approached, and are never made up.
 """
 
 from __future__ import annotations
@@ -13,17 +27,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array
-from rbd.errors import InputError
-from rbd.planar.arm import ROUND_OFF, Arm, arm_of, beside, check_start, plain, wrapped
-from rbd.planar.chain import Chain
-from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_tolerance, triangle
-from rbd.planar.redundant import nearest_pose
+from rbd.arrays import Array, as_array, check_finite
+from rbd.errors import InputError, SingularPose
+from rbd.planar.angles import beside, plain, samples, wrapped
+from rbd.planar.chain import Chain, check_chain
+from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_start, check_tolerance, nearest_pose, triangle
+from rbd.planar.numeric import ROUND_OFF, ChainNumbers
 
 KINK = 0.1
 """A branch is changed at a singular pose only if that leaves less than this part of the kink that staying would make."""
 WIDE = 0.5 * np.pi
-"""A step of an angle between samples beyond which the path is told to be sampled too coarsely [rad]."""
+"""A step of an angle between samples beyond which the path counts as sampled too coarsely [rad]."""
+CONTRADICTS = 1e-6
+"""Part of a single link's end-point motion that may be off its circle: round-off of whoever computed it, and no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,47 +93,46 @@ def inverse_path(
         InputError: on a path that leaves the reach, with the first such sample and its distance; on wrong shapes, numbers
             that are not finite, or another branch.
     """
-    arm = arm_of(chain)
+    arm = check_chain(chain).numeric
     path = plain("points", points)
     if path.ndim != 2 or path.shape[1] != 2 or not len(path):
         raise InputError(f"points have shape {path.shape}; expected x and y of at least one sample, (samples, 2) [m].")
     near = check_start(start, arm.n)
-    if isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch not in (0, 1):
-        raise InputError(f"branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
+    check_branch(branch)
     distance = arm.distance(path)
     within = arm.reachable(distance, check_tolerance(tolerance))
     notes = []
     if not within.all():
         first, worst = int(np.argmin(within)), int(np.argmax(distance))
         x, y = path[first]
-        told = (
+        message = (
             f"sample {first} of {len(path)}, ({x:g}, {y:g}) m, is out of reach by {distance[first]:g} m: "
             f"{arm.beyond(path[first])}; {np.sum(~within)} samples are out of reach, the farthest is sample {worst}, "
             f"by {distance[worst]:g} m"
         )
         if check:
-            raise InputError(f"{told}. Move the path, or take the nearest points that can be reached: check=False.")
-        notes.append(told)
-    direction = np.array(0.0 if near is None else np.arctan2(*arm.end(near)[::-1]))
+            raise InputError(f"{message}. Move the path, or take the nearest points that can be reached: check=False.")
+        notes.append(message)
+    direction = np.array(0.0 if near is None else np.arctan2(*arm.position(near)[::-1]))
     reached = arm.nearest(path, direction)
     switches: tuple[int, ...] = ()
     if arm.n == 1:
-        q = arm.joints(np.unwrap(np.arctan2(reached[:, 1], reached[:, 0]))[:, None])
+        q = arm.from_segment(np.unwrap(np.arctan2(reached[:, 1], reached[:, 0]))[:, None])
         singular = np.zeros(len(path), dtype=bool)
     elif arm.n == 2:
-        q, singular, switches = _two_links(arm, reached, near, branch)
+        q, singular, switches = _one_branch(arm, reached, near, branch)
     else:
-        q, stuck = _many_links(arm, reached, near)
+        q, stuck = _least_motion(arm, reached, near)
         s = np.linalg.svd(arm.jacobian(q), compute_uv=False)
         singular = s[:, 1] <= SINGULAR * s[:, 0]
         if stuck:
             notes.append(f"the chain had to jump to another pose at sample {stuck[0]}: sample the path more finely")
     q = q + ((wrapped(q[0]) if near is None else beside(q[0], near)) - q[0])
-    notes += _tell(q, singular, switches)
+    notes += _notes(q, singular, switches)
     return InversePath(path, q, within, distance, singular, switches, "; ".join(notes))
 
 
-def _tell(q: Array, singular: Array, switches: tuple[int, ...]) -> list[str]:
+def _notes(q: Array, singular: Array, switches: tuple[int, ...]) -> list[str]:
     notes = []
     if singular.any():
         many = int(singular.sum())
@@ -135,7 +150,7 @@ def _tell(q: Array, singular: Array, switches: tuple[int, ...]) -> list[str]:
     return notes
 
 
-def _two_links(arm: Arm, points: Array, near: Array | None, branch: int) -> tuple[Array, Array, tuple[int, ...]]:
+def _one_branch(arm: ChainNumbers, points: Array, near: Array | None, branch: int) -> tuple[Array, Array, tuple[int, ...]]:
     bend, lean, toward = triangle(arm, points)
     r = np.hypot(points[:, 0], points[:, 1])
     somewhere = r > ROUND_OFF * arm.outer
@@ -152,7 +167,7 @@ def _two_links(arm: Arm, points: Array, near: Array | None, branch: int) -> tupl
 
     sign = 1.0 - 2.0 * branch
     if near is not None:
-        gaps = [float(np.linalg.norm(beside(arm.joints(pose(0, s)), near) - near)) for s in (1.0, -1.0)]
+        gaps = [float(np.linalg.norm(beside(arm.from_segment(pose(0, s)), near) - near)) for s in (1.0, -1.0)]
         sign = 1.0 if gaps[0] <= gaps[1] else -1.0
     singular = np.sin(bend) < SINGULAR
     signs, switches = np.full(len(r), sign), []
@@ -162,10 +177,10 @@ def _two_links(arm: Arm, points: Array, near: Array | None, branch: int) -> tupl
             switches.append(after)
     first = toward - signs * lean
     phi = np.unwrap(np.stack([first, first + signs * bend], axis=-1), axis=0)
-    return arm.joints(phi), singular, tuple(switches)
+    return arm.from_segment(phi), singular, tuple(switches)
 
 
-def _meetings(arm: Arm, points: Array, singular: Array) -> list[tuple[int, int]]:
+def _meetings(arm: ChainNumbers, points: Array, singular: Array) -> list[tuple[int, int]]:
     """Last sample before each singular stretch of the path, and first one after it."""
     edges = np.diff(np.concatenate([[False], singular, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
@@ -191,26 +206,26 @@ def _kink_less(pose, sign: float, before: int, after: int) -> bool:  # type: ign
     return kinks[1] < KINK * kinks[0]
 
 
-def _many_links(arm: Arm, points: Array, near: Array | None) -> tuple[Array, list[int]]:
+def _least_motion(arm: ChainNumbers, points: Array, near: Array | None) -> tuple[Array, list[int]]:
     """Least motion from sample to sample; and the samples where it lost the path and began anew."""
     q = np.empty((len(points), arm.n))
-    q[0] = nearest_pose(arm, points[0], near).q
+    q[0] = nearest_pose(arm, points[0], near)[0]
     stuck = []
     for k in range(1, len(points)):
         moved = _step(arm, points[k], q[k - 1])
         if moved is None:
-            moved = nearest_pose(arm, points[k], q[k - 1]).q
+            moved = nearest_pose(arm, points[k], q[k - 1])[0]
             if np.abs(moved - q[k - 1]).max() > WIDE:
                 stuck.append(k)
         q[k] = moved
     return q, stuck
 
 
-def _step(arm: Arm, target: Array, q0: Array) -> Array | None:
+def _step(arm: ChainNumbers, target: Array, q0: Array) -> Array | None:
     """The pose at a target whose way from q0 is perpendicular to the null space half-way; None if Newton does not find it."""
     q = q0
     for _ in range(20):
-        error = arm.end(q) - target
+        error = arm.position(q) - target
         _, s, Vt = np.linalg.svd(arm.jacobian(0.5 * (q + q0)))
         J = arm.jacobian(q)
         rows = np.vstack([J / arm.outer, Vt[2:]])
@@ -222,6 +237,164 @@ def _step(arm: Arm, target: Array, q0: Array) -> Array | None:
             return None
         q = q + step
         # The null space half-way is taken anew in every round: it converges linearly, at a rate of the step's size.
-        if size <= 1e-12 and np.hypot(*(arm.end(q) - target)) <= ROUND_OFF * arm.outer:
+        if size <= 1e-12 and np.hypot(*(arm.position(q) - target)) <= ROUND_OFF * arm.outer:
             return q
     return None
+
+
+def check_branch(branch: object) -> None:
+    """Refuse what is neither 0 nor 1.
+
+    Raises:
+        InputError: saying which is which.
+    """
+    if isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch not in (0, 1):
+        raise InputError(f"branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
+
+
+@dataclass(frozen=True, eq=False)
+class JointRates:
+    """Motion of the joints; what was not asked for is empty, shape (0, n), or (0,) of one sample.
+
+    Attributes:
+        qd: Angular velocities, as the chain measures its angles, shape (samples, n) or (n,) [rad/s].
+        qdd: Angular accelerations [rad/s^2].
+        qddd: Angular jerks [rad/s^3].
+        singular: Whether the pose is singular, shape (samples,) or (): rates are NaN there, if that was asked for.
+    """
+
+    qd: Array
+    qdd: Array
+    qddd: Array
+    singular: Array
+
+
+def joint_rates(
+    chain: Chain,
+    q: Sequence[float] | Array,
+    velocity: Sequence[float] | Array,
+    acceleration: Sequence[float] | Array | None = None,
+    jerk: Sequence[float] | Array | None = None,
+    *,
+    at_singular: str = "raise",
+) -> JointRates:
+    """Rates of the joints that give the end point a velocity, an acceleration and a jerk.
+
+    Args:
+        chain: The chain, its lengths numbers.
+        q: Angles, as the chain measures them, shape (n,) or (samples, n) [rad].
+        velocity: Of the end point, shape (2,) or (samples, 2) [m/s].
+        acceleration: Likewise [m/s^2]; None if it is not known.
+        jerk: Likewise [m/s^3]; needs the acceleration.
+        at_singular: "raise", or "nan" for NaN in the samples that are singular.
+
+    Returns:
+        The rates; more than two links: the least ones, in the sum of squares of the chain's own angles.
+
+    Raises:
+        SingularPose: where the chain is in line (smallest over largest singular value of J below 1e-7), naming the sample.
+        InputError: on wrong shapes, numbers that are not finite, or motion off the circle of a single link.
+    """
+    arm = check_chain(chain).numeric
+    pose = samples("q", q, arm.n)
+    if not isinstance(at_singular, str) or at_singular not in ("raise", "nan"):
+        raise InputError(f"at_singular is {at_singular!r:.80}; expected 'raise' or 'nan'.")
+    if jerk is not None and acceleration is None:
+        raise InputError("a jerk came without an acceleration; expected both: the joints' jerk depends on it.")
+    single = pose.ndim == 1
+    given = [("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)]
+    motion = [_vectors(what, value, pose).reshape(-1, 2) for what, value in given if value is not None]
+    pose = pose.reshape(-1, arm.n)
+    J = arm.jacobian(pose)
+    s = np.linalg.svd(J, compute_uv=False)
+    singular = s[:, 1] <= SINGULAR * s[:, 0] if arm.n > 1 else np.zeros(len(pose), dtype=bool)
+    if singular.any() and at_singular == "raise":
+        raise SingularPose(_singular_message(arm, pose, singular))
+    good = ~singular
+    motion = [m[good] for m in motion]
+    solve = _along_the_circle if arm.n == 1 else _two_links if arm.n == 2 else _least
+    out = []
+    for rates in solve(arm, pose[good], J[good], motion):
+        full = np.full(pose.shape, np.nan)
+        full[good] = rates
+        out.append(full[0] if single else full)
+    out += [out[0][:0]] * (3 - len(out))
+    return JointRates(out[0], out[1], out[2], singular[0] if single else singular)
+
+
+def _vectors(what: str, value: Sequence[float] | Array, pose: Array) -> Array:
+    given = as_array(what, value)
+    expected = (*pose.shape[:-1], 2)
+    if given.shape != expected:
+        raise InputError(f"{what} has shape {given.shape}; expected x and y for every row of q, {expected}.")
+    check_finite(what, given.ravel())
+    return given
+
+
+def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:
+    k = int(np.argmax(singular))
+    x, y = arm.position(pose[k])
+    more = f" ({int(singular.sum())} samples of {len(pose)} are singular)" if singular.sum() > 1 else ""
+    where = f"at sample {k} of {len(pose)}" if len(pose) > 1 else "here"
+    return (
+        f"{where} the chain is in line, with its end point at ({x:g}, {y:g}) m{more}: joint rates are undetermined there, and "
+        "may be without bound nearby. Begin beside it, or ask for NaN there: at_singular='nan'."
+    )
+
+
+def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
+    out: list[Array] = []
+    for order, given in enumerate(motion):
+        wanted = given - _known(arm, q, out, order)
+        rate = np.sum(J[:, :, 0] * wanted, axis=1) / arm.outer**2
+        off = np.abs(wanted - J[:, :, 0] * rate[:, None]).max(axis=1, initial=0.0)
+        size = np.abs(given).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
+        if (off > CONTRADICTS * size).any():
+            k = int(np.argmax(off - CONTRADICTS * size))
+            what = ("velocity", "acceleration", "jerk")[order]
+            raise InputError(
+                f"the {what} at sample {k}, ({given[k, 0]:g}, {given[k, 1]:g}), is off by {off[k]:g} from what a single link "
+                "can do on its circle; expected one of a motion along it."
+            )
+        out.append(rate[:, None])
+    return out
+
+
+def _known(arm: ChainNumbers, q: Array, rates: list[Array], order: int) -> Array:
+    """What the rates that are known contribute: nothing, J' q', or 2 J' q'' + J'' q'; shape (samples, 2)."""
+    if order == 0:
+        return np.zeros((len(q), 2))
+    Jd = arm.jacobian_rate(q, rates[0])
+    if order == 1:
+        return _times(Jd, rates[0])
+    return 2.0 * _times(Jd, rates[1]) + _times(arm.jacobian_second_rate(q, rates[0], rates[1]), rates[0])
+
+
+def _two_links(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
+    out: list[Array] = []
+    for order, given in enumerate(motion):
+        out.append(np.linalg.solve(J, (given - _known(arm, q, out, order))[..., None])[..., 0])
+    return out
+
+
+def _least(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
+    JT = np.swapaxes(J, 1, 2)
+    G = J @ JT
+    out: list[Array] = []
+    multipliers: list[Array] = []
+    for order, given in enumerate(motion):
+        # The part of the rate that the multipliers known so far give, of q' = J^T l differentiated.
+        rest = np.zeros_like(q)
+        if order == 1:
+            rest = _times(np.swapaxes(arm.jacobian_rate(q, out[0]), 1, 2), multipliers[0])
+        elif order == 2:
+            rest = 2.0 * _times(np.swapaxes(arm.jacobian_rate(q, out[0]), 1, 2), multipliers[1])
+            rest += _times(np.swapaxes(arm.jacobian_second_rate(q, out[0], out[1]), 1, 2), multipliers[0])
+        wanted = given - _known(arm, q, out, order) - _times(J, rest)
+        multipliers.append(np.linalg.solve(G, wanted[..., None])[..., 0])
+        out.append(_times(JT, multipliers[-1]) + rest)
+    return out
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    return (matrix @ vector[..., None])[..., 0]

@@ -15,10 +15,11 @@ import sympy
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.planar.arm import ROUND_OFF, arm_of
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.constrained_chain import ConstrainedChain
-from rbd.planar.inverse_kinematics import TOLERANCE, coordinate, inverse
+from rbd.planar.expressions import coordinate
+from rbd.planar.inverse_kinematics import TOLERANCE, inverse
+from rbd.planar.numeric import ROUND_OFF
 
 MEANINGS = {
     "base": "The end of the chain that stays where it is.",
@@ -140,14 +141,14 @@ def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:
         for name, value in zip("xy", pinned, strict=True):
             coordinate(name, value)
         return generic, "If the chain reaches the pin, and is not in line there." + (f" {structure}" if generic == 0 else "")
-    arm, found = arm_of(chain), inverse(chain, pinned)
+    arm, found = chain.numeric, inverse(chain, pinned)
     if not found.reachable:
         raise InputError(f"the end point cannot be pinned there: {found.note}")
     r = float(np.hypot(*found.target))
     edge = max(TOLERANCE, ROUND_OFF) * arm.outer
     at_base = r <= edge
     # The links lie on one line if it takes their whole length, or one of them against all others.
-    lined = r >= arm.outer - edge or (2.0 * float(arm.lengths.max()) >= arm.outer + r - edge)
+    lined = r >= arm.outer - edge or (2.0 * float(arm.ell.max()) >= arm.outer + r - edge)
     if not lined:
         note = structure if generic == 0 else ""
         return generic, note

@@ -34,19 +34,16 @@ from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.equations_of_motion import Dynamics
 from rbd.robots import catalogue
+from rbd.robots.linkage import COLORS, GRAVITY
 from rbd.robots.robot import Robot, load_robot
 
 Plane = Literal["xz", "xy"]
-EARTH = 9.81
-"""Gravity of robots of `rbd` [m/s2]."""
 END = "end"
 """The frame at the end point."""
 FARTHEST_TURN = 1e4
 """Limits of the joints [rad]: 1,591 turns."""
 _AXES = {"xz": "0 -1 0", "xy": "0 0 1"}
 _DISCS = {"xz": f"{math.pi / 2:.12g} 0 0", "xy": "0 0 0"}  # turns a cylinder's axis z into the joint's
-_COLORS = {"grey": "0.35 0.37 0.40 1", "steel": "0.75 0.77 0.80 1", "orange": "0.90 0.45 0.10 1", "blue": "0.16 0.42 0.66 1",
-           "green": "0.24 0.58 0.36 1", "red": "0.75 0.22 0.20 1", "violet": "0.48 0.36 0.66 1"}  # fmt: skip
 _LINKS = ("orange", "blue", "green", "red", "violet")
 
 
@@ -219,9 +216,9 @@ def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
     """Dynamics in numbers, with a gravity that robots know."""
     dyn = dyn if values is None else dyn.subs(values)
     refuse_symbols(dyn.unknowns, "a robot", how="values=")
-    if dyn.gravity != 0 and abs(float(dyn.gravity) - EARTH) > 1e-9:
+    if dyn.gravity != 0 and abs(float(dyn.gravity) - GRAVITY) > 1e-9:
         raise InputError(
-            f"gravity of these dynamics is {float(dyn.gravity):g} m/s2, and robots fall with {EARTH}; expected that, or 0 "
+            f"gravity of these dynamics is {float(dyn.gravity):g} m/s2, and robots fall with {GRAVITY}; expected that, or 0 "
             f"for a chain that lies flat. to_robot(chain, masses=..., centres=..., inertias=...) does not ask."
         )
     return dyn
@@ -229,10 +226,10 @@ def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
 
 def _urdf(name: str, plane: str, lengths: Array, masses: Array, centres: Array, inertias: Array) -> str:
     r = 0.03 * float(lengths.mean())  # of the rods as drawn
-    effort = 100.0 * 9.81 * float(masses.sum()) * float(lengths.sum())  # far beyond what holds it stretched out
+    effort = 100.0 * GRAVITY * float(masses.sum()) * float(lengths.sum())  # far beyond what holds it stretched out
     head = f"A planar chain of {len(lengths)} links in the {plane} plane of W, its base at the origin."
     out = [f'<?xml version="1.0"?>\n<!-- {head} Written by rbd.planar. -->\n<robot name="{name}">\n']
-    out += [f'  <material name="{color}"><color rgba="{rgba}"/></material>\n' for color, rgba in _COLORS.items()]
+    out += [f'  <material name="{color}"><color rgba="{COLORS[color]}"/></material>\n' for color in ("grey", "steel", *_LINKS)]
     disc = f'<cylinder radius="{2.0 * r:.5g}" length="{1.6 * r:.5g}"/>'
     out.append(f'  <link name="base">\n{_shape("0 0 0", _DISCS[plane], disc, "grey")}  </link>\n')
     parent, at = "base", 0.0

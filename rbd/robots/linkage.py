@@ -27,6 +27,7 @@ from rbd.robots.robot import Robot, load_robot
 Point = tuple[float, float]
 GROUND = "ground"
 GRAVITY = 9.81
+"""Of robots of `rbd` [m/s2], along -z of W."""
 COLORS = {"grey": "0.35 0.37 0.40 1", "orange": "0.90 0.45 0.10 1", "blue": "0.16 0.42 0.66 1", "green": "0.24 0.58 0.36 1",
           "red": "0.75 0.22 0.20 1", "violet": "0.48 0.36 0.66 1", "steel": "0.75 0.77 0.80 1"}  # fmt: skip
 NORMAL = "[0, -1, 0]"  # of the plane: loops turn about what joints turn about

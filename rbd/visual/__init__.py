@@ -2,14 +2,13 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.visual.animation import export_motion, motion_sheet, replay
-from rbd.visual.browser import find_browser, screenshot
-from rbd.visual.colors import contact_colors
+from rbd.visual.page import find_browser, screenshot
+from rbd.visual.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
 from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
-from rbd.visual.planar_scene import export_planar, replay_planar
-from rbd.visual.planar_sticks import plot_ellipses, plot_sticks
 from rbd.visual.plots import plot_ranges
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
+from rbd.visual.style import contact_colors
 from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
 __all__ = [

@@ -15,20 +15,21 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError, PictureError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.visual.animation_frames import Pushes, PushesAt, checked, frames_of, positive, robot_of
-from rbd.visual.animation_score import Score
-from rbd.visual.arguments import a_count, a_page, a_path, a_picture
-from rbd.visual.browser import screenshot
-from rbd.visual.page import write_page
+from rbd.robots.robot import Robot
+from rbd.visual.animation_frames import Pushes, PushesAt, Score, frames_of
+from rbd.visual.page import screenshot, write_page
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene
+from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
     from rbd.simulation.trajectory import Trajectory
 
 MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
 MOST_PICTURES = 100
+WANTED = ("robot", "times", "q", "v", "points", "point_forces", "modes", "events")
 CAPTION_HEIGHT = 34
 """Of a picture in a strip, in pixels, as animation.css has it."""
 GAP = 6
@@ -179,6 +180,49 @@ def replay(
     finally:
         if scene is None:
             used.close()
+
+
+def checked(trajectory: object) -> Trajectory:
+    """A trajectory that can be shown.
+
+    Raises:
+        InputError: if it is none, has fewer than two samples, or its times do not increase.
+    """
+    missing = [name for name in WANTED if not hasattr(trajectory, name)]
+    if missing or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
+        raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned.")
+    shown: Trajectory = trajectory  # type: ignore[assignment]
+    n = len(shown.times)
+    if n < 2:
+        some = "no sample" if n == 0 else "one sample only"
+        raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
+    if not np.all(np.isfinite(shown.times)) or np.min(np.diff(shown.times)) <= 0.0:
+        raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
+    finite = np.isfinite(shown.q).all(axis=1)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(f"q is not finite at {shown.times[i]:.6g} s; show what is before it: trajectory[:{i}].")
+    return shown
+
+
+def robot_of(trajectory: Trajectory) -> Robot:
+    """The trajectory's robot, with its meshes."""
+    robot = trajectory.robot
+    if not isinstance(robot, Robot):
+        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+    return robot
+
+
+def positive(what: str, value: object, most: float, unit: str) -> float:
+    """A finite number above zero, `most` at most.
+
+    Raises:
+        InputError: if it is not.
+    """
+    number = as_float(value)
+    if not 0.0 < number <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
+    return number
 
 
 def _pace(score: Score, scene: Scene, speed: float) -> None:

@@ -1,18 +1,196 @@
-"""The marks drawn around a robot: arrows, friction cones, patches, support polygon, centre of mass."""
+"""What is drawn around a robot: where forces act, arrows, friction cones, patches, support polygon, centre of mass."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygon import convex_hull
+from rbd.constraints.convex.polygon import convex_hull, inside_distance
+from rbd.errors import InputError
+from rbd.problem.contact_force import ContactForce
 from rbd.visual import shapes
-from rbd.visual.colors import COM_COLOR, PUSH_COLOR, SUPPORT_COLOR
-from rbd.visual.forces import ShownForce, corners_in_world
 from rbd.visual.shapes import Mesh
+from rbd.visual.style import COM_COLOR, PUSH_COLOR, SUPPORT_COLOR
+
+if TYPE_CHECKING:
+    from rbd.model.state import State
+    from rbd.problem.ground import Ground
+    from rbd.problem.rows import Patch
+    from rbd.solution import Solution
+    from rbd.statics.equilibrium import Hold
+
+# A contact that presses with less than this share of all contact forces is not drawn as support.
+LOADED_SHARE = 1e-6
+# How far outside its patch rounding may put a centre of pressure.
+SLACK_M = 1e-6
+# Contacts whose normal leans more than 45 degrees do not carry weight from below.
+UPRIGHT = float(np.cos(np.pi / 4.0))
+
+
+@runtime_checkable
+class Push(Protocol):
+    """An external force at a frame, as `rbd.ExternalForce` is: only what the picture reads."""
+
+    @property
+    def frame(self) -> str:
+        """Name of the frame that is pushed."""
+
+    @property
+    def force(self) -> Sequence[float] | Array:
+        """Force in W, shape (3,) [N]."""
+
+    @property
+    def offset(self) -> Sequence[float] | Array:
+        """Point of application from the frame's origin, in frame axes, shape (3,) [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ShownForce:
+    """What a contact does to the robot, and where.
+
+    Attributes:
+        name: The contact's name.
+        patch: Where it acts.
+        force: Resultant force on the robot in W, shape (3,) [N].
+        start: Point in W where the resultant acts, shape (3,) [m]: see `acting_point`.
+        corner_forces: Force at each corner of the patch in W, shape (k, 3) [N]; k = 0 where there is no split.
+        friction_used: |f_t| / (mu f_n) of the resultant; None where there is no coefficient or nothing is carried. A
+            patch may slip at one corner though its resultant is inside the cone: that is not seen here.
+    """
+
+    name: str
+    patch: Patch
+    force: Array
+    start: Array
+    corner_forces: Array
+    friction_used: float | None
+
+    @property
+    def corners(self) -> Array:
+        """Corners of the patch in W, shape (k, 3) [m]."""
+        return corners_in_world(self.patch)
+
+    @property
+    def pressure(self) -> float:
+        """Force along the contact normal [N], positive when the surroundings push the robot away."""
+        return float(self.force @ self.patch.axes[:, 2])
+
+
+def corners_in_world(patch: Patch) -> Array:
+    """Corners of a contact patch in W, shape (k, 3) [m]."""
+    return patch.point + patch.corners @ patch.axes.T
+
+
+def acting_point(patch: Patch, wrench: Array) -> Array:
+    """Point in W where the resultant of a contact acts, shape (3,) [m].
+
+    For a patch that presses this is the centre of pressure, p + n x m / (n . f). The patch's own point is taken for a
+    point contact, and where the centre of pressure is not inside the patch (a held sole can pull).
+
+    Args:
+        patch: The contact.
+        wrench: Force [N] and, for a surface, moment [N m] at the patch's point, in W, shape (3,) or (6,).
+    """
+    point = ContactForce.of(patch, wrench).centre_of_pressure
+    if point is None or inside_distance((patch.axes.T @ (point - patch.point))[:2], _outline(patch)) < -SLACK_M:
+        return np.array(patch.point, float)
+    return point
+
+
+def _outline(patch: Patch) -> Array:
+    return convex_hull(patch.corners[:, :2])
+
+
+def shown_forces(solution: Solution | Hold) -> list[ShownForce]:
+    """Force of every contact of a solution; constraints without a patch (loops, limits) are left out."""
+    out = []
+    forces: Mapping[str, Array] = solution.forces
+    split: Mapping[str, Array] = solution.corner_forces
+    # A `Hold` carries its rows itself, a `Solution` its problem.
+    keeper: Any = getattr(solution, "problem", solution)
+    for rows in keeper.rows:
+        if rows.patch is None or rows.name not in forces:
+            continue
+        wrench = np.asarray(forces[rows.name], float)
+        at_corners = np.asarray(split.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3)
+        start = acting_point(rows.patch, wrench)
+        used = ContactForce.of(rows.patch, wrench).friction_used
+        out.append(ShownForce(rows.name, rows.patch, wrench[:3], start, at_corners, used))
+    return out
+
+
+def pushes(state: State, external: Iterable[Push] | Push | None) -> list[tuple[str, Array, Array]]:
+    """Name, point in W [m] and force in W [N] of every push. Moments are not drawn.
+
+    Raises:
+        InputError: if `external` holds anything but external forces at named frames.
+    """
+    if external is None:
+        return []
+    try:
+        given = [external] if isinstance(external, Push) else list(external)
+    except TypeError:
+        raise InputError(f"external is {external!r:.80}; expected ExternalForces.") from None
+    out = []
+    for push in given:
+        if not isinstance(push, Push):
+            raise InputError(
+                f"external holds a {type(push).__name__}; only ExternalForce has a point to draw it from. "
+                "Leave generalised forces out of the picture: show(state, solution)."
+            )
+        point = np.array(state.frame(push.frame, push.offset).X_WF.translation)
+        out.append((push.frame, point, np.asarray(push.force, float)))
+    return out
+
+
+def support_polygon(contacts: Iterable[ShownForce]) -> Array:
+    """Corners of the support polygon on the ground, counter-clockwise, shape (k, 2) [m].
+
+    The convex hull of all corners of the contacts that press, projected along z. It answers for flat ground only:
+    contacts whose normal leans more than 45 degrees and those between two bodies are left out, friction and torque limits
+    are ignored. Fewer than three corners come out where the contacts are points, or lie on a line.
+    """
+    below = [c.corners[:, :2] for c in _supporting(contacts)]
+    return convex_hull(np.vstack(below)) if below else np.zeros((0, 2))
+
+
+def support_outline(contacts: Iterable[ShownForce]) -> Array:
+    """The corners of `support_polygon` in W, shape (k, 3) [m]: each on the plane that its contact stands on.
+
+    On z = 0 of contacts whose plane is not known. On stairs the corners have different heights.
+    """
+    given = _supporting(contacts)
+    hull = support_polygon(given)
+    if not len(hull):
+        return np.zeros((0, 3))
+    corners = np.vstack([c.corners for c in given])
+    planes = [c.patch.on for c in given for _ in c.corners]
+    nearest = [int(np.argmin(((corners[:, :2] - p) ** 2).sum(axis=1))) for p in hull]
+    return np.column_stack([hull, [_height(planes[i], p) for i, p in zip(nearest, hull, strict=True)]])
+
+
+def ground_under(point: Array, contacts: Iterable[ShownForce]) -> float:
+    """Height of the ground in W under a point, for the mark below the centre of mass [m].
+
+    Of the plane that all contacts stand on; on stairs that of the lowest; zero where none is known.
+    """
+    planes = [c.patch.on for c in contacts if c.patch.against is None and c.patch.axes[2, 2] > UPRIGHT]
+    return min((_height(plane, point) for plane in planes), default=0.0)
+
+
+def _height(plane: Ground | None, point: Array) -> float:
+    return 0.0 if plane is None else plane.below(float(point[0]), float(point[1]))
+
+
+def _supporting(contacts: Iterable[ShownForce]) -> list[ShownForce]:
+    """Contacts with the ground that press, on what is not steeper than 45 degrees."""
+    given = [c for c in contacts if c.patch.against is None]
+    least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in given)
+    return [c for c in given if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,6 +343,14 @@ def legend(
     return {"title": title, "entries": entries}
 
 
+def scale_note(metres_per_newton: float, weight_N: float) -> str:
+    """What a metre of arrow stands for, in newtons and in weights of the robot."""
+    per_metre = 1.0 / metres_per_newton
+    times = per_metre / weight_N if weight_N else 0.0
+    share = ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
+    return f"1 m of arrow is {per_metre:.4g} N{share if times else ''}."
+
+
 def _entry(color: str, name: str, value: str, detail: str) -> dict[str, str]:
     return {"color": color, "name": name, "value": value, "detail": detail}
 
@@ -172,7 +358,7 @@ def _entry(color: str, name: str, value: str, detail: str) -> dict[str, str]:
 def _ordered(contact: ShownForce) -> Array:
     """Corners of the patch in W, in order around it, shape (k, 3) [m]."""
     patch = contact.patch
-    hull = convex_hull(patch.corners[:, :2])
+    hull = _outline(patch)
     height = float(patch.corners[:, 2].mean())
     return patch.point + np.column_stack([hull, np.full(len(hull), height)]) @ patch.axes.T
 

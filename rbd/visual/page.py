@@ -1,18 +1,33 @@
-"""One HTML page that shows a scene: with everything inside for a file, or fed by a socket for a live viewer."""
+"""One HTML page that shows a scene: its messages recorded, the page written, and photographed by a headless browser.
+
+A page has everything inside for a file, or is fed by a socket for a live viewer.
+"""
 
 from __future__ import annotations
 
 import base64
 import html
 import json
-from collections.abc import Iterable
+import math
+import shutil
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from string import Template
+from typing import Any, Protocol
 
-from rbd.errors import PictureError
-from rbd.model.output_files import write_text
+import umsgpack
+
+from rbd.arrays import as_float
+from rbd.errors import InputError, PictureError
+from rbd.model.forks import renewed_after_fork
+from rbd.model.output_files import check_place, write_file, write_text
+from rbd.visual.style import a_count, a_path, is_there
 
 # The page forbids the browser every request: what is not inside the file cannot be loaded.
 _POLICY = (
@@ -47,6 +62,25 @@ $start
 </body>
 </html>
 """)
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+TIMEOUT_SECONDS = 120.0
+# Quiet, without a graphics card (SwiftShader draws in software), and unable to reach any other machine.
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--force-device-scale-factor=1",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--virtual-time-budget=3000",
+)
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:
@@ -104,3 +138,116 @@ def _page(title: str, start: str, *, connect: str) -> str:
 @cache
 def _text(package: str, path: str) -> str:
     return files(package).joinpath(path).read_text(encoding="utf-8")
+
+
+class Command(Protocol):
+    """A Meshcat command."""
+
+    def lower(self) -> dict[str, Any]:
+        """The command as plain data."""
+
+
+class Recorder:
+    """The `window` of a `meshcat.Visualizer` that needs no server.
+
+    It keeps what a viewer must be told to show the present scene, oldest first, and passes every new message on to
+    one listener, such as a live server. Messages are bytes (packed Meshcat commands) or text (JSON for our own page).
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._kept: dict[tuple[str, str], tuple[int, bytes | str]] = {}
+        self._count = 0
+        self._listener: Callable[[bytes | str], None] | None = None
+        renewed_after_fork(self)
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: a new lock, and nobody listens, because a live server's thread stays with the parent."""
+        self._lock, self._listener = threading.Lock(), None
+
+    def send(self, command: Command) -> None:
+        """Keep a Meshcat command; a newer one of the same kind on the same path replaces it.
+
+        A deletion takes all commands at and below its path away, and is kept itself for viewers that have seen them.
+        """
+        data = command.lower()
+        path, kind = data["path"], data["type"]
+        packed = umsgpack.packb(data)
+        with self._lock:
+            if kind == "delete":
+                below = path.rstrip("/") + "/"
+                self._kept = {key: m for key, m in self._kept.items() if not (key[0] + "/").startswith(below)}
+            self._keep((path, kind + "/" + data.get("property", "")), packed)
+
+    def post(self, topic: str, text: str) -> None:
+        """Keep a message for our own page; a newer one on the same topic replaces it."""
+        with self._lock:
+            self._keep(("", topic), text)
+
+    def messages(self, *, after: int = 0) -> tuple[list[bytes | str], int]:
+        """What a viewer must be told that has seen the first `after` messages, oldest first, and the count till now."""
+        with self._lock:
+            return [message for number, message in self._kept.values() if number > after], self._count
+
+    def listen(self, listener: Callable[[bytes | str], None] | None) -> None:
+        """Pass every later message to `listener`; None: to nobody."""
+        with self._lock:
+            self._listener = listener
+
+    def _keep(self, key: tuple[str, str], message: bytes | str) -> None:
+        self._count += 1
+        self._kept.pop(key, None)
+        self._kept[key] = (self._count, message)
+        if self._listener is not None:
+            self._listener(message)
+
+
+def find_browser() -> str | None:
+    """Path of Chromium or Chrome on this machine, or None."""
+    return next((found for name in BROWSERS if (found := shutil.which(name))), None)
+
+
+def screenshot(
+    html_path: str | PathLike[str],
+    png_path: str | PathLike[str],
+    *,
+    width: int = 1280,
+    height: int = 960,
+    at: float | None = None,
+) -> Path:
+    """Draw a page in headless Chromium and write what it shows as a PNG; returns the picture's path.
+
+    Args:
+        html_path: The page, as `Scene.export` writes it.
+        png_path: Where the picture goes.
+        width: Pixels across.
+        height: Pixels down.
+        at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
+
+    Raises:
+        InputError: if the size is no number of pixels, or the time is none.
+        PictureError: if there is no page, no browser, or no picture came of it.
+    """
+    page, picture = a_path("the page", html_path), a_path("the picture", png_path)
+    width, height = a_count("width", width), a_count("height", height)
+    if at is not None and not math.isfinite(as_float(at)):
+        raise InputError(f"at is {at!r:.80}; expected a time in seconds.")
+    if not is_there(page):
+        raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
+    check_place(picture, PictureError)
+    browser = find_browser()
+    if browser is None:
+        raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
+    with tempfile.TemporaryDirectory(prefix="rbd-browser-") as profile:
+        taken = Path(profile) / "taken.png"
+        command = [browser, *FLAGS, f"--window-size={width},{height}", f"--user-data-dir={profile}/profile"]
+        command += [f"--screenshot={taken}", page.resolve().as_uri() + ("" if at is None else f"#t={float(at)!r}")]
+        try:
+            run = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_SECONDS, check=False)
+        except subprocess.TimeoutExpired as error:
+            raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s with {str(html_path)!r}.") from error
+        if not taken.is_file():
+            last = (run.stderr.strip().splitlines() or ["it said nothing"])[-1]
+            raise PictureError(f"the browser made no picture of {str(html_path)!r} (exit {run.returncode}): {last}")
+        write_file(picture, lambda file: file.write(taken.read_bytes()), PictureError)
+    return picture

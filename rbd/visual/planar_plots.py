@@ -12,7 +12,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.visual.colors import CONTACT_COLORS
+from rbd.visual.plots import an_axis, frame, note
+from rbd.visual.style import CONTACT_COLORS
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -35,7 +36,7 @@ ROWS = {
 PARTS = ("tangential", "centripetal", "coriolis")
 ANGLES = {"joint": "joint angles", "segment": "segment angles", "vertical": "angles from the vertical"}
 _BURST, _OFTEN = 4.0, 92.0
-"""A curve that goes beyond so many times what it keeps within in so many per cent of the samples is cut off, and told."""
+"""A curve that goes beyond so many times what it keeps within in so many per cent of the samples is cut off, with a note."""
 _BEATS = 21
 """Dots along a path, evenly in time: close together where it is slow."""
 
@@ -119,8 +120,7 @@ def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
     space = "joint space" if motion.chain.angles == "joint" else f"space of the {ANGLES[motion.chain.angles]}"
     joints.set_title(space, loc="left")
     for ax in (plane, joints):
-        _frame(ax)
-        ax.grid(color="0.92", lw=0.7, zorder=0)
+        frame(ax, "both")
         ax.margins(0.08)
     return drawn
 
@@ -150,9 +150,9 @@ def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
     drawn: list[Artist] = []
     for ax, title, part in zip(panels, ("tangential", "centripetal", "Coriolis"), parts, strict=True):
         for values, style in ((motion.a, {"lw": PALE, "alpha": 0.25}), (part, {"lw": BOLD})):
-            told = ", whole" if values is motion.a else ""
+            suffix = ", whole" if values is motion.a else ""
             for curve, name, color in zip(values.T, "xy", (X_COLOR, Y_COLOR), strict=True):
-                drawn += ax.plot(motion.times, curve, color=color, label=name + told, zorder=3, **style)
+                drawn += ax.plot(motion.times, curve, color=color, label=name + suffix, zorder=3, **style)
         _dress(ax, motion, title)
         ax.axhline(0.0, color="0.75", lw=0.8, zorder=1)
         ax.set_xlabel("time [s]")
@@ -176,16 +176,6 @@ def some_axes(axes: object, shape: tuple[int, ...]) -> Array:
     for ax in grid.flat:
         an_axis(ax)
     return grid
-
-
-def an_axis(ax: object) -> None:
-    """Refuse what is no axes.
-
-    Raises:
-        InputError: if it is none.
-    """
-    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
-        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
 
 
 def check_motion(motion: object) -> None:
@@ -243,26 +233,18 @@ def _cut(ax: Axes, t: Array, values: Array, title: str) -> list[Artist]:
         return []
     unit = title[title.index("[") + 1 : -1]
     size = float(f"{peak:.3g}")
-    told = f"cut off: {size:,.0f} {unit}" if abs(size) >= 1000.0 else f"cut off: {size:g} {unit}"
-    told = f"{told}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
-    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    style: dict[str, Any] = {"ha": "right", "fontsize": "x-small", "color": "0.3", "bbox": ground, "zorder": 5}
+    text = f"cut off: {size:,.0f} {unit}" if abs(size) >= 1000.0 else f"cut off: {size:g} {unit}"
+    text = f"{text}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
     y, va = (0.97, "top") if peak > high else (0.03, "bottom")
-    return [ax.text(0.97, y, told, transform=ax.transAxes, va=va, **style)]
+    return [note(ax, 0.97, y, text, va=va, fontsize="x-small", pad=1.0)]
 
 
 def _dress(ax: Axes, motion: PlanarMotion, title: str) -> None:
-    _frame(ax)
-    ax.grid(axis="y", color="0.92", lw=0.7, zorder=0)
+    frame(ax, "y")
     ax.set_title(title, loc="left", fontsize="medium")
     ax.locator_params(nbins=5)
     if len(motion.times) > 1:
         ax.set_xlim(min(0.0, motion.times[0]), motion.times[-1])
-
-
-def _frame(ax: Axes) -> None:
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.set_axisbelow(True)
 
 
 def _legend(ax: Axes, loc: str = "best", ncols: int = 1) -> None:

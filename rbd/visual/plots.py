@@ -1,13 +1,16 @@
-"""Plots on axes that are given: axes first, artists out, no window, no global state. Only Matplotlib's own objects are used."""
+"""What all plots share, and the ranges of forces that go with one motion.
+
+Axes first, artists out, no window, no global state. Only Matplotlib's own objects are used.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 from rbd.analysis.uniqueness import Range, Uniqueness
 from rbd.errors import InputError
-from rbd.visual.colors import contact_colors
+from rbd.visual.style import contact_colors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -32,8 +35,7 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
     Raises:
         InputError: if `ax` are no axes, or `uniqueness` is something else.
     """
-    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
-        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
+    an_axis(ax)
     if not isinstance(uniqueness, Uniqueness):
         raise InputError(f"uniqueness is {uniqueness!r:.80}; expected what solution.uniqueness() returns.")
     lines: list[tuple[str, Range, str, float]] = []
@@ -58,6 +60,30 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
     ax.axvline(0.0, color="0.6", lw=0.8, zorder=0)
     ax.set_xlabel("normal force [N]; bar: possible with the same motion, dot: returned")
     return drawn + arrows
+
+
+def an_axis(ax: object) -> None:
+    """Refuse what is no axes.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
+        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
+
+
+def frame(ax: Axes, grid: Literal["x", "y", "both"] | None = None) -> None:
+    """A frame open above and on the right, behind it pale lines across "x", "y" or "both"."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_axisbelow(True)
+    if grid is not None:
+        ax.grid(axis=grid, color="0.92", lw=0.7, zorder=0)
+
+
+def note(ax: Axes, x: float, y: float, text: str, **style: Any) -> Artist:
+    """Small print on a white ground in a corner of the axes, as where a curve is cut off."""
+    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": style.pop("pad")}
+    return ax.text(x, y, text, transform=ax.transAxes, ha="right", color="0.3", bbox=ground, zorder=5, **style)
 
 
 def _limits(ranges: list[Range]) -> tuple[float, float]:

@@ -20,14 +20,12 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.visual import marks
-from rbd.visual.arguments import a_length, a_page
-from rbd.visual.colors import COM_COLOR, SUPPORT_COLOR, contact_colors, distinct_colors, rgb_number
-from rbd.visual.forces import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
-from rbd.visual.page import offline_page, write_page
-from rbd.visual.recorder import Recorder
+from rbd.visual.marks import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
+from rbd.visual.page import Recorder, offline_page, write_page
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.server import LiveServer
 from rbd.visual.shapes import Mesh, outermost, round_number
+from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors, rgb_number
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -352,8 +350,7 @@ class Scene:
         entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]
         notes = []
         if self._contacts or pushed:
-            per_metre, weight = 1.0 / self._shown().metres_per_newton, self._weight()
-            notes.append(f"1 m of arrow is {per_metre:.4g} N{_share(per_metre, weight)}.")
+            notes.append(marks.scale_note(self._shown().metres_per_newton, self._weight()))
         notes.append("Drag to turn, wheel to zoom, right button to shift.")
         listed = what["entries"]
         assert isinstance(listed, list)
@@ -387,10 +384,3 @@ class Scene:
         ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
         left = np.array([-ahead[1], ahead[0]])
         return np.round([*(FRONT_LEFT[0] * ahead + FRONT_LEFT[1] * left), FRONT_LEFT[2]], 4).tolist()
-
-
-def _share(force_N: float, weight_N: float) -> str:
-    if weight_N == 0.0:
-        return ""
-    times = force_N / weight_N
-    return ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"

@@ -18,8 +18,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rbd.errors import PictureError
 from rbd.model.forks import renewed_after_fork
-from rbd.visual.page import live_page
-from rbd.visual.recorder import Recorder
+from rbd.visual.page import Recorder, live_page
 
 # Meshcat's own server listens on every network card; this one cannot be reached from another machine.
 HOST = "127.0.0.1"

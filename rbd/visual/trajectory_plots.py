@@ -5,17 +5,22 @@ Axes first, artists out, no window, no global state. Colours of contacts are tho
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joint_coordinates import joint_motion
+from rbd.model.joint_names import ANGLE, FORCE_OF, PURE, Coordinate, motors, positions, velocities
 from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.colors import CONTACT_COLORS, contact_colors
-from rbd.visual.curves import Curve, joint_curves
+from rbd.visual.plots import an_axis, frame, note
+from rbd.visual.style import CONTACT_COLORS, contact_colors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -35,6 +40,9 @@ _MODES: dict[str, dict[str, Any]] = {
 """How each mode is filled; what is open is left empty."""
 _BURST, _OFTEN = 3.0, 98.0
 """A peak of so many times what is passed in so many per cent of the samples is cut off."""
+WHATS = ("q", "v", "a", "tau")
+_NONE = 1e100
+"""Limits beyond it are how a file says that there are none."""
 
 
 def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None = None) -> list[Artist]:
@@ -42,7 +50,7 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
 
     Of a contact the vertical force is a bold line and the size of the horizontal one a fine one (world axes, on the robot); of
     any other constraint each row is a line. Hairlines mark beginnings and ends of contact, the dotted line the weight of a
-    floating robot, where a force comes near it. A peak that would flatten all else is cut off, and told. The impulse of an
+    floating robot, where a force comes near it. A peak that would flatten all else is cut off, with a note. The impulse of an
     impact is no force: it is in `trajectory.events`.
 
     Args:
@@ -102,11 +110,11 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
     _check(ax, trajectory)
     t, potential = trajectory.times, trajectory.potential - trajectory.potential[0]
     total = trajectory.kinetic + potential
-    told = f"total, changes by {total[-1] - total[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
+    label = f"total, changes by {total[-1] - total[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
     drawn = [
         *ax.plot(t, trajectory.kinetic, color=CONTACT_COLORS[0], lw=_BOLD, label="kinetic", zorder=3),
         *ax.plot(t, potential, color=CONTACT_COLORS[2], lw=_BOLD, label="potential, from its start", zorder=3),
-        *ax.plot(t, total, color="0.1", lw=_BOLD, label=told, zorder=4),
+        *ax.plot(t, total, color="0.1", lw=_BOLD, label=label, zorder=4),
     ]
     marks = _event_marks(ax, trajectory, trajectory.contacts)
     _dress(ax, trajectory, "energy [J]")
@@ -150,8 +158,7 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
 
 
 def _check(ax: Axes, trajectory: Trajectory) -> None:
-    if isinstance(ax, type) or not callable(getattr(ax, "set_yticks", None)):
-        raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
+    an_axis(ax)
     if not isinstance(trajectory, Trajectory):
         raise InputError(f"trajectory is {trajectory!r:.80}; expected what rbd.simulate returns.")
 
@@ -170,9 +177,7 @@ def _chosen(trajectory: Trajectory, names: Sequence[str] | None) -> tuple[str, .
 
 
 def _dress(ax: Axes, trajectory: Trajectory, label: str) -> None:
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.grid(axis="y", color="0.92", lw=0.7, zorder=0)
-    ax.set_axisbelow(True)
+    frame(ax, "y")
     ax.set_xlabel("time [s]")
     ax.set_ylabel(label)
     if len(trajectory) > 1:
@@ -188,10 +193,8 @@ def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
     seen = np.array([curve[size <= usual] for curve in curves])
     room = 0.25 * max(float(np.ptp(seen)), usual)
     ax.set_ylim(min(0.0, float(seen.min())) - 0.2 * room, float(seen.max()) + room)
-    told = f"peak, cut off: {peak:.4g} N at {t[int(size.argmax())]:.4g} s"
-    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
-    style: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": "small", "color": "0.3", "bbox": ground, "zorder": 5}
-    return [ax.text(0.995, 0.985, told, transform=ax.transAxes, **style)]
+    text = f"peak, cut off: {peak:.4g} N at {t[int(size.argmax())]:.4g} s"
+    return [note(ax, 0.995, 0.985, text, va="top", fontsize="small", pad=1.5)]
 
 
 def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None) -> list[Artist]:
@@ -280,5 +283,88 @@ def _label(curve: Curve, far: Sequence[float]) -> str:
     if not far:
         return curve.name
     both = len(far) == 2 and far[0] == -far[1]
-    told = f"±{far[1]:.4g}" if both else " and ".join(f"{x:.4g}" for x in far)
-    return f"{curve.name} (limit {told} {curve.unit})"
+    values = f"±{far[1]:.4g}" if both else " and ".join(f"{x:.4g}" for x in far)
+    return f"{curve.name} (limit {values} {curve.unit})"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One line of a plot.
+
+    Attributes:
+        name: Of the joint, or of one of its coordinates.
+        quantity: "angle", "position", "velocity", "acceleration", "torque", "force" or "coordinate".
+        unit: Its unit, as it is printed.
+        values: Shape (n,).
+        limits: Those that the robot's file states, in order.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    values: Array
+    limits: tuple[float, ...]
+
+
+def joint_curves(trajectory: Trajectory, joints: str | Sequence[str], what: str) -> list[Curve]:
+    """The curves of joints, all of one unit.
+
+    Raises:
+        InputError: an unknown joint or quantity; a joint without a motor, if torques are asked; several units.
+    """
+    if not isinstance(what, str) or what not in WHATS:
+        raise InputError(f"what is {what!r:.80}; expected one of {', '.join(map(repr, WHATS))}.")
+    asked = [joints] if isinstance(joints, str) else joints
+    if not np.iterable(asked) or not len(list(asked)):
+        raise InputError(f"joint is {joints!r:.80}; expected a joint's name, or a list of them.")
+    out = [curve for name in asked for curve in _curves(trajectory, name, what)]
+    units = list(dict.fromkeys(curve.unit for curve in out))
+    if len(units) > 1:
+        raise InputError(
+            f"{joints!r:.80} has values in {' and in '.join(units)}; expected one unit. Name one, e.g. {out[0].name!r}."
+        )
+    return out
+
+
+def _curves(trajectory: Trajectory, name: str, what: str) -> list[Curve]:
+    robot = trajectory.robot
+    if not isinstance(name, str):
+        raise InputError(f"no joint {name!r:.80}; expected the name of a joint, or a list of names.")
+    if what == "q" and name in robot.joints() and joint_motion(robot, name).turns:
+        at = joint_motion(robot, name).q
+        angle = np.unwrap(np.arctan2(trajectory.q[:, at + 1], trajectory.q[:, at]))
+        return [Curve(name, "angle", ANGLE, angle, ())]
+    labels = {"q": positions, "v": velocities, "a": velocities, "tau": motors}[what](robot)
+    found = [i for i, c in enumerate(labels) if name in (c.name, c.joint)]
+    if not found:
+        if what == "tau" and any(name in (c.name, c.joint) for c in velocities(robot)):
+            raise InputError(f"{name!r:.80} carries no motor; {nearest(name, [c.name for c in labels])}.")
+        known = [*robot.joints(), *(c.name for c in labels)]
+        raise InputError(f"no joint {name!r:.80} in {robot.name}; {nearest(name, known)}.")
+    values = getattr(trajectory, what)
+    return [Curve(labels[i].name, *_quantity(labels[i], what), values[:, i], _limits(robot, i, what)) for i in found]
+
+
+def _quantity(coordinate: Coordinate, what: str) -> tuple[str, str]:
+    """(quantity, unit)."""
+    unit = coordinate.unit
+    if what == "q":
+        return {ANGLE: "angle", PURE: "coordinate"}.get(unit, "position"), unit
+    if what == "tau":
+        return ("torque" if unit == ANGLE else "force"), FORCE_OF[unit]
+    return ("velocity", f"{unit}/s") if what == "v" else ("acceleration", f"{unit}/s²")
+
+
+def _limits(robot: CheckedModel, i: int, what: str) -> tuple[float, ...]:
+    """Limits of entry i; none where the file states none."""
+    model = robot.model
+    if what == "q":
+        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+        both: tuple[float, ...] = (low, high) if low < high else ()
+    elif what == "v":
+        both = (-float(model.velocityLimit[i]), float(model.velocityLimit[i]))
+    elif what == "tau":
+        both = (-float(robot.effort_limit[i]), float(robot.effort_limit[i]))
+    else:
+        both = ()
+    return tuple(x for x in both if math.isfinite(x) and 0.0 < abs(x) < _NONE or x == 0.0 and what == "q")

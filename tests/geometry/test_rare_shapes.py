@@ -14,7 +14,7 @@ from rbd.constraints.convex.solids import convex_shape
 from rbd.errors import ModelError, ModelWarning
 from rbd.model.mesh_files import check_mesh, check_scale, find_mesh
 from rbd.robots.underside import flat_underside
-from rbd.visual import collada
+from rbd.visual.robot_meshes import read_collada
 
 IDENTITY = pin.SE3.Identity()
 
@@ -153,7 +153,7 @@ def read(tmp_path: Path, text: str):
     """The parts of a Collada file."""
     path = tmp_path / "it.dae"
     path.write_text(text)
-    return [(part.mesh, part.rgba) for part in collada.read_collada(path)]
+    return [(part.mesh, part.rgba) for part in read_collada(path)]
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def general(n: int, angles: str) -> Dynamics:
 
 
 def by_hand(dyn: Dynamics):
-    """(T, V) from where the centres of mass are: nothing of rbd.planar.pairs is in it."""
+    """(T, V) from where the centres of mass are: nothing of rbd.planar.equations_of_motion is in it."""
     chain, b = dyn.chain, dyn.bodies
     centres, at = [], sp.zeros(2, 1)
     for phi, ell, d in zip(chain.segment_angles, b.lengths, b.centres, strict=True):

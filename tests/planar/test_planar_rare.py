@@ -10,8 +10,7 @@ import sympy
 
 from rbd.errors import InputError, SingularPose
 from rbd.planar import Chain, Linearised, classify, constrained, endpoint_motion, inverse, inverse_path, minimum_jerk, motion
-from rbd.planar.arm import arm_of
-from rbd.planar.redundant import _reach, _settle, evenly_bent
+from rbd.planar.inverse_kinematics import _reach, _settle, evenly_bent
 from rbd.planar.relations import newton
 from rbd.planar.urdf import _link
 
@@ -66,18 +65,18 @@ def test_a_path_from_the_stretched_pose_inwards_is_followed():
 
 def test_poses_on_the_family_that_cannot_be_bettered_are_returned_and_no_minimum_is_claimed():
     """In line the family has no tangent, and without a step none is taken: the pose stays where it is."""
-    arm, q0 = arm_of(THREE), np.array([0.1, 0.2, 0.3])
+    arm, q0 = THREE.numeric, np.array([0.1, 0.2, 0.3])
     for q in (np.zeros(3), np.array([0.4, -0.7, 1.1])):
-        kept, minimum = _settle(arm, arm.end(q), q0, q, most=60 if not q.any() else 0)
+        kept, minimum = _settle(arm, arm.position(q), q0, q, most=60 if not q.any() else 0)
         assert np.array_equal(kept, q) and not minimum
 
 
 def test_a_target_is_not_reached_in_fewer_steps_than_it_takes():
     """Levenberg's method: none after one step, there after a hundred."""
-    arm, target = arm_of(THREE), np.array([0.2, 0.5])
+    arm, target = THREE.numeric, np.array([0.2, 0.5])
     assert _reach(arm, target, np.array([2.0, 0.5, 0.5]), most=1) is None
     there = _reach(arm, target, np.array([2.0, 0.5, 0.5]))
-    assert there is not None and np.abs(arm.end(there) - target).max() < 1e-14
+    assert there is not None and np.abs(arm.position(there) - target).max() < 1e-14
 
 
 def test_newtons_method_ends_where_a_root_is_too_flat():
@@ -220,13 +219,13 @@ def test_targets_are_reached_from_stretched_and_folded_poses_too():
     rng, lost = np.random.default_rng(7), 0
     for k in range(300):
         n = int(rng.integers(3, 6))
-        arm = arm_of(Chain(n, lengths=rng.uniform(0.05, 1.0, n).tolist()))
+        arm = Chain(n, lengths=rng.uniform(0.05, 1.0, n).tolist()).numeric
         start = rng.uniform(-3.0, 3.0, n) if k % 2 else 1e-3 * rng.normal(size=n)
-        target = arm.end(rng.uniform(-3.0, 3.0, n))
+        target = arm.position(rng.uniform(-3.0, 3.0, n))
         there = _reach(arm, target, start)
         lost += there is None
         if there is not None:
-            assert np.abs(arm.end(there) - target).max() <= 1e-14 * arm.outer
+            assert np.abs(arm.position(there) - target).max() <= 1e-14 * arm.outer
     assert lost <= 10
 
 
@@ -246,8 +245,8 @@ def test_a_target_off_the_circle_of_one_link_is_told_on_which_side(target: list[
 
 def test_a_target_out_of_reach_is_pointed_at_by_the_straight_chain():
     """Equal angles between neighbours, none at all: the end is as near to a far target as it can be."""
-    arm = arm_of(Chain(3, lengths=[1.0, 0.5, 0.3]))
-    assert np.abs(arm.end(evenly_bent(arm, np.array([0.0, 3.0]))) - [0.0, 1.8]).max() < 1e-15
+    arm = Chain(3, lengths=[1.0, 0.5, 0.3]).numeric
+    assert np.abs(arm.position(evenly_bent(arm, np.array([0.0, 3.0]))) - [0.0, 1.8]).max() < 1e-15
 
 
 @pytest.mark.parametrize("off", [-1e-15, 0.0, 1e-15, 1e-14])

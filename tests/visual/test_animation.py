@@ -22,7 +22,7 @@ from rbd.simulation.events import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.animation_frames import frames_of
-from rbd.visual.browser import FLAGS
+from rbd.visual.page import FLAGS
 from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-6
@@ -216,7 +216,7 @@ def test_ten_seconds_of_a_humanoid_are_less_than_a_megabyte(talos):
     still = Motion(talos, times, np.tile(talos.standing().q, (101, 1)), np.zeros((101, talos.nv)))
     joints = sorted({part.joint for part in robot_parts(talos)} - {0})
     frames = frames_of(still, joints)
-    assert len(frames.times) == 301 and frames.rows().astype("f4").nbytes * 4 / 3 < 1e6
+    assert len(frames.times) == 301 and frames.rows.astype("f4").nbytes * 4 / 3 < 1e6
 
 
 def test_events_are_marks_with_their_words(motion, page, tmp_path):

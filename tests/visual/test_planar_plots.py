@@ -10,10 +10,9 @@ from matplotlib.patches import Polygon
 
 from rbd.errors import InputError
 from rbd.planar import Chain, endpoint_motion, joint_motion, minimum_jerk
-from rbd.visual import planar_scene
+from rbd.visual import planar_figures
+from rbd.visual.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
 from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
-from rbd.visual.planar_scene import export_planar, replay_planar
-from rbd.visual.planar_sticks import plot_ellipses, plot_sticks
 
 TWO = Chain(2, lengths=(0.5, 0.5))
 
@@ -140,7 +139,7 @@ def test_ellipses_have_one_scale(kind: str, text, one):
 def test_the_page_plays_the_same_motion(text, tmp_path, monkeypatch):
     """The chain upright, its path behind it, no mass and so no centre of mass; replay plays the same."""
     played = []
-    monkeypatch.setattr(planar_scene, "replay", lambda motion, **given: played.append((motion, given)))
+    monkeypatch.setattr(planar_figures, "replay", lambda motion, **given: played.append((motion, given)))
     replay_planar(text, speed=0.25)
     (motion, given) = played[0]
     assert (

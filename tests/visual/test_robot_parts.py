@@ -9,8 +9,7 @@ import pytest
 
 import rbd
 from rbd.errors import ModelWarning
-from rbd.visual.collada import read_collada
-from rbd.visual.robot_meshes import inertia_ellipsoids, robot_parts, skeleton, triangles
+from rbd.visual.robot_meshes import inertia_ellipsoids, read_collada, robot_parts, skeleton, triangles
 
 ARM = """<robot name="arm"><link name="base"/><link name="bar">{shape}<inertial><origin xyz="0.2 0 0" rpy="0 0 0.4"/>
 <mass value="3"/><inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rbd.visual import shapes
-from rbd.visual.collada import read_collada
+from rbd.visual.robot_meshes import read_collada
 
 COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><contributor><authoring_tool>{tool}</authoring_tool></contributor>

@@ -18,7 +18,7 @@ from rbd.simulation.events import Event, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
 from rbd.testing import box
-from rbd.visual.colors import contact_colors
+from rbd.visual.style import contact_colors
 from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
 N = 101

@@ -1,24 +1,34 @@
-"""Planar chains as stick figures, and the ellipses of their end point, on axes that are given."""
+"""Planar chains as stick figures, the ellipses of their end point, and motions in Meshcat as a page or live."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tempfile
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError, nearest
-from rbd.visual.arguments import a_count
-from rbd.visual.colors import CONTACT_COLORS
-from rbd.visual.planar_plots import PATH_COLOR, an_axis
+from rbd.errors import InputError, ModelWarning, nearest
+from rbd.robots.robot import Robot, load_robot
+from rbd.visual.animation import checked, export_motion, replay
+from rbd.visual.planar_plots import PATH_COLOR, check_motion
+from rbd.visual.plots import an_axis, frame
+from rbd.visual.style import CONTACT_COLORS, a_count, rgb
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
     from rbd.planar.chain import Chain
-    from rbd.planar.ellipse import Ellipse
+    from rbd.planar.motion import PlanarMotion
+    from rbd.planar.numeric import Ellipse
 
 LINK_COLOR, GROUND_COLOR, REACH_COLOR = "#24344d", "0.25", "0.75"
 FORCE_COLOR = CONTACT_COLORS[6]
@@ -27,6 +37,10 @@ MOST_STICKS = 200
 _FAINTEST, _DARKEST = 0.13, 1.0
 _LARGEST = 0.22
 """Semi-axis of the largest velocity ellipse as a share of the chain's length; force ellipses are cut at 1.6 of that."""
+SEEN_FROM = (0.12, -1.0, 0.18)
+"""From before the plane, so that x runs to the right, a little aside and above."""
+BEADS = 60
+"""Pieces of the path at most."""
 
 
 def plot_sticks(ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | Array, *, count: int = 9) -> list[Artist]:
@@ -148,8 +162,7 @@ def _stick(ax: Axes, points: Array, alpha: float, width: float, zorder: float) -
 
 def _blend(color: str, alpha: float) -> tuple[float, ...]:
     """A colour on white: faint sticks that cross each other stay even."""
-    parts = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
-    return tuple(1.0 - alpha * (1.0 - parts))
+    return tuple(1.0 - alpha * (1.0 - np.array(rgb(color))))
 
 
 def _base(ax: Axes, chain: Chain) -> list[Artist]:
@@ -174,8 +187,7 @@ def _base(ax: Axes, chain: Chain) -> list[Artist]:
 def _stage(ax: Axes) -> None:
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.set_axisbelow(True)
+    frame(ax)
     ax.locator_params(nbins=6)
     ax.set_xlabel("x [m]")
     ax.set_ylabel("y [m]")
@@ -193,14 +205,10 @@ def _scale(ellipses: Sequence[Ellipse], size: float, kind: str) -> tuple[float, 
 
 def _outline(ax: Axes, outline: Array, kind: str, share: float) -> list[Artist]:
     if kind == "force":
-        return list(ax.fill(*outline.T, fc=(*_rgb(FORCE_COLOR), 0.12), ec=FORCE_COLOR, lw=1.5, zorder=4))
-    blue = _rgb(CONTACT_COLORS[0])
+        return list(ax.fill(*outline.T, fc=(*rgb(FORCE_COLOR), 0.12), ec=FORCE_COLOR, lw=1.5, zorder=4))
+    blue = rgb(CONTACT_COLORS[0])
     filled = (*blue, 0.06 + 0.44 * share) if kind == "manipulability" else (*blue, 0.0)
     return list(ax.fill(*outline.T, fc=filled, ec=CONTACT_COLORS[0], lw=1.5, zorder=4))
-
-
-def _rgb(color: str) -> tuple[float, ...]:
-    return _blend(color, 1.0)
 
 
 def _axes(ax: Axes, ellipse: Ellipse, scale: float, longest: float, kind: str) -> list[Artist]:
@@ -235,7 +243,122 @@ def _key(ax: Axes, scale: float, kind: str, size: float) -> Artist:
     """What a length on paper means, above the axes."""
     per, unit = ("1 N m", "N") if kind == "force" else ("1 rad/s", "m/s")
     bar = 10.0 ** np.floor(np.log10(0.25 * size))
-    told = f"{kind} ellipses: {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
+    title = f"{kind} ellipses: {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
     if kind == "manipulability":
-        told = f"manipulability [m²]; {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
-    return ax.set_title(told, loc="left", fontsize="small")
+        title = f"manipulability [m²]; {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
+    return ax.set_title(title, loc="left", fontsize="small")
+
+
+@dataclass(frozen=True, eq=False)
+class _Played:
+    """What the pages of `rbd.visual.animation` want of a motion; nothing touches, so there are no forces."""
+
+    robot: Robot
+    times: Array
+    q: Array
+    v: Array
+    points: Mapping[str, Array] = field(default_factory=dict)
+    point_forces: Mapping[str, Array] = field(default_factory=dict)
+    modes: Mapping[str, Array] = field(default_factory=dict)
+    events: tuple[Any, ...] = ()
+
+
+def export_planar(
+    motion: PlanarMotion, path: str | PathLike[str], *, title: str | None = None, speed: float = 0.5, start: float | None = None
+) -> Path:
+    """Write a planar motion as one HTML page that needs no network; returns its path.
+
+    The chain stands upright in W, its x to the right and its y up, with the path of the end point behind it. It is seen from
+    the front, and can be turned.
+
+    Args:
+        motion: What `endpoint_motion` or `joint_motion` returned, two samples at least.
+        path: Of the page, ends in .html.
+        title: Headline; what moves, by default.
+        speed: Seconds of motion a second at first; the page can change it.
+        start: Time at which the page opens [s]; the first by default.
+
+    Raises:
+        InputError: no motion, or settings that mean nothing.
+        PictureError: the file cannot be written.
+    """
+    check_motion(motion)
+    title = title if title is not None else f"{motion.chain.n} link{'s' * (motion.chain.n > 1)}, minimum jerk"
+    with _played(motion) as played:
+        return export_motion(
+            played, path, title=title, speed=speed, start=start, follow=False, trace=False, ground=False, seen_from=SEEN_FROM
+        )  # fmt: skip
+
+
+def replay_planar(motion: PlanarMotion, *, speed: float = 0.5) -> None:
+    """Show a planar motion live in the browser, paced by the clock; returns when it is over.
+
+    Args:
+        motion: What `endpoint_motion` or `joint_motion` returned, two samples at least.
+        speed: Seconds of motion a second.
+
+    Raises:
+        InputError: no motion, or a speed that means nothing.
+    """
+    check_motion(motion)
+    with _played(motion) as played:
+        replay(played, speed=speed)
+
+
+@contextmanager
+def _played(motion: PlanarMotion) -> Iterator[Any]:
+    """The motion of a robot that looks like the chain, its file kept as long as it is shown."""
+    from rbd.planar.urdf import robot_coordinates, to_urdf
+
+    if len(motion) < 2:
+        raise InputError("the motion has one sample only; expected two at least.")
+    chain = motion.chain
+    text = _drawn(to_urdf(chain, masses=[1.0] * chain.n, plane="xz"), motion)
+    coordinates = robot_coordinates(chain)
+    with tempfile.TemporaryDirectory(prefix="rbd-planar-") as folder:
+        file = Path(folder) / "chain.urdf"
+        file.write_text(text, encoding="utf-8")
+        with warnings.catch_warnings():
+            # It has no mass on purpose: then no centre of mass is drawn, of masses that nobody gave.
+            warnings.simplefilter("ignore", ModelWarning)
+            robot = load_robot(file, root="fixed")
+        played = _Played(robot, motion.times, coordinates.to_robot(motion.q), coordinates.rates_to_robot(motion.qd))
+        checked(played)
+        yield played
+
+
+def _drawn(text: str, motion: PlanarMotion) -> str:
+    """The chain's URDF without masses and their balls, with a ball at the end point and the path behind."""
+    root = ElementTree.fromstring(text)
+    size = sum(float(length) for length in motion.chain.lengths)
+    material = ElementTree.SubElement(root, "material", name="path")
+    ElementTree.SubElement(material, "color", rgba=" ".join(f"{x:.3f}" for x in rgb(PATH_COLOR)) + " 1")
+    links = {link.get("name"): link for link in root.iter("link")}
+    for link in links.values():
+        for mass in link.iter("mass"):
+            mass.set("value", "0")
+        for visual in link.findall("visual"):
+            if visual.find("geometry/sphere") is not None:
+                link.remove(visual)
+    last = float(motion.chain.lengths[-1])
+    _visual(links[f"link_{motion.chain.n}"], (last, 0.0, 0.0), (0.0, 0.0, 0.0), "sphere", radius=0.022 * size)
+    far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(motion.x, axis=0).T))])
+    beads = np.linspace(0.0, far[-1], BEADS + 1)
+    points = np.column_stack([np.interp(beads, far, column) for column in motion.x.T]) if far[-1] > 0.0 else motion.x[:1]
+    for a, b in zip(points[:-1], points[1:], strict=True):
+        along, middle = b - a, 0.5 * (a + b)
+        length = float(np.hypot(*along))
+        # A cylinder lies along z: turned about y it lies in the plane. Longer by its width, so that bends have no gaps.
+        turn = (0.0, float(np.arctan2(along[0], along[1])), 0.0)
+        size_ = {"radius": 0.004 * size, "length": length + 0.002 * size}
+        _visual(links["base"], (middle[0], 0.0, middle[1]), turn, "cylinder", **size_)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _visual(link: ElementTree.Element, xyz: tuple[float, ...], rpy: tuple[float, ...], shape: str, **sizes: float) -> None:
+    visual = ElementTree.SubElement(link, "visual")
+    place = {"xyz": " ".join(f"{x:.9g}" for x in xyz), "rpy": " ".join(f"{x:.9g}" for x in rpy)}
+    ElementTree.SubElement(visual, "origin", place)
+    geometry = ElementTree.SubElement(visual, "geometry")
+    ElementTree.SubElement(geometry, shape, {name: f"{value:.9g}" for name, value in sizes.items()})
+    ElementTree.SubElement(visual, "material", name="path")

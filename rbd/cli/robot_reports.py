@@ -1,0 +1,262 @@
+"""Tables of `rbd robots`, `rbd info` and `rbd stand`, and the numbers of the last as plain data for a file."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from rich.console import Group
+from rich.text import Text
+
+from rbd.arrays import Array
+from rbd.cli.terminal import Table, facts, rounded
+from rbd.errors import ModelWarning, RbdError
+from rbd.problem.contact_force import ContactForce
+from rbd.robots.catalogue import licence
+from rbd.robots.checkup import doctor
+from rbd.robots.robot import Robot, load_robot
+from rbd.solution import Solution
+from rbd.statics.equilibrium import Hold, hold
+
+_BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
+UNLIMITED = 1e100
+"""A bound beyond this is none: files say it with the largest number there is."""
+UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
+LARGEST_TORQUES = 5
+
+
+@dataclass(frozen=True)
+class RobotLine:
+    """One robot of the catalogue: what it is, and whether it stands out of the box.
+
+    Attributes:
+        name: What `load_robot` takes.
+        nv: Degrees of freedom with a floating base; None where it does not load.
+        mass: [kg].
+        postures: Names.
+        feet: What it stands on, e.g. "2 soles".
+        stands: "yes", or why not.
+    """
+
+    name: str
+    nv: int | None
+    mass: float | None
+    postures: tuple[str, ...]
+    feet: str
+    stands: str
+
+
+def robot_lines(names: Iterable[str]) -> Iterator[RobotLine]:
+    """Each robot loaded, stood on its feet and held, one after the other."""
+    for name in names:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)
+            try:
+                robot = load_robot(name)
+            except RbdError as error:
+                yield RobotLine(name, None, None, (), "", str(error))
+                continue
+            yield RobotLine(name, robot.nv, robot.mass, tuple(robot.postures), _feet(robot), _stands(robot))
+
+
+def _feet(robot: Robot) -> str:
+    kinds = [foot.kind for foot in robot.source.feet]
+    return ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
+
+
+def _stands(robot: Robot) -> str:
+    if not robot.source.feet:
+        return "no feet known"
+    try:
+        hold(robot.standing(), robot.feet())
+    except RbdError as error:
+        return str(error)
+    return "yes"
+
+
+def robots_table(lines: Iterable[RobotLine]) -> Table:
+    """The table of `rbd robots`."""
+    table = Table()
+    table.add_column("name", no_wrap=True)
+    table.add_column("nv", justify="right")
+    table.add_column("mass [kg]", justify="right")
+    for heading in ("postures", "feet", "stands"):
+        table.add_column(heading)
+    for line in lines:
+        numbers = ("-", "-") if line.nv is None or line.mass is None else (str(line.nv), f"{line.mass:.3f}")
+        postures = ", ".join(line.postures[:4]) + (f", and {len(line.postures) - 4} more" if len(line.postures) > 4 else "")
+        table.add_row(line.name, *numbers, postures, line.feet, line.stands)
+    return table
+
+
+def robot_info(robot: Robot) -> Group:
+    """The tables of `rbd info`: joints with limits, frames, feet, postures, mass, and what the model validation found."""
+    head = Text(
+        f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}, {robot.nu} motors, "
+        f"{_BASES[robot.root]} base, file {robot.urdf.name}"
+    )
+    head.append(f"\nlicence of its files: {licence(robot.source) or 'none is stated beside them'}")
+    feet = ", ".join(f"{foot.name} ({foot.kind} on {foot.frame})" for foot in robot.source.feet) or "none known"
+    postures = ", ".join(robot.postures) or "none known"
+    frames = ", ".join(robot.frames())
+    lines = Text(f"\nfeet: {feet}\npostures: {postures}\n\nframes ({len(robot.frames())}): {frames}\n\n")
+    return Group(head, _joints_table(robot), lines, Text(str(doctor(robot))))
+
+
+def _joints_table(robot: Robot) -> Table:
+    table = Table("joints")
+    table.add_column("name", no_wrap=True)
+    table.add_column("kind")
+    for heading in ("at v", "lower", "upper", "speed limit", "effort limit"):
+        table.add_column(heading, justify="right")
+    model = robot.model
+    effort = dict(zip(robot.actuated.tolist(), robot.effort_limit.tolist(), strict=True))
+    for name in robot.joints():
+        joint = model.joints[robot.joint_id(name)]
+        at = f"{joint.idx_v}" if joint.nv == 1 else f"{joint.idx_v}..{joint.idx_v + joint.nv - 1}"
+        bounds = ("", "", "")
+        if joint.nq == 1:
+            bounds = (
+                _bound(model.lowerPositionLimit[joint.idx_q]),
+                _bound(model.upperPositionLimit[joint.idx_q]),
+                _bound(_speed_limit(model)[joint.idx_v]),
+            )
+        motor = _bound(effort[joint.idx_v]) if joint.idx_v in effort else "no motor"
+        table.add_row(name, joint.shortname().removeprefix("JointModel"), at, *bounds, motor)
+    return table
+
+
+def _speed_limit(model: pin.Model) -> np.ndarray:
+    return np.asarray(model.upperVelocityLimit if hasattr(model, "upperVelocityLimit") else model.velocityLimit)
+
+
+def _bound(value: float) -> str:
+    return f"{value:.4g}" if abs(value) < UNLIMITED else "none"
+
+
+@dataclass(frozen=True, eq=False)
+class StandReport:
+    """A robot held by its feet, perhaps pushed.
+
+    Attributes:
+        held: Torques found without the push.
+        solution: Motion and forces under those torques and the push.
+        push: World force [N], or None.
+        at: Frame that is pushed, or None.
+        seconds: {what: time taken [s]}.
+    """
+
+    held: Hold
+    solution: Solution
+    push: Array | None
+    at: str | None
+    seconds: Mapping[str, float]
+
+    @property
+    def com_acceleration(self) -> tuple[Array, Array]:
+        """Acceleration of the centre of mass with and without its contacts, each (3,) [m/s2]; NaN on a fixed base."""
+        balance = self.solution.problem.balance
+        if balance is None:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        mass = self.held.state.robot.mass
+        rates = (balance.A_g @ a + balance.rate_bias for a in (self.solution.a, self.solution.a_free))
+        with_contacts, without = (rate[:3] / mass for rate in rates)
+        return with_contacts, without
+
+    @property
+    def distance(self) -> float:
+        """|a - a_free| in the inertia metric, sqrt((a - a_free)^T M (a - a_free)) [N^1/2 m^1/2 / s]."""
+        return math.sqrt(2.0 * self.solution.gauss)
+
+    def data(self) -> dict[str, Any]:
+        """Everything as numbers, lists and text: SI units, world axes, forces on the robot."""
+        robot, s = self.held.state.robot, self.solution
+        with_contacts, without = self.com_acceleration
+        return {
+            "robot": robot.name,
+            "mass": robot.mass,
+            "push": None if self.push is None else {"force": self.push.tolist(), "frame": self.at},
+            "status": str(s.status),
+            "law": s.law,
+            "solver": s.solver,
+            "rows": s.problem.m,
+            "rank": s.rank,
+            "contacts": {name: self._contact(name, c) for name, c in s.contacts.items()},
+            "centre_of_mass": self.held.state.com.tolist(),
+            "centre_of_mass_acceleration": with_contacts.tolist(),
+            "centre_of_mass_acceleration_without_contacts": without.tolist(),
+            "tau": dict(zip(robot.actuated_names, self.held.tau.tolist(), strict=True)),
+            "effort_limit": dict(zip(robot.actuated_names, robot.effort_limit.tolist(), strict=True)),
+            "a": s.a.tolist(),
+            "a_free": s.a_free.tolist(),
+            "gauss": {"value": float(s.gauss), "shares": s.gauss.shares, "distance": self.distance},
+            "residuals": {name: {"value": float(getattr(s.residuals, name)), "scaled": scaled, "unit": UNITS[name]}
+                          for name, scaled in s.residuals.scaled.items()},
+            "seconds": dict(self.seconds),
+        }  # fmt: skip
+
+    def _contact(self, name: str, c: ContactForce) -> dict[str, Any]:
+        force = self.solution.forces[name]
+        return {
+            "force": force[:3].tolist(),
+            "moment": force[3:].tolist() if len(force) == 6 else None,
+            "normal": c.normal,
+            "tangential": c.tangential,
+            "friction_used": c.friction_used,
+            "centre_of_pressure": None if c.centre_of_pressure is None else c.centre_of_pressure.tolist(),
+            "corner_forces": self.solution.corner_forces[name].tolist(),
+        }
+
+    def __rich__(self) -> Group:
+        """The tables of the command line."""
+        return Group(self._contacts_table(), self._torques_table(), self._summary_table())
+
+    def _contacts_table(self) -> Table:
+        numbers = ("force x, y, z [N]", "normal [N]", "tangential [N]", "friction used", "centre of pressure [m]")
+        table = Table(self._headline(), ("contact",), numbers)
+        for name, c in self.solution.contacts.items():
+            used = "-" if c.friction_used is None else f"{100 * c.friction_used:.1f} %"
+            cop = "-" if c.centre_of_pressure is None else rounded(c.centre_of_pressure, 3)
+            table.add_row(name, rounded(c.force, 2), f"{c.normal:.2f}", f"{c.tangential:.2f}", used, cop)
+        total = sum((c.force for c in self.solution.contacts.values()), np.zeros(3))
+        table.add_section()
+        table.add_row("sum", rounded(total, 2), "", "", "", "")
+        return table
+
+    def _headline(self) -> str:
+        robot = self.held.state.robot
+        weight = robot.mass * float(np.linalg.norm(robot.gravity))
+        pushed = "" if self.push is None else f", pushed with ({rounded(self.push, 1)}) N at {self.at}"
+        return f"{robot.name}: {robot.mass:.3f} kg, weight {weight:.2f} N{pushed}"
+
+    def _torques_table(self) -> Table:
+        robot, tau = self.held.state.robot, self.held.tau
+        table = Table("largest holding torques", ("joint",), ("torque [N m]", "limit [N m]", "of limit"))
+        used = np.abs(tau) / robot.effort_limit
+        limited = bool(np.isfinite(robot.effort_limit).any())
+        for i in np.argsort(-used if limited else -np.abs(tau))[:LARGEST_TORQUES]:
+            limit, share = "none", "-"
+            if np.isfinite(robot.effort_limit[i]):
+                limit, share = f"{robot.effort_limit[i]:.1f}", f"{100 * used[i]:.1f} %"
+            table.add_row(robot.actuated_names[i], f"{tau[i]:.3f}", limit, share)
+        return table
+
+    def _summary_table(self) -> Table:
+        s = self.solution
+        with_contacts, without = self.com_acceleration
+        rows = [
+            ("status", f"{s.status} by {s.solver}, law: {s.law}; {s.problem.m} rows of rank {s.rank}"),
+            ("centre of mass", f"({rounded(self.held.state.com, 3)}) m"),
+            ("its acceleration", f"({rounded(with_contacts, 3)}) m/s2"),
+            ("without contacts", f"({rounded(without, 3)}) m/s2"),
+            ("|a - a_free| in M", f"{self.distance:.4f} sqrt(N m)/s, 1/2 of its square: {float(s.gauss):.4f} N m/s2"),
+        ]
+        for name, scaled in s.residuals.scaled.items():
+            rows.append((f"residual: {name}", f"{float(getattr(s.residuals, name)):.1e} {UNITS[name]} (scaled {scaled:.1e})"))
+        rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
+        return facts("motion and proof", rows)

@@ -1,0 +1,133 @@
+"""Colours, and checked arguments of the drawing functions: paths, counts, lengths, axes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from colorsys import hls_to_rgb
+from pathlib import Path
+
+import numpy as np
+
+from rbd.arrays import as_float
+from rbd.errors import InputError, PictureError
+from rbd.model.output_files import check_place
+
+# Okabe and Ito's palette, told apart by colour-blind readers; its yellow and black serve badly on a light ground.
+CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d31", "#5e4fa2", "#7f7f7f")
+PUSH_COLOR = "#c2187a"
+COM_COLOR = "#1a1a1a"
+SUPPORT_COLOR = "#3f6f3f"
+SKELETON_COLOR = "#5b6470"
+INERTIA_COLOR = "#b08d57"
+COLLISION_COLOR = "#8fa3b5"
+GOLDEN = 0.6180339887498949
+MOST_PIXELS = 30_000
+
+
+def contact_colors(names: Iterable[str]) -> dict[str, str]:
+    """A colour for every name, by its place in the list, as '#rrggbb'.
+
+    After eight names the colours come again. Give plots and scenes the contacts in the same order, and they agree.
+
+    >>> contact_colors(["left_sole", "right_sole"])
+    {'left_sole': '#0072b2', 'right_sole': '#d55e00'}
+    """
+    try:
+        unique = list(dict.fromkeys(names))
+    except TypeError:
+        raise InputError(f"names are {names!r:.80}; expected a list of words.") from None
+    return {name: CONTACT_COLORS[i % len(CONTACT_COLORS)] for i, name in enumerate(unique)}
+
+
+def distinct_colors(n: int) -> list[str]:
+    """N different colours as '#rrggbb': those of contacts, then others around the circle of hues."""
+    out = list(CONTACT_COLORS[:n])
+    for i in range(n - len(out)):
+        # The golden ratio's steps never meet; lightness goes round in thirds, so that neighbours in hue differ too.
+        red, green, blue = hls_to_rgb((0.11 + i * GOLDEN) % 1.0, (0.38, 0.52, 0.66)[i % 3], 0.62)
+        out.append(hexadecimal((red, green, blue)))
+    return out
+
+
+def hexadecimal(parts: Iterable[float]) -> str:
+    """'#rrggbb' of red, green and blue from 0 to 1."""
+    return "#" + "".join(f"{round(255 * part):02x}" for part in parts)
+
+
+def rgb(color: str) -> tuple[float, ...]:
+    """Red, green and blue of '#rrggbb', from 0 to 1."""
+    return tuple(part / 255.0 for part in bytes.fromhex(color.removeprefix("#")))
+
+
+def rgb_number(color: str, *, share: float = 1.0) -> int:
+    """'#rrggbb', darkened to a share of its light, as the number 0xrrggbb that Meshcat's materials want."""
+    parts = bytes.fromhex(color.removeprefix("#"))
+    return int.from_bytes(bytes(int(share * part) for part in parts), "big")
+
+
+def a_path(what: str, value: object) -> Path:
+    """A path.
+
+    Raises:
+        PictureError: if it can be none.
+    """
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text or len(text) > 4000:
+        raise PictureError(f"{what} is {value!r:.80}; expected the path of a file.")
+    return Path(text)
+
+
+def a_page(value: object) -> Path:
+    """The path of a page to write.
+
+    Raises:
+        PictureError: if it is none, does not end in .html, or nothing can be written there.
+    """
+    target = a_path("the page", value)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise PictureError(f"cannot export to {str(target)!r}: expected a name that ends in .html.")
+    check_place(target, PictureError)
+    return target
+
+
+def a_picture(value: object) -> Path:
+    """The path of a picture to write.
+
+    Raises:
+        PictureError: if it is none, or nothing can be written there.
+    """
+    target = a_path("the picture", value)
+    check_place(target, PictureError)
+    return target
+
+
+def is_there(path: Path) -> bool:
+    """Whether it is a file; False where the system will not say."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def a_count(what: str, value: object, most: int = MOST_PIXELS) -> int:
+    """A whole number from 1 to `most`.
+
+    Raises:
+        InputError: if it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to {most}.")
+    return int(value)
+
+
+def a_length(what: str, value: object) -> float:
+    """A finite length above zero [m].
+
+    Raises:
+        InputError: if it is not.
+    """
+    length = as_float(value)
+    if not 0.0 < length < 1e100:
+        raise InputError(f"{what} is {value!r:.80}; expected a length above zero, in metres.")
+    return length
