@@ -55,7 +55,8 @@ def contact_answers() -> Iterator[object]:
     state, soles = talos.standing(), talos.soles()
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
-    yield from (talos, state, held, push, rbd.doctor(talos), state.frame("left_sole_link"))
+    yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
+    yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ADMM()):
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
         assert str(solution)

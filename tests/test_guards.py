@@ -267,20 +267,20 @@ CASES: dict[str, Case] = {
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
     "JointLimit": Case(
         lambda **given: use_joint(rbd.JointLimit(**given)),
-        {"name": "stop", "joint": BOLT.joints()[3], "lower": 0.5, "upper": 2.0, "margin": 0.1},
+        {"name": "stop", "joint": list(BOLT.joints)[3], "lower": 0.5, "upper": 2.0, "margin": 0.1},
     ),
     "JointLock": Case(
         lambda **given: use_joint(rbd.JointLock(**given)), {"name": "lock", "joint": "root_joint", "position": STATE.q[:7]}
     ),
     "JointCoupling": Case(
         lambda **given: use_joint(rbd.JointCoupling(**given)),
-        {"name": "gear", "joint": BOLT.joints()[3], "to": BOLT.joints()[4], "ratio": -2.0, "offset": 0.1},
+        {"name": "gear", "joint": list(BOLT.joints)[3], "to": list(BOLT.joints)[4], "ratio": -2.0, "offset": 0.1},
     ),
     "JointFriction": Case(
-        lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": BOLT.joints()[3], "torque": 0.2}
+        lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": list(BOLT.joints)[3], "torque": 0.2}
     ),
     "Baumgarte": Case(
-        lambda **given: use_joint(rbd.Baumgarte(**given).of(rbd.JointLock("lock", BOLT.joints()[3], position=0.3))),
+        lambda **given: use_joint(rbd.Baumgarte(**given).of(rbd.JointLock("lock", list(BOLT.joints)[3], position=0.3))),
         {"frequency": 10.0, "damping_ratio": 0.7},
     ),
     "LoopClosure": Case(
@@ -430,7 +430,7 @@ CASES: dict[str, Case] = {
     "Robot.frame": Case(BOLT.frame, {"name": FRAME}),
     "Robot.frame_id": Case(BOLT.frame_id, {"name": FRAME}),
     "Robot.site": Case(BOLT.site, {"frame": FRAME}),
-    "Robot.joint_id": Case(BOLT.joint_id, {"name": BOLT.joints()[3]}),
+    "Robot.joint_id": Case(BOLT.joint_id, {"name": list(BOLT.joints)[3]}),
     "Robot.check_q": Case(BOLT.check_q, {"q": STATE.q}),
     "Robot.check_v": Case(BOLT.check_v, {"v": V}),
     "Robot.check_tau": Case(BOLT.check_tau, {"tau": TAU}),

@@ -30,7 +30,7 @@ from rbd.mechanism import (
     trace,
 )
 from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
-from rbd.mechanism.held import check_seed, turning
+from rbd.mechanism.held import check_seed
 from rbd.model.state import State
 from rbd.problem.rows import Rows
 from rbd.robots.robot import Robot
@@ -127,7 +127,7 @@ class MechanismReport:
     def _away(self, q: Array) -> float:
         """Largest difference from the pose looked at, whole turns left out [m, rad]."""
         change = pin.difference(self.robot.model, self.state.q, q)
-        angles = turning(self.robot)
+        angles = self.robot.joints.angular
         change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
         return float(np.abs(change).max(initial=0.0))
 

@@ -12,8 +12,8 @@ from rbd.arrays import Array, a_number, largest
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
-from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import Descent, descend, settle
+from rbd.mechanism.poses import LimitViolation, beyond_limits, displacement, draw
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.rows import Rows
 
@@ -44,7 +44,7 @@ class Assembly:
     rows: tuple[Rows, ...]
     freedoms: int
     skipped: tuple[str, ...]
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
 
     def __str__(self) -> str:
         lines = [
@@ -106,7 +106,7 @@ def assemble(
         found = _second_thoughts(closure, found, tolerance, max_iterations)
     misfit = found.misfit
     q0 = np.asarray(q0, float)
-    moved = float(np.linalg.norm(closure.coordinates.way(q0, misfit.q)))
+    moved = float(np.linalg.norm(displacement(robot, q0, misfit.q)))
     if moved > within:
         raise CannotAssemble(
             f"{robot.name} closes, but {moved:.4g} from q0 [rad, m], and at most {within:g} is allowed: the start is too far "
@@ -116,7 +116,7 @@ def assemble(
         )
     J = misfit.J if len(misfit.J) else np.zeros((1, len(closure.free)))
     rank = rank_of(np.linalg.svd(J, compute_uv=False))
-    beyond = closure.coordinates.beyond_limits(misfit.q)
+    beyond = beyond_limits(robot, misfit.q)
     return Assembly(
         misfit.q, misfit.residual, found.steps, moved, misfit.rows, len(closure.free) - rank, closure.skipped, beyond
     )
@@ -132,19 +132,19 @@ def _second_thoughts(closure: Closure, found: Descent, tolerance: float, most: i
 
 
 def _failure(closure: Closure, at: Misfit, tolerance: float, most: int, *, minimum: bool) -> CannotAssemble:
-    name, left = closure.robot.name, distances(at, tolerance)
+    robot, left = closure.robot, distances(at, tolerance)
     named = ", ".join(f"{row!r:.80} is {_apart(d)} apart" for row, d in list(left.items())[:6])
-    say = [f"{name} does not close: {named or 'nothing is left'}."]
-    floor = 1e3 * np.finfo(float).eps * closure.coordinates.reach
+    say = [f"{robot.name} does not close: {named or 'nothing is left'}."]
+    floor = 1e3 * np.finfo(float).eps * robot.joints.reach
     elsewhere = None
     if at.residual < max(floor, 10.0 * tolerance):
-        say.append(f"What is left is rounding of lengths of {closure.coordinates.reach:.3g} m; give tolerance={floor:.0e}.")
+        say.append(f"What is left is rounding of lengths of {robot.joints.reach:.3g} m; give tolerance={floor:.0e}.")
     else:
         elsewhere, least = _other_starts(closure, tolerance, most)
         say.append("Nothing nearby makes it less: a true minimum of the distance." if minimum else "The steps ran out there.")
         if elsewhere is not None:
             say.append(
-                f"From another start it closes, {float(np.linalg.norm(closure.coordinates.way(at.q, elsewhere))):.3g} away "
+                f"From another start it closes, {float(np.linalg.norm(displacement(robot, at.q, elsewhere))):.3g} away "
                 "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer q0, or see rbd.mechanism.branches."
             )
         elif len(closure.free):
@@ -172,7 +172,7 @@ def _other_starts(closure: Closure, tolerance: float, most: int) -> tuple[Array 
     rng, least = np.random.default_rng(0), math.inf
     for _ in range(STARTS if len(closure.free) else 0):
         try:
-            found = descend(closure, closure.at(closure.pin(closure.coordinates.draw(rng))), tolerance=tolerance, most=most)
+            found = descend(closure, closure.at(closure.pin(draw(closure.robot, rng))), tolerance=tolerance, most=most)
         except InputError:  # a start where a constraint is not defined
             continue
         if found.closed:
@@ -191,9 +191,9 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
         if not found.closed:
             continue
         free.append(joint)
-        place = less.coordinates.places[joint]
-        if place.nv == 1:
-            out.append(f"{joint!r:.80} at {place.coordinate(found.misfit.q):.6g} (not {closure.fixed[joint]!r:.40})")
+        moved = closure.robot.joints[joint]
+        if moved.nv == 1:
+            out.append(f"{joint!r:.80} at {moved.coordinate(found.misfit.q):.6g} (not {closure.fixed[joint]!r:.40})")
     if not free:
         return f"Letting go any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
     if len(closure.fixed) > 1:

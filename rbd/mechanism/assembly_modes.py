@@ -12,10 +12,10 @@ from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.assembly import TOLERANCE, check_descent, check_flag, distances
 from rbd.mechanism.closure import Closure, Misfit, rank_of
-from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import descend, settle
 from rbd.mechanism.held import check_seed
 from rbd.mechanism.independent import independent_columns
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw
 from rbd.model.checked_model import CheckedModel
 
 SAME = 1e-5
@@ -42,7 +42,7 @@ class Branch:
     hits: int
     residual: float
     singular: bool
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def branches(
     closed = last_new = 0
     for i in range(tries):
         try:
-            start = closure.at(closure.pin(closure.coordinates.draw(rng)))
+            start = closure.at(closure.pin(draw(robot, rng)))
             found = descend(closure, start, tolerance=tolerance, most=max_iterations)
         except InputError as error:  # of this draw, or of all: then what was given is wrong
             refusal = refusal or error
@@ -145,7 +145,7 @@ def branches(
                 nearest = found.misfit
             continue
         closed += 1
-        same = [k for k, pose in enumerate(poses) if closure.coordinates.distance(pose.q, found.misfit.q) < SAME]
+        same = [k for k, pose in enumerate(poses) if distance(robot, pose.q, found.misfit.q) < SAME]
         if same:
             hits[same[0]] += 1
             continue
@@ -160,8 +160,8 @@ def branches(
         raise _none(closure, nearest, tries, tolerance)
     out = []
     for pose, n, flat in zip(poses, hits, singular, strict=True):
-        q = closure.coordinates.canonical(pose.q, closure.held)
-        out.append(Branch(q, n, pose.residual, flat, closure.coordinates.beyond_limits(q)))
+        q = canonical(robot, pose.q, closure.held)
+        out.append(Branch(q, n, pose.residual, flat, beyond_limits(robot, q)))
     out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
     return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped)
 
@@ -181,7 +181,7 @@ def _is_singular(closure: Closure, at: Misfit, tolerance: float, most: int) -> b
         if not there.closed or np.linalg.norm(closure.way(at.q, there.misfit.q)) < 0.3 * _STEP:
             continue
         J = there.misfit.J if len(there.misfit.J) else np.zeros((1, n))
-        free = [closure.coordinates.names[i] for i in closure.free[independent_columns(J)]]
+        free = closure.names(independent_columns(J))
         held = f" with {', '.join(map(repr, closure.fixed))} fixed"[:200] if closure.fixed else ""
         raise InputError(
             f"{closure.robot.name} can still move: {len(free)} freedom{'s' * (len(free) != 1)} left{held}, so its poses are a "

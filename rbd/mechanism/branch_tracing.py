@@ -13,8 +13,8 @@ from rbd.errors import InputError
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent, check_flag
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
-from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.driving import Crossing, Drive, Limit, Motion
+from rbd.mechanism.poses import LimitViolation, beyond_limits
 from rbd.model.checked_model import FARTHEST, CheckedModel
 
 _SHOWN = 6
@@ -52,7 +52,7 @@ class Trace:
     unreached: Array
     stopped_by: str
     closed: bool
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
     moved: float
     steps: int
 
@@ -155,13 +155,13 @@ def trace(
 def _found(motion: Motion, moved: float) -> Trace:
     values = np.array([value for value, _ in motion.samples])
     least, condition = np.empty(len(values)), np.empty(len(values))
-    beyond: dict[str, Beyond] = {}
+    beyond: dict[str, LimitViolation] = {}
     for i, (_, p) in enumerate(motion.samples):
         J2 = p.misfit.J[:, motion.drive.others]
         s = np.linalg.svd(J2, compute_uv=False) if J2.size else np.ones(1)
         least[i] = s[-1] if len(s) >= J2.shape[1] else 0.0
         condition[i] = s[0] / least[i] if least[i] > 0.0 else np.inf
-        for each in motion.curve.closure.coordinates.beyond_limits(p.q):
+        for each in beyond_limits(motion.curve.closure.robot, p.q):
             beyond.setdefault(each.joint, each)
     return Trace(
         motion.drive.joint,

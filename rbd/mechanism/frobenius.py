@@ -23,7 +23,7 @@ from scipy.linalg import qr
 from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel, pieces
+from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -288,7 +288,7 @@ def _projected(A: Array, B: Array) -> Array:
 def ad(robot: CheckedModel, X: Array, Y: Array) -> Array:
     """The bracket of velocities that are constant in their own axes, shape (nv,) [velocity squared]."""
     out = np.zeros(robot.nv)
-    for piece in pieces(robot):
+    for piece in robot.joints.pieces:
         x, y = X[piece.v : piece.v + piece.nv], Y[piece.v : piece.v + piece.nv]
         if piece.kind == "sphere":
             out[piece.v : piece.v + 3] = np.cross(x, y)

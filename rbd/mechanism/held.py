@@ -17,7 +17,6 @@ from rbd.arrays import Array, a_number, largest
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import Piece, joint_motion
 from rbd.model.state import State
 from rbd.problem.cones import Line
 from rbd.problem.rows import Rows
@@ -90,8 +89,7 @@ class Held:
         self.names: tuple[RowName, ...] = tuple((r.name, i) for r in rows for i in range(len(r)))
         self.placed = np.concatenate([np.zeros(0, dtype=bool), *map(_placed, rows)])
         self._sizes = [len(r) for r in rows]
-        self.length = characteristic_length(self.robot)
-        self.metric = np.where(turning(self.robot), 1.0, self.length)
+        self.length, self.metric = self.robot.joints.length, self.robot.joints.scale
         self.weights = np.ones(len(self.names))
         norms = self._row_norms()
         most = float(norms.max(initial=0.0))
@@ -204,46 +202,6 @@ def kernel(J: Array, zero: float = RANK) -> tuple[Array, Array]:
 def rank_of(singular_values: Array, zero: float = RANK) -> int:
     """How many singular values are above a fraction of the largest, or of one where all are small."""
     return int((singular_values > zero * max(1.0, float(singular_values.max(initial=0.0)))).sum())
-
-
-def turning(robot: CheckedModel) -> Array:
-    """Which velocities are angular, shape (nv,), bool. Joints that slide and turn at once (screws) count as turning."""
-    out = np.ones(robot.nv, dtype=bool)
-    for piece in pieces(robot):
-        if piece.kind == "plane":
-            out[piece.v : piece.v + 2] = False
-        elif piece.kind == "space":
-            out[piece.v : piece.v + 3] = False
-    for joint in range(1, robot.model.njoints):
-        name = robot.model.joints[joint].shortname()
-        at, nv = robot.model.idx_vs[joint], robot.model.nvs[joint]
-        if name.startswith("JointModelP") and nv == 1 or name == "JointModelTranslation":
-            out[at : at + nv] = False
-    return out
-
-
-def pieces(robot: CheckedModel) -> list[Piece]:
-    """The coordinates of all joints, in pieces that belong together."""
-    return [piece for name in robot.joints() for piece in joint_motion(robot, name).pieces]
-
-
-def joint_of_velocity(robot: CheckedModel) -> list[str]:
-    """The joint of each velocity, shape (nv,)."""
-    out = [""] * robot.nv
-    for name in robot.joints():
-        joint = robot.joint_id(name)
-        for i in range(robot.model.idx_vs[joint], robot.model.idx_vs[joint] + robot.model.nvs[joint]):
-            out[i] = name
-    return out
-
-
-def characteristic_length(robot: CheckedModel) -> float:
-    """The largest distance between a joint and the next, or a frame on the same body [m]; one where there is none."""
-    model = robot.model
-    joints = [np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints) if model.parents[j]]
-    frames = [np.linalg.norm(f.placement.translation) for f in model.frames if f.parentJoint]
-    most = float(max([*joints, *frames], default=0.0))
-    return most if most > 1e-9 else 1.0
 
 
 def check_seed(seed: int) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,13 +10,10 @@ from rbd.arrays import Array, check_finite, largest, numbers
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import InputError
 from rbd.mechanism.closure import SINGULAR, listed, unmet
-from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.held import CLOSED, of_its_file
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
 from rbd.problem.rows import Rows
-
-_OWN = re.compile(r"(.+)\[(\d+)\]")
 
 Rates = Mapping[str, "float | Sequence[float] | Array"]
 
@@ -44,9 +40,9 @@ def independent_velocities(
         raise InputError(f"prefer is {prefer!r:.80}; expected a list of joints' names.")
     last = np.zeros(state.robot.nv, bool)
     for joint in prefer:
-        last[held.place(joint)] = True
-    free = independent_columns(held.J * held.coordinates.metric, last)
-    return tuple(held.coordinates.names[i] for i in free)
+        last[state.robot.joints.velocity(joint)] = True
+    free = independent_columns(held.J * state.robot.joints.scale, last)
+    return tuple(state.robot.joints.velocities[i].name for i in free)
 
 
 def independent_columns(J: Array, last: Array | None = None) -> list[int]:
@@ -76,7 +72,7 @@ class HeldVelocities:
     def __init__(self, state: State, constraints: Sequence[Constraint] | None) -> None:
         if not isinstance(state, State):
             raise InputError(f"a State was expected first, got {type(state).__name__}. Make one: rbd.State(robot, q).")
-        self.state, self.coordinates = state, coordinates_of(state.robot)
+        self.state, self.joints = state, state.robot.joints
         self.given = of_its_file(state.robot) if constraints is None else listed(constraints)
         rows = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
         self.J = np.vstack([np.zeros((0, state.robot.nv)), *(r.J for r in rows)])
@@ -99,7 +95,7 @@ class HeldVelocities:
                     "Give it friction=None to hold it."
                 )
             error, _ = unmet(r)
-            if largest(error) > CLOSED * max(1.0, self.coordinates.reach):
+            if largest(error) > CLOSED * max(1.0, self.joints.reach):
                 raise InputError(
                     f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {largest(error):.3g} m (or rad). "
                     "Close it first, with rbd.mechanism.assemble."
@@ -107,27 +103,13 @@ class HeldVelocities:
             out.append(r)
         return out
 
-    def place(self, name: str) -> slice:
-        """Where a velocity of this name stands in v.
-
-        Raises:
-            JointNotFound: with the nearest names.
-        """
-        own = _OWN.fullmatch(name) if isinstance(name, str) and name not in self.coordinates.places else None
-        if own is None:
-            return self.coordinates.columns(name)
-        span, k = self.coordinates.columns(own[1]), int(own[2][:9])
-        if k >= span.stop - span.start:
-            raise InputError(f"{name!r:.80}: joint {own[1]!r:.80} has {span.stop - span.start} velocities, counted from 0.")
-        return slice(span.start + k, span.start + k + 1)
-
     def values(self, known: Rates, what: str) -> tuple[Array, Array]:
         """(which velocities are known, their values), both (nv,)."""
         if not isinstance(known, Mapping):
             raise InputError(f"known is {known!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'crank': 1.0}}.")
         mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
         for name, value in known.items():
-            at = self.place(name)
+            at = self.joints.velocity(name)
             given = np.atleast_1d(numbers(f"known {what} of {name!r:.80}", value))
             if given.shape != (at.stop - at.start,):
                 raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")

@@ -33,7 +33,7 @@ class Columns:
     """Columns of the constraints' Jacobian, parted into those of known and of unknown velocities.
 
     Attributes:
-        known: Names of the known velocities: the joint's, with its number where the joint has several ("base[2]").
+        known: Names of the known velocities: those of `robot.joints.velocities` ("crank", "base.wz").
         unknown: Names of the others.
         J_known: J1, shape (m, known).
         J_unknown: J2, shape (m, unknown).
@@ -146,7 +146,7 @@ def velocity_partition(state: State, constraints: Sequence[Constraint] | None, k
         state: The robot, assembled; its own velocity plays no part.
         constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of its file. Stops
             and dry friction decide no velocity and are passed over.
-        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base[2]" is one of them alone.
+        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base.wz" is one of them alone.
 
     Returns:
         v, the unknown rates by name, J1 and J2 with rank and condition number.
@@ -198,7 +198,7 @@ def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[
         InputError: they contradict each other, or are too few.
     """
     mask, x = held.values(known, what)
-    names = np.array(held.coordinates.names, dtype=object)
+    names = np.array([c.name for c in held.joints.velocities], dtype=object)
     s, Vt = _filled(held, mask, x, rhs)
     columns = Columns(tuple(names[mask]), tuple(names[~mask]), held.J[:, mask], held.J[:, ~mask], s)
     if columns.rank < len(columns.unknown):
@@ -211,7 +211,7 @@ def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[
 
 def _filled(held: HeldVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
     """J2's singular values and right vectors; x, in place, is the least squares' of J x = rhs where J2 decides it."""
-    metric = held.coordinates.metric[~mask]
+    metric = held.joints.scale[~mask]
     U, s, Vt = np.linalg.svd(held.J[:, ~mask] * metric)
     if rank_of(s) == len(metric):
         x[~mask] = metric * (Vt.T @ (((rhs - held.J[:, mask] @ x[mask]) @ U[:, : len(s)]) / s))
@@ -219,7 +219,7 @@ def _filled(held: HeldVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Ar
 
 
 def _undecided(held: HeldVelocities, columns: Columns, null: Array, what: str) -> InputError | SingularPose:
-    robot, J, names = held.state.robot, held.J * held.coordinates.metric, held.coordinates.names
+    robot, J, names = held.state.robot, held.J * held.joints.scale, [c.name for c in held.joints.velocities]
     freedoms, k = robot.nv - rank_of(np.linalg.svd(J, compute_uv=False)), len(columns.known)
     moving = np.abs(null).max(axis=0)
     loose = _listed([name for name, size in zip(columns.unknown, moving, strict=True) if size > 1e-3 * moving.max()])
@@ -255,10 +255,10 @@ def _contradicted(held: HeldVelocities, known: Rates, rhs: Array, residual: floa
         mask, x = held.values({key: value for key, value in known.items() if key != name}, what)
         s, _ = _filled(held, mask, x, rhs)
         if rank_of(s) == (~mask).sum() and largest(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
-            found = np.array2string(x[held.place(name)], precision=6)[1:-1].strip()
+            found = np.array2string(x[held.joints.velocity(name)], precision=6)[1:-1].strip()
             helps.append(f"{name!r:.80} at {found} (not {known[name]!r:.40})")
     say = f" They agree with {' or '.join(helps[:6])}." if helps else ""
-    free = [held.coordinates.names[i] for i in independent_columns(held.J * held.coordinates.metric)]
+    free = [held.joints.velocities[i].name for i in independent_columns(held.J * held.joints.scale)]
     return InputError(
         f"the known {what}s of {held.state.robot.name} contradict each other, or the motion of what it touches: "
         f"{residual:.3g} is left at best.{say} {_listed(free) or 'Nothing'} would decide all."
@@ -268,7 +268,7 @@ def _contradicted(held: HeldVelocities, known: Rates, rhs: Array, residual: floa
 def _named(held: HeldVelocities, x: Array, columns: Columns) -> dict[str, float]:
     """{unknown velocity: its value}."""
     unknown = set(columns.unknown)
-    return {name: float(value) for name, value in zip(held.coordinates.names, x, strict=True) if name in unknown}
+    return {c.name: float(value) for c, value in zip(held.joints.velocities, x, strict=True) if c.name in unknown}
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -19,9 +19,9 @@ import numpy as np
 from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.coordinates import Coordinates
-from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, joint_of_velocity, rank_of
+from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, rank_of
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
+from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -237,8 +237,8 @@ class _Matrices:
         v = Z * held.metric
         v /= np.maximum(np.abs(v).max(axis=1, initial=0.0), 1e-300)[:, None]
         v[np.abs(v) < 1e-12] = 0.0
-        names = joint_of_velocity(held.robot)
-        joints = dict.fromkeys(names[i] for i in range(held.n) if moving[i] > 1e-6)
+        velocities = held.robot.joints.velocities
+        joints = dict.fromkeys(velocities[i].joint for i in range(held.n) if moving[i] > 1e-6)
         return Singularity(kind, point.q, _distance(s, rank), here < rank, rank - here, v, tuple(joints), at)
 
 
@@ -250,12 +250,10 @@ def _columns(held: Held, what: str, joints: Sequence[str]) -> Array:
         names = list(joints)
     except TypeError:
         raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.") from None
-    model = held.robot.model
-    out: list[int] = []
+    named = np.zeros(held.n, bool)
     for name in names:
-        j = held.robot.joint_id(name)
-        out += range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
-    return np.array(sorted(set(out)), dtype=int)
+        named[held.robot.joints[name].v] = True
+    return np.flatnonzero(named)
 
 
 def _frame_jacobian(robot: CheckedModel, q: Array, frame: str) -> Array:
@@ -291,13 +289,12 @@ def _refined(
         return _distance(_values(of(p)), rank)
 
     low, high = max(0, k - 1), min(len(along) - 1, k + 1)
-    way = Coordinates(held.robot).way
 
     def point(t: float) -> Linearised:
         i = min(int(t), len(along) - 2)
         if i < 0 or t == int(t):
             return along[int(t)]
-        z = way(along[i].q, along[i + 1].q) / held.metric  # an angle by the short way round
+        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.metric  # an angle by the short way round
         return held.project(held.move(along[i].q, (t - i) * z))
 
     ratio = 0.5 * (np.sqrt(5.0) - 1.0)

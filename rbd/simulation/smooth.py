@@ -22,7 +22,6 @@ from rbd.mechanism.held_rows import HeldRows, holds, velocity_of
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
-from rbd.model.joint_coordinates import joint_motion
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem
@@ -286,7 +285,6 @@ def _anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
     if rows.error is not None or getattr(constraint, "velocity", None) is not None:
         return constraint
     if isinstance(constraint, JointLock):
-        at = joint_motion(state.robot, constraint.joint)
-        return JointLock(constraint.name, constraint.joint, position=state.q[at.q : at.q + sum(p.nq for p in at.pieces)])
+        return JointLock(constraint.name, constraint.joint, position=state.q[state.robot.joints[constraint.joint].q])
     anchored = getattr(constraint, "anchored", None)
     return anchored(state) if callable(anchored) else constraint

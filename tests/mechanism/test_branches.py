@@ -13,7 +13,7 @@ from planar_models import absolute, checked, four_bar, four_bar_angles, six_bar,
 import rbd
 from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble, branches
-from rbd.mechanism.coordinates import coordinates_of
+from rbd.mechanism.poses import canonical, distance, draw
 
 URDF = Path(__file__).parents[2] / "urdf"
 
@@ -192,17 +192,16 @@ def every_joint() -> rbd.model.checked_model.CheckedModel:
 def test_draws_are_poses_and_the_same_pose_has_no_distance(rng: np.random.Generator):
     """Unit quaternions and circles; q with turned quaternion signs and whole turns is the same pose."""
     robot = every_joint()
-    coordinates = coordinates_of(robot)
     for _ in range(20):
-        q = coordinates.draw(rng)
+        q = draw(robot, rng)
         assert np.array_equal(q, robot.check_q(q)) or np.abs(q - robot.check_q(q)).max() < 1e-15
         other = q.copy()
         other[3:7] *= -1.0
         plain = [robot.model.joints[robot.joint_id("j4")].idx_q, robot.model.joints[robot.joint_id("j6")].idx_q]
         other[plain] += [2.0 * math.pi, -4.0 * math.pi]
-        assert coordinates.distance(q, other) < 1e-12
+        assert distance(robot, q, other) < 1e-12
         slide = robot.model.joints[robot.joint_id("j5")].idx_q
         other[slide] += 2.0 * math.pi
-        assert coordinates.distance(q, other) == pytest.approx(2.0 * math.pi)
-        back = coordinates.canonical(other, np.zeros(robot.nv, bool))
+        assert distance(robot, q, other) == pytest.approx(2.0 * math.pi)
+        back = canonical(robot, other, np.zeros(robot.nv, bool))
         assert (np.abs(back[plain]) <= math.pi + 1e-12).all()

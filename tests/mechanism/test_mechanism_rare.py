@@ -25,10 +25,10 @@ from rbd.mechanism import (
 )
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
-from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.degrees_of_freedom import plane_normal
 from rbd.mechanism.descent import settle
-from rbd.mechanism.held import Held, characteristic_length
+from rbd.mechanism.held import Held
+from rbd.mechanism.poses import beyond_limits, displacement
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
 START = np.array([0.7, -0.03, 1.5])
@@ -110,11 +110,10 @@ def test_joints_made_of_joints_have_their_parts_coordinates():
     joint.addJoint(pin.JointModelRZ(), pin.SE3.Identity())
     joint.addJoint(pin.JointModelPX(), pin.SE3.Identity())
     robot = Builder("pair").joint("both", joint, at()).robot()
-    coordinates = coordinates_of(robot)
-    assert coordinates.periodic.tolist() == [True, False]
-    assert coordinates.way(np.zeros(2), np.array([2.0 * math.pi + 0.1, 7.0])) == pytest.approx([0.1, 7.0])
+    assert robot.joints.periodic.tolist() == [True, False] == robot.joints.angular.tolist()
+    assert displacement(robot, np.zeros(2), np.array([2.0 * math.pi + 0.1, 7.0])) == pytest.approx([0.1, 7.0])
     with pytest.raises(InputError, match="expected a robot, got str"):
-        coordinates_of("both")
+        Closure("both", [])  # type: ignore[arg-type]
 
 
 class Refusing:
@@ -262,11 +261,10 @@ def test_a_joint_at_its_limit_is_not_beyond_it():
     """Up to 1e-9 on both sides, as the rounding of a pose that was brought there."""
     robot = pendulum()
     robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.7
-    beyond = coordinates_of(robot).beyond_limits
     for inside in (-0.5, 0.7, 0.0, -0.5 - 5e-10, 0.7 + 5e-10):
-        assert beyond(np.array([inside])) == ()
+        assert beyond_limits(robot, np.array([inside])) == ()
     for outside in (-0.5 - 2e-9, 0.7 + 2e-9):
-        (found,) = beyond(np.array([outside]))
+        (found,) = beyond_limits(robot, np.array([outside]))
         assert (found.joint, found.value, found.lower, found.upper) == ("crank", outside, -0.5, 0.7)
 
 
@@ -296,8 +294,8 @@ def test_where_nothing_is_redundant_no_direction_is_tried():
 
 def test_a_robot_without_lengths_is_measured_in_metres():
     """Hinges in one point have no length of their own: one metre; a bar of 3 m has its own."""
-    assert characteristic_length(free(pin.JointModelRX(), pin.JointModelRY())) == 1.0
-    assert characteristic_length(four_bar(1.0, 3.0, 2.5, 3.0)[0]) > 1.0
+    assert free(pin.JointModelRX(), pin.JointModelRY()).joints.length == 1.0
+    assert four_bar(1.0, 3.0, 2.5, 3.0)[0].joints.length > 1.0
 
 
 class Fleeting:

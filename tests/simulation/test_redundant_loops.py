@@ -40,7 +40,7 @@ def _parallelogram(swing):
     """(robot, state): the benchmark's four-bar with equal lengths (A02, N = 1), its cranks `swing` from hanging, at rest."""
     robot, phi = rbd.mechanism.n_four_bar(1), swing - 0.5 * np.pi
     q = robot.at("assembled").q.copy()
-    for name in robot.joints():
+    for name in robot.joints:
         joint, sign = robot.model.joints[robot.joint_id(name)], 1.0 if name.startswith("crank") else -1.0
         q[joint.idx_q : joint.idx_q + 2] = np.cos(phi), sign * np.sin(phi)
     return robot, rbd.State(robot, q)
