@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.errors import InputError, RbdError
+from rbd.errors import RbdError
 from rbd.mechanism import (
     Branches,
     Integrability,
@@ -29,8 +29,8 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
+from rbd.mechanism.arguments import check_seed, check_whole
 from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
-from rbd.mechanism.held import check_seed
 from rbd.model.state import State
 from rbd.problem.rows import Rows
 from rbd.robots.robot import Robot
@@ -139,8 +139,7 @@ def check_tries(seed: int, tries: int) -> None:
         InputError: a seed that is no whole number from 0, tries that are none from 1 to 1,000,000.
     """
     check_seed(seed)
-    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
-        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
+    check_whole("tries", tries, MOST_TRIES)
 
 
 def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:

@@ -172,6 +172,11 @@ class JointLock:
         if self.position is not None:
             object.__setattr__(self, "position", _vector(self.name, "position", self.position))
 
+    def anchored(self, state: State) -> JointLock:
+        """The same lock at the position that the joint has at a state."""
+        _check_state(state, self.name)
+        return JointLock(self.name, self.joint, position=state.q[state.robot.joints[self.joint].q])
+
     def rows(self, state: State) -> Rows:
         """One row a freedom of the joint.
 

@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array, a_number, largest
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
+from rbd.mechanism.arguments import check_descent, check_flag
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
 from rbd.mechanism.descent import Descent, descend, settle
 from rbd.mechanism.poses import LimitViolation, beyond_limits, displacement, draw
@@ -203,25 +204,3 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
 
 def _apart(distance: float) -> str:
     return f"{distance:.6g} m (or rad)"
-
-
-def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterations") -> None:
-    """Refuse settings that are none.
-
-    Raises:
-        InputError: with what was expected.
-    """
-    if not 0.0 < a_number(tolerance) <= 1e-3:
-        raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
-    if isinstance(max_iterations, bool) or not isinstance(max_iterations, int) or not 0 < max_iterations <= 100_000:
-        raise InputError(f"{what} is {max_iterations!r:.80}; expected a whole number from 1 to 100000.")
-
-
-def check_flag(what: str, value: bool) -> None:
-    """Refuse what is neither True nor False.
-
-    Raises:
-        InputError: with what was expected.
-    """
-    if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{what} is {value!r:.80}; expected True or False.")

@@ -10,11 +10,11 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.mechanism.assembly import TOLERANCE, check_descent, check_flag, distances
+from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_whole
+from rbd.mechanism.assembly import TOLERANCE, distances
 from rbd.mechanism.closure import Closure, Misfit, rank_of
 from rbd.mechanism.descent import descend, settle
-from rbd.mechanism.held import check_seed
-from rbd.mechanism.independent import independent_columns
+from rbd.mechanism.partition import independent_columns
 from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw
 from rbd.model.checked_model import CheckedModel
 
@@ -122,8 +122,7 @@ def branches(
     >>> print(rbd.mechanism.branches(robot, robot.loops, fixed={"crank": 0.7}))
     """
     rng = np.random.default_rng(check_seed(seed))
-    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
-        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
+    check_whole("tries", tries, MOST_TRIES)
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)

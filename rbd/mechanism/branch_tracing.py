@@ -10,7 +10,8 @@ import numpy as np
 from rbd.arrays import Array, a_number, check_finite, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent, check_flag
+from rbd.mechanism.arguments import check_descent, check_flag, check_whole
+from rbd.mechanism.assembly import TOLERANCE, assemble
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
 from rbd.mechanism.driving import Crossing, Drive, Limit, Motion
@@ -132,7 +133,7 @@ def trace(
 
     >>> motion = rbd.mechanism.trace(robot, loops, q0, "crank", (0.0, 6.28), steps=360)
     """
-    wanted = _wanted(values, _whole("steps", steps))
+    wanted = _wanted(values, check_whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")
     check_flag("past_limits", past_limits)
     if not 0.0 < a_number(longest_step) <= 0.5:
@@ -190,9 +191,3 @@ def _wanted(values: Sequence[float] | Array, steps: int) -> Array:
     if largest(wanted) > FARTHEST:
         raise InputError(f"values reach {largest(wanted):.3g}; at most {FARTHEST:g} is taken [rad, m].")
     return np.linspace(wanted[0], wanted[1], steps + 1) if len(wanted) == 2 else wanted
-
-
-def _whole(what: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value <= 1_000_000:
-        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to 1000000.")
-    return value

@@ -11,8 +11,8 @@ import pinocchio as pin
 from rbd.arrays import Array, largest
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
+from rbd.constraints.manifold import own_or, rank_of as rank_at
 from rbd.errors import DuplicateName, InputError
-from rbd.mechanism.held import of_its_file
 from rbd.mechanism.poses import displacement, with_values
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -98,7 +98,7 @@ class Closure:
         self.free = np.flatnonzero(~held)
         self.held = held
         self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
-        given = of_its_file(robot) if constraints is None else listed(constraints)
+        given = own_or(robot, constraints)
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
         self._given, self._one_sided = given, one_sided
@@ -186,16 +186,6 @@ class Closure:
             )
 
 
-def listed(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
-    """An iterable as a tuple, so that it can be gone through twice; what is none is left to be refused."""
-    if isinstance(constraints, str | bytes) or hasattr(constraints, "rows"):
-        return constraints
-    try:
-        return tuple(constraints)
-    except TypeError:
-        return constraints
-
-
 def unmet(rows: Rows) -> tuple[Array, Array]:
     """The position errors that rows ask to be zero, and their Jacobian: none of rows without an error.
 
@@ -214,4 +204,4 @@ def unmet(rows: Rows) -> tuple[Array, Array]:
 
 def rank_of(s: Array) -> int:
     """How many singular values are not zero, at `SINGULAR`."""
-    return int((s > SINGULAR * s[0]).sum()) if len(s) and s[0] > 0.0 else 0
+    return rank_at(s, SINGULAR, least=0.0)

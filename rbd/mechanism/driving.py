@@ -12,7 +12,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.closure import Closure, Misfit, rank_of
 from rbd.mechanism.continuation import Curve, Point, Step
 from rbd.mechanism.descent import branches_meet, descend
-from rbd.mechanism.independent import independent_columns
+from rbd.mechanism.partition import independent_columns
 from rbd.mechanism.poses import distance
 
 ARRIVED = 1e-9

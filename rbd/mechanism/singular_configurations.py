@@ -18,8 +18,9 @@ import numpy as np
 
 from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import RANK, ConstraintManifold, Linearised, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, rank_of
+from rbd.mechanism.arguments import check_positive, check_seed
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
@@ -132,7 +133,7 @@ def singularities(
         InputError: the state is off the constraints, or nothing is left beside inputs or outputs.
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
-    held = Held(state, constraints)
+    held = ConstraintManifold(state, constraints)
     at = held.check_assembled()
     matrices = _Matrices(held, inputs, outputs)
     nearby = [p for p in neighbours(held, at, FAR, np.random.default_rng(seed), 12) if p is not None]
@@ -173,7 +174,7 @@ def singularities_along(
     given = numbers("path", getattr(path, "q", path))
     if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
         raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")
-    held = Held(State(robot, given[0]), constraints)
+    held = ConstraintManifold(State(robot, given[0]), constraints)
     matrices = _Matrices(held, inputs, outputs)
     along = [held.project(State(robot, q).q) for q in given]
     for k, point in enumerate(along):
@@ -199,7 +200,7 @@ def singularities_along(
 class _Matrices:
     """The matrices whose ranks tell the kinds, as functions of a configuration."""
 
-    def __init__(self, held: Held, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
+    def __init__(self, held: ConstraintManifold, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
         self.held = held
         self.of: dict[str, Callable[[Linearised], Array]] = {"configuration": lambda p: p.J}
         self.columns = {"configuration": np.arange(held.n)}
@@ -211,7 +212,7 @@ class _Matrices:
             robot.frame_id(frame)
             scale = np.r_[np.full(3, 1.0 / held.length), np.ones(3)]
             self.columns["input"] = np.arange(held.n)
-            self.of["input"] = lambda p: np.vstack([p.J, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.metric])
+            self.of["input"] = lambda p: np.vstack([p.J, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.scale])
         else:
             moved = _columns(held, "outputs", outputs)
             if len(moved):
@@ -234,7 +235,7 @@ class _Matrices:
         Z = np.zeros((len(Vt) - here, held.n))
         Z[:, self.columns[kind]] = Vt[here:]
         moving = np.abs(Z).max(axis=0, initial=0.0)
-        v = Z * held.metric
+        v = Z * held.scale
         v /= np.maximum(np.abs(v).max(axis=1, initial=0.0), 1e-300)[:, None]
         v[np.abs(v) < 1e-12] = 0.0
         velocities = held.robot.joints.velocities
@@ -242,7 +243,7 @@ class _Matrices:
         return Singularity(kind, point.q, _distance(s, rank), here < rank, rank - here, v, tuple(joints), at)
 
 
-def _columns(held: Held, what: str, joints: Sequence[str]) -> Array:
+def _columns(held: ConstraintManifold, what: str, joints: Sequence[str]) -> Array:
     """Indices in v of the joints named."""
     if isinstance(joints, str | bytes):
         raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.")
@@ -281,7 +282,7 @@ def _minima(d: Array) -> list[int]:
 
 
 def _refined(
-    held: Held, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
+    held: ConstraintManifold, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
 ) -> tuple[float, Linearised]:
     """(where, what) is nearest to singular between the neighbours of configuration k."""
 
@@ -294,7 +295,7 @@ def _refined(
         i = min(int(t), len(along) - 2)
         if i < 0 or t == int(t):
             return along[int(t)]
-        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.metric  # an angle by the short way round
+        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.scale  # an angle by the short way round
         return held.project(held.move(along[i].q, (t - i) * z))
 
     ratio = 0.5 * (np.sqrt(5.0) - 1.0)

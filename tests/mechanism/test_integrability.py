@@ -12,9 +12,9 @@ from linkages import Builder, at, bennett, closed, free, pinned, planar_chain
 
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, RollingBall, RollingDisk, VelocityConstraint
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism import integrability
 from rbd.mechanism.frobenius import ad, brackets, derivative
-from rbd.mechanism.held import Held
 
 URDF = Path(__file__).parents[2] / "urdf"
 X, Y, TURN, PLANE, BALL, FLY = (
@@ -50,7 +50,7 @@ class TestBrackets:
 
     def test_fields_of_coordinates_have_the_textbook_bracket(self):
         """X = (cos th, sin th, 0) and Y = (0, 0, 1): [X, Y] = (sin th, -cos th, 0)."""
-        held = Held(rbd.State(free(X(), Y(), TURN()), np.zeros(3)), [])
+        held = ConstraintManifold(rbd.State(free(X(), Y(), TURN()), np.zeros(3)), [])
 
         def fields(q: np.ndarray) -> np.ndarray:
             return np.array([[np.cos(q[2]), 0.0], [np.sin(q[2]), 0.0], [0.0, 1.0]])
@@ -63,13 +63,13 @@ class TestBrackets:
 
     def test_along_no_direction_nothing_changes(self):
         """The derivative along zero is zero, of fields that vary."""
-        held = Held(rbd.State(free(X()), np.zeros(1)), [])
+        held = ConstraintManifold(rbd.State(free(X()), np.zeros(1)), [])
         assert not derivative(held, lambda q: np.array([[np.sin(q[0]) + 1.0]]), np.array([0.3]), np.zeros(1)).any()
 
     def test_the_jacobi_identity_holds_two_deep(self, rng: np.random.Generator):
         """[X, [Y, Z]] + [Y, [Z, X]] + [Z, [X, Y]] = 0 for fields that vary, on a floating base."""
         robot = free(FLY())
-        held = Held(rbd.State(robot, pin.neutral(robot.model)), [])
+        held = ConstraintManifold(rbd.State(robot, pin.neutral(robot.model)), [])
         A = rng.normal(size=(6, 3, 7))
 
         def fields(q: np.ndarray) -> np.ndarray:

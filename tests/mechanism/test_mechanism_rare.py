@@ -11,6 +11,7 @@ from linkages import Builder, at, free
 from planar_models import bar, checked, four_bar, six_bar
 
 import rbd
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.errors import CannotAssemble, InputError, NoSolution
 from rbd.mechanism import (
     acceleration_partition,
@@ -27,7 +28,6 @@ from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
 from rbd.mechanism.degrees_of_freedom import plane_normal
 from rbd.mechanism.descent import settle
-from rbd.mechanism.held import Held
 from rbd.mechanism.poses import beyond_limits, displacement
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
@@ -311,7 +311,7 @@ class Fleeting:
 
 def test_rows_that_come_and_go_cannot_be_followed():
     """What has one row here and none beside says so, with how many there were."""
-    held = Held(rbd.State(pendulum(), np.zeros(1)), [Fleeting()])
+    held = ConstraintManifold(rbd.State(pendulum(), np.zeros(1)), [Fleeting()])
     with pytest.raises(InputError, match=r"change their rows near the state \(there \[1\]\)"):
         held.at(np.array([0.1]))
 

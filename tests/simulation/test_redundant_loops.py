@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 from smooth_models import bricard, chain, off, swinging
 
 import rbd
-from rbd.mechanism.held_rows import HeldRows
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism.stage_solver import StageSolver
 from rbd.simulation.velocity_problem import RedundantRows
 
@@ -167,7 +167,7 @@ def test_what_is_known_of_rows_follows_their_norms():
     """Norms that are learned after rows were taken apart: the same answers as of a solver that never knew the old ones."""
     robot, start = _parallelogram(1.0)
     loops = _hinged(robot)
-    held, rhs = HeldRows(start, loops, [False] * len(loops)), -start.h
+    held, rhs = ConstraintManifold.unchecked(start, loops).rows(start), -start.h
     taught = StageSolver()
     taught.learn(held)
     before = taught.spread(held), taught.acceleration(held, rhs, 0.0).a
@@ -176,7 +176,7 @@ def test_what_is_known_of_rows_follows_their_norms():
     fresh = StageSolver()
     for rows in (held, far):
         fresh.learn(rows)
-    again = HeldRows(start, loops, [False] * len(loops))
+    again = ConstraintManifold.unchecked(start, loops).rows(start)
     assert taught.spread(held) == fresh.spread(again)
     assert np.abs(taught.acceleration(held, rhs, 0.0).a - before[1]).max() < 1e-12
     assert np.abs(taught.forces(held, before[1], rhs)[0] - fresh.forces(again, before[1], rhs)[0]).max() < 1e-12
