@@ -34,7 +34,7 @@ def main(show: bool = True) -> Result:
     wheel = robot.wheels
     state = robot.at()
     freedoms = mobility(state, wheel).instantaneous
-    frobenius = integrability(robot, wheel)
+    frobenius = integrability(robot.at(), wheel)
     print(f"{freedoms} freedoms of velocity, {frobenius.configuration_dof} of configuration: growth vector {frobenius.growth}.")
     print(f"Are the wheel's constraints holonomic? {'yes' if frobenius.holonomic else 'no'}.")
     steps = np.array([0.4, 0.2, 0.1, 0.05])

@@ -119,11 +119,11 @@ def mechanisms() -> Iterator[object]:
         report = report_mechanism(robot, next(iter(robot.postures.values()), robot.neutral()))
         assert str(report)
         yield from (report, report.state)
-    state = report.state if not four_bar.loops else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
+    state = report.state if not four_bar.loops else four_bar.at(rbd.mechanism.assemble(four_bar.at()).q)
     moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
-    yield from (rbd.mechanism.assemble(four_bar, None, four_bar.neutral()), moving, rates)
-    yield rbd.mechanism.trace(four_bar, None, state.q, "crank_joint", (state.q[0], state.q[0] + 0.2), steps=4)
+    yield from (rbd.mechanism.assemble(four_bar.at()), moving, rates)
+    yield rbd.mechanism.trace(state, joint="crank_joint", values=(state.q[0], state.q[0] + 0.2), steps=4)
 
 
 def more_constraints() -> Iterator[object]:

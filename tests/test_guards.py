@@ -79,7 +79,7 @@ ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(B
 
 FOUR_BAR = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
 LINKED = FOUR_BAR.at("assembled")
-FROM_HERE = {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "q0": np.array(LINKED.q)}
+FROM_HERE = {"state": LINKED, "constraints": list(FOUR_BAR.loops)}
 LOOPS = {"constraints": list(FOUR_BAR.loops), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
 
 
@@ -359,8 +359,8 @@ CASES: dict[str, Case] = {
         | {"tolerance": 1e-10, "max_iterations": 50},
     ),
     "mechanism.branches": Case(
-        lambda **given: list(rbd.mechanism.branches(FOUR_BAR, **given).q),
-        {"constraints": list(FOUR_BAR.loops), "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
+        lambda **given: list(rbd.mechanism.branches(**given).q),
+        {**FROM_HERE, "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
         30,
     ),
     "mechanism.trace": Case(
@@ -393,15 +393,15 @@ CASES: dict[str, Case] = {
     "mechanism.singularities": Case(rbd.mechanism.singularities, {"state": LINKED, **LOOPS, "tolerance": 1e-6, "seed": 1}),
     "mechanism.singularities_along": Case(
         rbd.mechanism.singularities_along,
-        {"robot": FOUR_BAR, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
+        {"state": LINKED, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
     ),
     "mechanism.integrability": Case(
         rbd.mechanism.integrability,
-        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
+        {**FROM_HERE, "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
     ),
     "mechanism.classify": Case(
         rbd.mechanism.classify,
-        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
+        {**FROM_HERE, "end": FOUR_BAR.frames()[-1], "seed": 1},
     ),
     "catalogue.file_path": Case(lambda path: rbd.robots.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
     "catalogue.licence": Case(lambda name: rbd.robots.catalogue.licence(rbd.robots.catalogue.find(name)), {"name": "bolt"}),

@@ -160,14 +160,14 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     state = State(robot, q)
     placed = [c for c in held if _has_position(c.rows(state))]
     if placed:
-        state = State(robot, assemble(robot, placed, q).q)
+        state = State(robot, assemble(state, placed).q)
     left_out: dict[str, str] = {}
-    words, found = classify(robot, held, at=state), mobility(state, held, seed=seed)
+    words, found = classify(state, held), mobility(state, held, seed=seed)
     free = independent_velocities(state, held, prefer=robot.actuated_names)
     fixed = _values(robot, state, free, left_out)
     every = None
     if fixed is not None and held and not found.velocity_only:
-        every = _unless(left_out, "branches", lambda: branches(robot, held, fixed=fixed, seed=seed, tries=tries))
+        every = _unless(left_out, "branches", lambda: branches(state, held, fixed=fixed, seed=seed, tries=tries))
     inputs = [] if fixed is None else list(fixed)
     driven = inputs if len(inputs) < robot.nv else []  # of an open chain nothing is left beside them
     here = singularities(state, held, inputs=driven)
@@ -175,12 +175,12 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     if fixed is not None and len(inputs) == 1 and driven and not found.velocity_only:
         start = fixed[inputs[0]]
         turn = (start, start + 2.0 * np.pi)
-        motion = _unless(left_out, "motion", lambda: trace(robot, held, state.q, inputs[0], turn, steps=180))
+        motion = _unless(left_out, "motion", lambda: trace(state, held, joint=inputs[0], values=turn, steps=180))
         if motion is not None and len(motion) > 2:
-            along = singularities_along(robot, motion.q, held, inputs=inputs)
+            along = singularities_along(robot.at(motion.q[0]), held, path=motion.q, inputs=inputs)
     integrable = None
     if found.velocity_only:
-        integrable = _unless(left_out, "integrability", lambda: integrability(robot, held, seed=seed))
+        integrable = _unless(left_out, "integrability", lambda: integrability(robot.at(), held, seed=seed))
     return MechanismReport(robot, state, words, found, fixed or {}, every, here, motion, along, integrable, left_out)
 
 

@@ -164,7 +164,7 @@ def _vector(text: str) -> tuple[float, float, float]:
 def _assembled(robot: Robot, held: Sequence[Constraint], state: State) -> State:
     """With its loops closed and its wheels on the ground."""
     placed = [c for c in held if _has_position(c.rows(state))]
-    return State(robot, assemble(robot, placed, state.q).q) if placed else state
+    return State(robot, assemble(state, placed).q) if placed else state
 
 
 def _has_position(rows: Rows) -> bool:

@@ -6,6 +6,18 @@ import numpy as np
 
 from rbd.arrays import a_number
 from rbd.errors import InputError
+from rbd.model.state import State
+
+
+def check_state(state: State) -> State:
+    """The state itself.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q).")
+    return state
 
 
 def check_seed(seed: int) -> int:

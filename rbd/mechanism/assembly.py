@@ -11,11 +11,11 @@ import numpy as np
 from rbd.arrays import Array, a_number, largest
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.mechanism.arguments import check_descent, check_flag
+from rbd.mechanism.arguments import check_descent, check_flag, check_state
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
 from rbd.mechanism.descent import Descent, descend, settle
 from rbd.mechanism.poses import LimitViolation, beyond_limits, displacement, draw
-from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
@@ -31,7 +31,7 @@ class Assembly:
         q: The configuration, shape (nq,).
         residual: Largest entry of the errors [m, rad].
         iterations: Steps taken.
-        moved: Length of the way from q0 to q as a velocity of unit time, angles by the short way round [rad, m].
+        moved: Length of the way from the start to q as a velocity of unit time, angles by the short way round [rad, m].
         rows: The constraints' rows at q, at rest.
         freedoms: Free velocities less the rank of the rows' Jacobian: freedoms left at q, at first order.
         skipped: Constraints without a say, and why.
@@ -58,9 +58,8 @@ class Assembly:
 
 
 def assemble(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
-    q0: Array,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
     *,
     fixed: Mapping[str, object] | None = None,
     within_limits: bool = False,
@@ -68,20 +67,19 @@ def assemble(
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
 ) -> Assembly:
-    """A configuration on the constraints near q0, with the residual that is left.
+    """A configuration on the constraints near that of a state, with the residual that is left.
 
     Levenberg's and Marquardt's steps on the manifold of configurations; see `rbd.mechanism.descent`. Rows that repeat each
     other do no harm. From far away it may end in another branch than the one meant: look at `moved`, or give `within`.
 
     Args:
-        robot: The robot.
+        state: Where to start; its velocity plays no part.
         constraints: Loops, locks, couplings, held contacts with an anchor, functions of q; None for the loops
-            and wheels of its file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
+            and wheels of the robot's file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
             kept to one side.
-        q0: Start, shape (nq,).
         fixed: {joint: value} held exactly: an angle [rad], a displacement [m], or the joint's part of q.
         within_limits: Keep every joint within the limits of the robot's file. If not, those beyond are reported.
-        within: Farthest that q may be from q0, as `Assembly.moved` measures it; farther is refused.
+        within: Farthest that q may be from the start, as `Assembly.moved` measures it; farther is refused.
         tolerance: Largest entry of the errors [m, rad]. Mechanisms of kilometres want more than the default: rounding.
         max_iterations: Most evaluations.
 
@@ -94,24 +92,24 @@ def assemble(
         InputError: no constraint with an error, one that can slip or break, values of a wrong size.
         JointNotFound: a fixed joint that is none.
 
-    >>> found = rbd.mechanism.assemble(robot, robot.loops, q0, fixed={"crank": 0.7})
+    >>> found = rbd.mechanism.assemble(robot.at(q0), fixed={"crank": 0.7})
     """
     if not a_number(within) > 0.0:
         raise InputError(f"within is {within!r:.80}; expected a number > 0 [rad, m], or inf.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
+    robot, q0 = check_state(state).robot, state.q
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)
     start = closure.start(q0)
     found = descend(closure, start, tolerance=tolerance, most=max_iterations)
     if not found.closed:
         found = _second_thoughts(closure, found, tolerance, max_iterations)
     misfit = found.misfit
-    q0 = np.asarray(q0, float)
     moved = float(np.linalg.norm(displacement(robot, q0, misfit.q)))
     if moved > within:
         raise CannotAssemble(
-            f"{robot.name} closes, but {moved:.4g} from q0 [rad, m], and at most {within:g} is allowed: the start is too far "
-            "away, or this is another branch. Give a nearer q0; see rbd.mechanism.branches for all branches.",
+            f"{robot.name} closes, but {moved:.4g} from the start [rad, m], and at most {within:g} is allowed: the start is "
+            "too far away, or this is another branch. Give a nearer one; see rbd.mechanism.branches for all branches.",
             q=misfit.q,
             elsewhere=misfit.q,
         )
@@ -146,7 +144,7 @@ def _failure(closure: Closure, at: Misfit, tolerance: float, most: int, *, minim
         if elsewhere is not None:
             say.append(
                 f"From another start it closes, {float(np.linalg.norm(displacement(robot, at.q, elsewhere))):.3g} away "
-                "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer q0, or see rbd.mechanism.branches."
+                "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer one, or see rbd.mechanism.branches."
             )
         elif len(closure.free):
             say.append(

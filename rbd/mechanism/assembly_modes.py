@@ -10,13 +10,13 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_whole
+from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_state, check_whole
 from rbd.mechanism.assembly import TOLERANCE, distances
 from rbd.mechanism.closure import Closure, Misfit, rank_of
 from rbd.mechanism.descent import descend, settle
 from rbd.mechanism.partition import independent_columns
 from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw
-from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 
 SAME = 1e-5
 """Two poses are one if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""
@@ -87,8 +87,8 @@ class Branches:
 
 
 def branches(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
     *,
     fixed: Mapping[str, object] | None = None,
     seed: int = 0,
@@ -103,8 +103,8 @@ def branches(
     down to the constraints as `assemble` does. Poses that differ by whole turns are one.
 
     Args:
-        robot: The robot.
-        constraints: As for `assemble`; None for the loops and wheels of its file.
+        state: Of the robot; where it is plays no part, starts are drawn.
+        constraints: As for `assemble`; None for the loops and wheels of the robot's file.
         fixed: {joint: value} held exactly: enough of them that nothing can move.
         seed: Of the starts: the same seed finds the same.
         tries: How many starts.
@@ -119,12 +119,13 @@ def branches(
         CannotAssemble: no start closes; says the least distance that is left.
         InputError: the mechanism can still move, so that its poses are a continuum: says what to fix. And as `assemble`.
 
-    >>> print(rbd.mechanism.branches(robot, robot.loops, fixed={"crank": 0.7}))
+    >>> print(rbd.mechanism.branches(robot.at(), fixed={"crank": 0.7}))
     """
     rng = np.random.default_rng(check_seed(seed))
     check_whole("tries", tries, MOST_TRIES)
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
+    robot = check_state(state).robot
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)
     poses: list[Misfit] = []
     hits: list[int] = []

@@ -10,13 +10,14 @@ import numpy as np
 from rbd.arrays import Array, a_number, check_finite, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.arguments import check_descent, check_flag, check_whole
+from rbd.mechanism.arguments import check_descent, check_flag, check_state, check_whole
 from rbd.mechanism.assembly import TOLERANCE, assemble
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
 from rbd.mechanism.driving import Crossing, Drive, Limit, Motion
 from rbd.mechanism.poses import LimitViolation, beyond_limits
-from rbd.model.checked_model import FARTHEST, CheckedModel
+from rbd.model.checked_model import FARTHEST
+from rbd.model.state import State
 
 _SHOWN = 6
 
@@ -38,7 +39,7 @@ class Trace:
         stopped_by: Name of the stop that ended the motion, or "".
         closed: Whether the motion came back to where it began.
         beyond_limits: Joints outside the limits of the robot's file somewhere on the way, as they first were.
-        moved: How far the first pose is from q0, as in `Assembly`.
+        moved: How far the first pose is from the start, as in `Assembly`.
         steps: Steps tried.
     """
 
@@ -67,7 +68,7 @@ class Trace:
 
     def __str__(self) -> str:
         worst = int(np.argmin(self.sigma_min))
-        start = f"; it began {self.moved:.3g} from q0" if self.moved > 0.1 else ""
+        start = f"; it began {self.moved:.3g} from the start given" if self.moved > 0.1 else ""
         lines = [
             f"{self.joint} from {self.input[0]:.6g} to {self.input[-1]:.6g}: {len(self)} poses, off {self.residual.max():.0e}"
             + start,
@@ -89,12 +90,11 @@ class Trace:
 
 
 def trace(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
-    q0: Array,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
     joint: str,
     values: Sequence[float] | Array,
-    *,
     steps: int = 100,
     fixed: Mapping[str, object] | None = None,
     past_limits: bool = False,
@@ -105,13 +105,13 @@ def trace(
 ) -> Trace:
     """The poses of a mechanism while one joint is driven through its range, on one branch.
 
-    The branch is that of q0 assembled with the joint at the first value. Along it the poses are followed by arc length
+    The branch is that of the state assembled with the joint at the first value. Along it the poses are followed by arc length
     (`rbd.mechanism.continuation`): singular poses are passed straight on, and where the joint turns back its limit is found.
 
     Args:
-        robot: The robot.
-        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of its file.
-        q0: Start, shape (nq,): assembled first, with the joint at the first value.
+        state: Start: assembled first, with the joint at the first value; its velocity plays no part.
+        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of the robot's
+            file.
         joint: The driven joint, with one freedom.
         values: (start, stop), or three and more values that are visited in order [rad, m].
         steps: Intervals between start and stop.
@@ -131,7 +131,7 @@ def trace(
         CannotAssemble: the start does not close.
         NoSolution: the branch is lost; says where.
 
-    >>> motion = rbd.mechanism.trace(robot, loops, q0, "crank", (0.0, 6.28), steps=360)
+    >>> motion = rbd.mechanism.trace(robot.at(q0), joint="crank", values=(0.0, 6.28), steps=360)
     """
     wanted = _wanted(values, check_whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")
@@ -141,9 +141,9 @@ def trace(
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
     fixed = {} if fixed is None else fixed
-    closure = Closure(robot, constraints, fixed, one_sided=False)
+    closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False)
     driven = Drive(closure, joint)
-    first = assemble(robot, constraints, q0, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
+    first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
     curve = Curve(closure, tolerance, longest_step)
     motion = Motion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
     if past_limits:

@@ -24,7 +24,7 @@ from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space
 from rbd.errors import InputError
-from rbd.mechanism.arguments import check_positive, check_seed
+from rbd.mechanism.arguments import check_positive, check_seed, check_state
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -153,7 +153,7 @@ class Integrability:
 
 
 def integrability(
-    robot: CheckedModel,
+    state: State,
     constraints: Sequence[Constraint] | None = None,
     *,
     points: Array | Sequence[Array] | None = None,
@@ -172,22 +172,21 @@ def integrability(
     a margin; `PointReport.gap` shows it. Only rows that are independent at a point are used near it.
 
     Args:
-        robot: The robot.
-        constraints: Those that hold, of position too; None for the loops and wheels of its file.
+        state: Of the robot; its velocity plays no part.
+        constraints: Those that hold, of position too; None for the loops and wheels of the robot's file.
         points: Configurations to look at, shape (k, nq); where some rows have positions, near them. By default three are
-            drawn, and brought onto the rows that have positions.
+            drawn within a unit of the state's in each velocity, and brought onto the rows that have positions.
         seed: Of the draws.
         tolerance: Singular values of brackets above it count as new directions.
 
     Raises:
         InputError: points that are none, or off the constraints; none found where constraints meet.
 
-    >>> print(rbd.mechanism.integrability(skate, [blade]))  # doctest: +SKIP
+    >>> print(rbd.mechanism.integrability(skate.at(), [blade]))  # doctest: +SKIP
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
-    starts = _drawn(robot, constraints, seed) if points is None else _given(robot, constraints, points)
+    robot = check_state(state).robot
+    starts = _drawn(state, constraints, seed) if points is None else _given(robot, constraints, points)
     reports = tuple(_look(held, at, tolerance) for held, at in starts)
     names = tuple(dict.fromkeys(name for held, _ in starts for name, _ in held.names))
     return Integrability(names, robot.nv, reports, tolerance, seed)
@@ -206,13 +205,11 @@ def _given(
     return out
 
 
-def _drawn(
-    robot: CheckedModel, constraints: Sequence[Constraint] | None, seed: int
-) -> list[tuple[ConstraintManifold, Linearised]]:
+def _drawn(state: State, constraints: Sequence[Constraint] | None, seed: int) -> list[tuple[ConstraintManifold, Linearised]]:
     """Three configurations on the rows that have positions."""
-    rng, out = np.random.default_rng(seed), []
+    robot, rng, out = state.robot, np.random.default_rng(seed), []
     for _ in range(30):
-        q = pin.integrate(robot.model, pin.neutral(robot.model), rng.uniform(-1.0, 1.0, size=robot.nv))
+        q = pin.integrate(robot.model, state.q, rng.uniform(-1.0, 1.0, size=robot.nv))
         at = ConstraintManifold(State(robot, pin.normalize(robot.model, q)), constraints)
         if at.placed.any():
             found = at.project(at.q)

@@ -20,6 +20,7 @@ from rbd.arrays import Array, check_finite, largest, lazy, numbers
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
+from rbd.mechanism.arguments import check_state
 from rbd.mechanism.closure import SINGULAR, Closure, rank_of, unmet
 from rbd.mechanism.descent import branches_meet
 from rbd.model.state import State
@@ -139,7 +140,9 @@ class AccelerationPartition:
         return _table("acceleration", self.columns, self.a, self.accelerations)
 
 
-def velocity_partition(state: State, constraints: Sequence[Constraint] | None, known: Rates) -> VelocityPartition:
+def velocity_partition(
+    state: State, constraints: Sequence[Constraint] | None = None, known: Rates | None = None
+) -> VelocityPartition:
     """All velocities of a mechanism from those that are known: J2 v2 = u - J1 v1.
 
     Rates are those of the model's joints, each against the body before it: in a chain crank - coupler the coupler's is that
@@ -147,9 +150,10 @@ def velocity_partition(state: State, constraints: Sequence[Constraint] | None, k
 
     Args:
         state: The robot, assembled; its own velocity plays no part.
-        constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of its file. Stops
-            and dry friction decide no velocity and are passed over.
-        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base.wz" is one of them alone.
+        constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of the robot's
+            file. Stops and dry friction decide no velocity and are passed over.
+        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base.wz" is one of them alone;
+            None for none.
 
     Returns:
         v, the unknown rates by name, J1 and J2 with rank and condition number.
@@ -160,14 +164,16 @@ def velocity_partition(state: State, constraints: Sequence[Constraint] | None, k
             contact that can slip.
         JointNotFound: with the nearest names.
 
-    >>> rbd.mechanism.velocity_partition(state, loops, {"crank": 25.0}).rates["rocker"]
+    >>> rbd.mechanism.velocity_partition(state, known={"crank": 25.0}).rates["rocker"]
     """
     held = BilateralVelocities(state, constraints)
-    v, columns, residual = _solved(held, known, held.u, "rate")
+    v, columns, residual = _solved(held, {} if known is None else known, held.u, "rate")
     return VelocityPartition(v, _named(held, v, columns), columns, residual)
 
 
-def acceleration_partition(state: State, constraints: Sequence[Constraint] | None, known: Rates) -> AccelerationPartition:
+def acceleration_partition(
+    state: State, constraints: Sequence[Constraint] | None = None, known: Rates | None = None
+) -> AccelerationPartition:
     """All accelerations of a mechanism from those that are known: J2 a2 = -J_dot v - J1 a1.
 
     Args:
@@ -188,7 +194,7 @@ def acceleration_partition(state: State, constraints: Sequence[Constraint] | Non
             f"the velocity of {state.robot.name} breaks {worst!r:.80} by {largest(off):.3g} m/s (or rad/s); accelerations want "
             "one that the constraints allow: state.with_velocity(velocity_partition(state, constraints, known).v)."
         )
-    a, columns, residual = _solved(held, known, -held.rows(state).bias, "acceleration")
+    a, columns, residual = _solved(held, {} if known is None else known, -held.rows(state).bias, "acceleration")
     return AccelerationPartition(a, _named(held, a, columns), columns, residual)
 
 
@@ -339,9 +345,7 @@ class BilateralVelocities:
     """Rows of constraints that hold at a state, as conditions on its velocity: J v = u."""
 
     def __init__(self, state: State, constraints: Sequence[Constraint] | None) -> None:
-        if not isinstance(state, State):
-            raise InputError(f"a State was expected first, got {type(state).__name__}. Make one: rbd.State(robot, q).")
-        self.state, self.joints = state, state.robot.joints
+        self.state, self.joints = check_state(state), state.robot.joints
         self.given = own_or(state.robot, constraints)
         found = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
         self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]

@@ -31,6 +31,7 @@ from rbd.arrays import Array, a_number, inertia_factor, largest
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
 from rbd.errors import InputError, SingularInertia
+from rbd.mechanism.arguments import check_state
 from rbd.model.state import State
 from rbd.problem.cones import Box
 from rbd.solvers.kkt import independent_factor
@@ -156,9 +157,7 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
 
     >>> rbd.solve(rbd.mechanism.project_velocity(state, robot.soles()), tau, robot.soles())
     """
-    if not isinstance(state, State):
-        raise InputError(f"a State was expected first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
-    rows = [r for r in rows_of(state, own_or(state.robot, constraints)) if len(r) and not isinstance(r.cone, Box)]
+    rows = [r for r in rows_of(check_state(state), own_or(state.robot, constraints)) if len(r) and not isinstance(r.cone, Box)]
     if not rows:
         return state
     stack = StackedRows(state, rows)

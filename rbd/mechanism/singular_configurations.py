@@ -20,7 +20,7 @@ from rbd.arrays import Array, largest, numbers
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold, Linearised, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.arguments import check_positive, check_seed
+from rbd.mechanism.arguments import check_positive, check_seed, check_state
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
@@ -145,10 +145,10 @@ def singularities(
 
 
 def singularities_along(
-    robot: CheckedModel,
-    path: Array,
+    state: State,
     constraints: Sequence[Constraint] | None = None,
     *,
+    path: Array,
     inputs: Sequence[str] = (),
     outputs: str | Sequence[str] = (),
     tolerance: float = SINGULAR,
@@ -160,21 +160,20 @@ def singularities_along(
     configurations count as one; so does one that is only touched there.
 
     Args:
-        robot: The robot.
+        state: Where contacts without an anchor are anchored and rows are measured, e.g. at the path's beginning.
+        constraints: As `singularities`; likewise the other arguments. The usual ranks are the largest along the path.
         path: Configurations in order, shape (k, nq), near enough to the constraints to be brought onto them; or anything with
             such an array as its `q`.
-        constraints: As `singularities`; likewise the other arguments. The usual ranks are the largest along the path.
         inputs: See there.
         outputs: See there.
         tolerance: See there.
     """
     tolerance = check_positive("tolerance", tolerance, 0.1)
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
+    robot = check_state(state).robot
     given = numbers("path", getattr(path, "q", path))
     if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
         raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")
-    held = ConstraintManifold(State(robot, given[0]), constraints)
+    held = ConstraintManifold(state, constraints)
     matrices = _Matrices(held, inputs, outputs)
     along = [held.project(State(robot, q).q) for q in given]
     for k, point in enumerate(along):

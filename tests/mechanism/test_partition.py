@@ -72,9 +72,9 @@ def test_j2_is_the_texts_and_its_determinant_too():
 def test_rates_are_the_derivatives_of_positions():
     """Assembled before and after, the six-bar's joints have moved by rate times time, to second order."""
     robot, loops = six_bar()
-    q = assemble(robot, loops, np.array([0.7, 0.0, 1.5, -1.7, 1.8]), fixed={"crank": 0.7}).q
+    q = assemble(rbd.State(robot, np.array([0.7, 0.0, 1.5, -1.7, 1.8])), loops, fixed={"crank": 0.7}).q
     h = 1e-4
-    ahead, back = (assemble(robot, loops, q, fixed={"crank": 0.7 + e}).q for e in (h, -h))
+    ahead, back = (assemble(rbd.State(robot, q), loops, fixed={"crank": 0.7 + e}).q for e in (h, -h))
     state = rbd.State(robot, q)
     velocity = velocity_partition(state, loops, {"crank": 1.0})
     assert np.abs((ahead - back) / (2.0 * h) - velocity.v).max() < 1e-6
@@ -87,7 +87,7 @@ def test_the_sliders_speed_is_its_closed_form():
     robot, loops = slider_crank(1.0, 3.0)
     t, w = 0.6, 2.0
     root = math.sqrt(9.0 - math.sin(t) ** 2)
-    q = assemble(robot, loops, np.array([t, -0.5, 3.5]), fixed={"crank": t}).q
+    q = assemble(rbd.State(robot, np.array([t, -0.5, 3.5])), loops, fixed={"crank": t}).q
     rates = velocity_partition(rbd.State(robot, q), loops, {"crank": w}).rates
     assert rates["slider"] == pytest.approx(-math.sin(t) * w - math.sin(t) * math.cos(t) * w / root, abs=1e-12)
 
@@ -131,7 +131,7 @@ def test_a_flat_rhombus_is_singular_as_a_pose(crank: float):
 def test_a_pose_that_is_singular_only_to_rounding_is_refused_too():
     """Assembled to 1e-12 a stretched rhombus is known to 1e-6: rates of 1e6 would be rounding, and are not given."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
-    q = assemble(robot, loops, np.array([math.pi, -3.0, 3.0]), fixed={"crank": math.pi}).q
+    q = assemble(rbd.State(robot, np.array([math.pi, -3.0, 3.0])), loops, fixed={"crank": math.pi}).q
     with pytest.raises(SingularPose):
         velocity_partition(rbd.State(robot, q), loops, {"crank": 1.0})
 
