@@ -34,7 +34,7 @@ def main(show: bool = True) -> Result:
     talos = rbd.load_robot("talos")
     state = talos.standing()
     tau = rbd.hold(state, talos.soles()).tau
-    brakes = [rbd.JointLock(name.replace("_joint", " brake"), name) for name in talos.joints() if name.startswith("leg_")]
+    brakes = [rbd.JointLock(name.replace("_joint", " brake"), name) for name in talos.joints if name.startswith("leg_")]
 
     def stance(friction: float | None) -> list:
         left, right = talos.soles(friction)

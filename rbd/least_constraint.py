@@ -243,7 +243,7 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None
         if type(constraint) is LoopClosure and r.error is not None and max_abs(r.error) > OPEN:
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
-                "rbd.mechanism.assemble(robot, robot.loops(), q) closes it; rbd.constraints.Baumgarte pulls it together.",
+                "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte pulls it together.",
                 LoopNotClosedWarning,
                 stacklevel=4,
             )

@@ -202,7 +202,7 @@ def assembling(robot: rbd.Robot) -> Callable[[int], object]:
     rng, q = np.random.default_rng(11), robot.posture("assembled")
     starts = [pin.integrate(robot.model, q, dq) for dq in 0.3 * rng.normal(size=(DRAWS, robot.nv))]
     fixed = {"crank_joint": q[:2]}
-    return lambda i: rbd.mechanism.assemble(robot, None, starts[i], fixed=fixed)
+    return lambda i: rbd.mechanism.assemble(rbd.State(robot, starts[i]), fixed=fixed)
 
 
 def mechanisms() -> Table:

@@ -55,7 +55,8 @@ def contact_answers() -> Iterator[object]:
     state, soles = talos.standing(), talos.soles()
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
-    yield from (talos, state, held, push, rbd.doctor(talos), state.frame("left_sole_link"))
+    yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
+    yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ConeSolver()):
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
         assert str(solution)
@@ -128,11 +129,11 @@ def mechanisms() -> Iterator[object]:
         report = report_mechanism(robot, next(iter(robot.postures.values()), robot.neutral()))
         assert str(report)
         yield from (report, report.state)
-    state = report.state if not four_bar.loops() else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
+    state = report.state if not four_bar.loops() else four_bar.at(rbd.mechanism.assemble(four_bar.at()).q)
     moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
-    yield from (rbd.mechanism.assemble(four_bar, None, four_bar.neutral()), moving, rates)
-    yield rbd.mechanism.trace(four_bar, None, state.q, "crank_joint", (state.q[0], state.q[0] + 0.2), steps=4)
+    yield from (rbd.mechanism.assemble(four_bar.at()), moving, rates)
+    yield rbd.mechanism.trace(state, joint="crank_joint", values=(state.q[0], state.q[0] + 0.2), steps=4)
 
 
 def more_constraints() -> Iterator[object]:

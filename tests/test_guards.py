@@ -80,7 +80,7 @@ ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(B
 
 FOUR_BAR = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
 LINKED = FOUR_BAR.at("assembled")
-FROM_HERE = {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops()), "q0": np.array(LINKED.q)}
+FROM_HERE = {"state": LINKED, "constraints": list(FOUR_BAR.loops())}
 LOOPS = {"constraints": list(FOUR_BAR.loops()), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
 
 
@@ -271,20 +271,22 @@ CASES: dict[str, Case] = {
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
     "JointLimit": Case(
         lambda **given: use_joint(rbd.JointLimit(**given)),
-        {"name": "stop", "joint": BOLT.joints()[3], "lower": 0.5, "upper": 2.0, "margin": 0.1},
+        {"name": "stop", "joint": list(BOLT.joints)[3], "lower": 0.5, "upper": 2.0, "margin": 0.1},
     ),
     "JointLock": Case(
         lambda **given: use_joint(rbd.JointLock(**given)), {"name": "lock", "joint": "root_joint", "position": STATE.q[:7]}
     ),
     "JointCoupling": Case(
         lambda **given: use_joint(rbd.JointCoupling(**given)),
-        {"name": "gear", "joint": BOLT.joints()[3], "to": BOLT.joints()[4], "ratio": -2.0, "offset": 0.1},
+        {"name": "gear", "joint": list(BOLT.joints)[3], "to": list(BOLT.joints)[4], "ratio": -2.0, "offset": 0.1},
     ),
     "JointFriction": Case(
-        lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": BOLT.joints()[3], "torque": 0.2}
+        lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": list(BOLT.joints)[3], "torque": 0.2}
     ),
     "Baumgarte": Case(
-        lambda **given: use_joint(rbd.constraints.Baumgarte(**given).of(rbd.JointLock("lock", BOLT.joints()[3], position=0.3))),
+        lambda **given: use_joint(
+            rbd.constraints.Baumgarte(**given).of(rbd.JointLock("lock", list(BOLT.joints)[3], position=0.3))
+        ),
         {"frequency": 10.0, "damping_ratio": 0.7},
     ),
     "LoopClosure": Case(
@@ -368,8 +370,8 @@ CASES: dict[str, Case] = {
         | {"tolerance": 1e-10, "max_iterations": 50},
     ),
     "mechanism.branches": Case(
-        lambda **given: list(rbd.mechanism.branches(FOUR_BAR, **given).q),
-        {"constraints": list(FOUR_BAR.loops()), "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
+        lambda **given: list(rbd.mechanism.branches(**given).q),
+        {**FROM_HERE, "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
         30,
     ),
     "mechanism.trace": Case(
@@ -403,15 +405,15 @@ CASES: dict[str, Case] = {
     "mechanism.singularities": Case(rbd.mechanism.singularities, {"state": LINKED, **LOOPS, "tolerance": 1e-6, "seed": 1}),
     "mechanism.singularities_along": Case(
         rbd.mechanism.singularities_along,
-        {"robot": FOUR_BAR, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
+        {"state": LINKED, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
     ),
     "mechanism.integrability": Case(
         rbd.mechanism.integrability,
-        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops()), "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
+        {**FROM_HERE, "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
     ),
     "mechanism.classify": Case(
         rbd.mechanism.classify,
-        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops()), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
+        {**FROM_HERE, "end": FOUR_BAR.frames()[-1], "seed": 1},
     ),
     "catalogue.file_path": Case(lambda path: rbd.robots.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
     "catalogue.licence": Case(lambda name: rbd.robots.catalogue.licence(rbd.robots.catalogue.find(name)), {"name": "bolt"}),
@@ -440,7 +442,7 @@ CASES: dict[str, Case] = {
     "Robot.frame": Case(BOLT.frame, {"name": FRAME}),
     "Robot.frame_id": Case(BOLT.frame_id, {"name": FRAME}),
     "Robot.site": Case(BOLT.site, {"frame": FRAME}),
-    "Robot.joint_id": Case(BOLT.joint_id, {"name": BOLT.joints()[3]}),
+    "Robot.joint_id": Case(BOLT.joint_id, {"name": list(BOLT.joints)[3]}),
     "Robot.check_q": Case(BOLT.check_q, {"q": STATE.q}),
     "Robot.check_v": Case(BOLT.check_v, {"v": V}),
     "Robot.check_tau": Case(BOLT.check_tau, {"tau": TAU}),

@@ -479,12 +479,12 @@ def test_a_four_bar_by_connect_moves_as_the_urdf_with_a_planar_pin(tmp_path: Pat
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         robot = rbd.load_robot(path)
-    q = [np.arctan2(*state.q[urdf.model.joints[urdf.joint_id(j)].idx_q :][1::-1]) for j in robot.joints()]
-    v_xml = [v[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints()]
+    q = [np.arctan2(*state.q[urdf.model.joints[urdf.joint_id(j)].idx_q :][1::-1]) for j in robot.joints]
+    v_xml = [v[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints]
     assert robot.loops()[0].name == "connect_a_b" and np.abs(robot.loops()[0].rows(robot.at(np.array(q))).error).max() < 1e-15
     found = rbd.solve(robot.at(np.array(q), np.array(v_xml)), np.zeros(0), robot.loops()).a
     expected = rbd.solve(state, [0.0], urdf.loops()).a
-    expected = [expected[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints()]
+    expected = [expected[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints]
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 

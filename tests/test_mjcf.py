@@ -607,7 +607,7 @@ def test_keyframes_keep_their_joints_and_quaternions(write) -> None:
     world = f'<body name="b"><freejoint/>{BOX}{arms}</body>'
     key = '<keyframe><key name="k" qpos="1 2 3 2 0 0 0 .1 .2"/><key qpos="0 0 0 0 1 0 0 0 0"/></keyframe>'
     robot = load(write(world, after=key))
-    assert robot.joints()[1:] == ["z", "a"]
+    assert list(robot.joints)[1:] == ["z", "a"]
     assert robot.posture("k").tolist() == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.2]
     assert robot.posture("key_1")[3:7].tolist() == [1.0, 0.0, 0.0, 0.0]
 

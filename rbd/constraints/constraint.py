@@ -10,12 +10,15 @@ A kind may have more, which simulation and controllers use where it is there:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, Protocol, TypeVar
 
 from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.rows import Rows
+
+Found = TypeVar("Found")
 
 
 class Constraint(Protocol):
@@ -60,3 +63,25 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
         return tuple(constraints)
     except TypeError:
         raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
+
+
+class PerRobot(Generic[Found]):
+    """What a constraint looks up on a robot, once a robot.
+
+    Args:
+        find: Takes the constraint and the robot.
+    """
+
+    def __init__(self, find: Callable[[Any, CheckedModel], Found]) -> None:
+        self._find = find
+        self._found: tuple[CheckedModel, Found] | None = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return PerRobot, (self._find,)  # what was found belongs to one robot, in one process
+
+    def of(self, constraint: object, robot: CheckedModel) -> Found:
+        """What was found; raises what `find` raises."""
+        found = self._found
+        if found is None or found[0] is not robot:
+            self._found = found = robot, self._find(constraint, robot)
+        return found[1]

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.constraints.constraint import PerRobot
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import JointPlace, PerRobot, joint_motion, with_one_freedom
+from rbd.model.joints import UNLIMITED, Joint
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
 from rbd.problem.rows import Rows
@@ -116,17 +117,15 @@ class _Stop:
 
 def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
     name, joint = limit.name, limit.joint
-    motion = with_one_freedom(robot, name, joint)
-    if motion.turns:
+    found = robot.joints.with_one_freedom(joint, name)
+    if found.is_continuous:
         raise InputError(
             f"{name!r:.80}: joint {joint!r:.80} turns for ever (it is continuous), so it has no bound. "
             "Hold it with rbd.JointLock, or state its limits in the robot's file."
         )
-    low, high = (float(x[motion.q]) for x in (robot.model.lowerPositionLimit, robot.model.upperPositionLimit))
-    low = low if limit.lower is None else float(limit.lower)
-    high = high if limit.upper is None else float(limit.upper)
-    # Files without limits read as +-DBL_MAX.
-    low, high = (-math.inf if low < -1e100 else low), (math.inf if high > 1e100 else high)
+    low = found.lower if limit.lower is None else float(limit.lower)
+    high = found.upper if limit.upper is None else float(limit.upper)
+    low, high = (-math.inf if low < -UNLIMITED else low), (math.inf if high > UNLIMITED else high)
     if low == -math.inf and high == math.inf:
         raise InputError(
             f"{name!r:.80}: joint {joint!r:.80} of {robot.name} has no bound, neither in its file nor given. "
@@ -136,7 +135,7 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
         raise InputError(f"{name!r:.80}: joint {joint!r:.80} has lower bound {low:g} above its upper one, {high:g}.")
     nothing = Rows(name, np.zeros((0, robot.nv)), np.zeros(0), NonNegative(0))
     nothing.J.flags.writeable = False
-    return _Stop(motion.q, motion.v, low, high, nothing)
+    return _Stop(found.q.start, found.v.start, low, high, nothing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,12 +165,17 @@ class JointLock:
     name: str
     joint: str
     position: float | Sequence[float] | Array | None = field(default=None, kw_only=True)
-    _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_any_motion), init=False, repr=False)
+    _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_any_joint), init=False, repr=False)
 
     def __post_init__(self) -> None:
         _check_names(self.name, joint=self.joint)
         if self.position is not None:
             object.__setattr__(self, "position", _vector(self.name, "position", self.position))
+
+    def anchored(self, state: State) -> JointLock:
+        """The same lock at the position that the joint has at a state."""
+        _check_state(state, self.name)
+        return JointLock(self.name, self.joint, position=state.q[state.robot.joints[self.joint].q])
 
     def rows(self, state: State) -> Rows:
         """One row a freedom of the joint.
@@ -181,16 +185,16 @@ class JointLock:
             InputError: a position of the wrong size, or off the unit sphere.
         """
         _check_state(state, self.name)
-        motion = self._motion.of(self, state.robot)
-        span = slice(motion.v, motion.v + motion.nv)
-        J, bias, error, turns = np.zeros((motion.nv, state.robot.nv)), np.zeros(motion.nv), None, None
+        joint = self._joint.of(self, state.robot)
+        span = joint.v
+        J, bias, error, turns = np.zeros((joint.nv, state.robot.nv)), np.zeros(joint.nv), None, None
         if self.position is None:
-            J[:, span] = np.eye(motion.nv)
+            J[:, span] = np.eye(joint.nv)
         else:
-            target = motion.target(self.name, np.asarray(self.position))
-            error, J[:, span], bias = motion.difference(target, state.q, state.v)
-            turns = motion.period
-        return Rows(self.name, J, bias, Free(motion.nv), J[:, span] @ state.v[span], error, period=turns)
+            target = joint.target(self.name, np.asarray(self.position))
+            error, J[:, span], bias = joint.difference(target, state.q, state.v)
+            turns = joint.period
+        return Rows(self.name, J, bias, Free(joint.nv), J[:, span] @ state.v[span], error, period=turns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,9 +221,7 @@ class JointCoupling:
     to: str
     ratio: float = field(kw_only=True)
     offset: float = field(default=0.0, kw_only=True)
-    _motions: PerRobot[tuple[JointPlace, JointPlace]] = field(
-        default_factory=lambda: PerRobot(_both_motions), init=False, repr=False
-    )
+    _joints: PerRobot[tuple[Joint, Joint]] = field(default_factory=lambda: PerRobot(_both_joints), init=False, repr=False)
 
     def __post_init__(self) -> None:
         _check_names(self.name, joint=self.joint, to=self.to)
@@ -236,11 +238,11 @@ class JointCoupling:
             InputError: a joint with several freedoms.
         """
         _check_state(state, self.name)
-        one, other = self._motions.of(self, state.robot)
+        one, other = self._joints.of(self, state.robot)
         J = np.zeros((1, state.robot.nv))
         J[0, one.v], J[0, other.v] = 1.0, -self.ratio
         missed = one.coordinate(state.q) - self.ratio * other.coordinate(state.q) - self.offset
-        period = self._period(turns=one.turns, to_turns=other.turns)
+        period = self._period(turns=one.is_continuous, to_turns=other.is_continuous)
         if period > 0.0:
             missed = math.remainder(missed, period)
         error = None if math.isnan(period) else np.array([missed])
@@ -277,7 +279,7 @@ class JointFriction:
     name: str
     joint: str
     torque: float
-    _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_one_motion), init=False, repr=False)
+    _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_one_joint), init=False, repr=False)
     _cone: Box = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -294,22 +296,22 @@ class JointFriction:
             InputError: a joint with several freedoms.
         """
         _check_state(state, self.name)
-        at = self._motion.of(self, state.robot).v
+        at = self._joint.of(self, state.robot).v
         J = np.zeros((1, state.robot.nv))
         J[0, at] = 1.0
-        return Rows(self.name, J, np.zeros(1), self._cone, state.v[at : at + 1].copy())
+        return Rows(self.name, J, np.zeros(1), self._cone, state.v[at].copy())
 
 
-def _any_motion(lock: JointLock, robot: CheckedModel) -> JointPlace:
-    return joint_motion(robot, lock.joint)
+def _any_joint(lock: JointLock, robot: CheckedModel) -> Joint:
+    return robot.joints[lock.joint]
 
 
-def _one_motion(friction: JointFriction, robot: CheckedModel) -> JointPlace:
-    return with_one_freedom(robot, friction.name, friction.joint)
+def _one_joint(friction: JointFriction, robot: CheckedModel) -> Joint:
+    return robot.joints.with_one_freedom(friction.joint, friction.name)
 
 
-def _both_motions(gear: JointCoupling, robot: CheckedModel) -> tuple[JointPlace, JointPlace]:
-    return with_one_freedom(robot, gear.name, gear.joint), with_one_freedom(robot, gear.name, gear.to)
+def _both_joints(gear: JointCoupling, robot: CheckedModel) -> tuple[Joint, Joint]:
+    return robot.joints.with_one_freedom(gear.joint, gear.name), robot.joints.with_one_freedom(gear.to, gear.name)
 
 
 def _check_names(name: str, **joints: str) -> None:

@@ -11,10 +11,11 @@ import numpy as np
 from rbd.arrays import Array, as_float, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
+from rbd.mechanism.arguments import check_descent, check_flag, check_state
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
-from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import Descent, descend, settle
-from rbd.model.checked_model import CheckedModel
+from rbd.mechanism.poses import LimitViolation, beyond_limits, displacement, draw
+from rbd.model.state import State
 from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
@@ -30,7 +31,7 @@ class Assembly:
         q: The configuration, shape (nq,).
         residual: Largest entry of the errors [m, rad].
         iterations: Steps taken.
-        moved: Length of the way from q0 to q as a velocity of unit time, angles by the short way round [rad, m].
+        moved: Length of the way from the start to q as a velocity of unit time, angles by the short way round [rad, m].
         rows: The constraints' rows at q, at rest.
         freedoms: Free velocities less the rank of the rows' Jacobian: freedoms left at q, at first order.
         skipped: Constraints without a say, and why.
@@ -44,7 +45,7 @@ class Assembly:
     rows: tuple[Rows, ...]
     freedoms: int
     skipped: tuple[str, ...]
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
 
     def __str__(self) -> str:
         lines = [
@@ -57,9 +58,8 @@ class Assembly:
 
 
 def assemble(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
-    q0: Array,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
     *,
     fixed: Mapping[str, object] | None = None,
     within_limits: bool = False,
@@ -67,20 +67,19 @@ def assemble(
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
 ) -> Assembly:
-    """A configuration on the constraints near q0, with the residual that is left.
+    """A configuration on the constraints near that of a state, with the residual that is left.
 
     Levenberg's and Marquardt's steps on the manifold of configurations; see `rbd.mechanism.descent`. Rows that repeat each
     other do no harm. From far away it may end in another branch than the one meant: look at `moved`, or give `within`.
 
     Args:
-        robot: The robot.
+        state: Where to start; its velocity plays no part.
         constraints: Loops, locks, couplings, held contacts with an anchor, functions of q; None for the loops
-            and wheels of its file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
+            and wheels of the robot's file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
             kept to one side.
-        q0: Start, shape (nq,).
         fixed: {joint: value} held exactly: an angle [rad], a displacement [m], or the joint's part of q.
         within_limits: Keep every joint within the limits of the robot's file. If not, those beyond are reported.
-        within: Farthest that q may be from q0, as `Assembly.moved` measures it; farther is refused.
+        within: Farthest that q may be from the start, as `Assembly.moved` measures it; farther is refused.
         tolerance: Largest entry of the errors [m, rad]. Mechanisms of kilometres want more than the default: rounding.
         max_iterations: Most evaluations.
 
@@ -93,30 +92,30 @@ def assemble(
         InputError: no constraint with an error, one that can slip or break, values of a wrong size.
         JointNotFound: a fixed joint that is none.
 
-    >>> found = rbd.mechanism.assemble(robot, robot.loops(), q0, fixed={"crank": 0.7})
+    >>> found = rbd.mechanism.assemble(robot.at(q0), fixed={"crank": 0.7})
     """
     if not as_float(within) > 0.0:
         raise InputError(f"within is {within!r:.80}; expected a number > 0 [rad, m], or inf.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
+    robot, q0 = check_state(state).robot, state.q
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)
     start = closure.start(q0)
     found = descend(closure, start, tolerance=tolerance, most=max_iterations)
     if not found.closed:
         found = _second_thoughts(closure, found, tolerance, max_iterations)
     misfit = found.misfit
-    q0 = np.asarray(q0, float)
-    moved = float(np.linalg.norm(closure.coordinates.way(q0, misfit.q)))
+    moved = float(np.linalg.norm(displacement(robot, q0, misfit.q)))
     if moved > within:
         raise CannotAssemble(
-            f"{robot.name} closes, but {moved:.4g} from q0 [rad, m], and at most {within:g} is allowed: the start is too far "
-            "away, or this is another branch. Give a nearer q0; see rbd.mechanism.branches for all branches.",
+            f"{robot.name} closes, but {moved:.4g} from the start [rad, m], and at most {within:g} is allowed: the start is "
+            "too far away, or this is another branch. Give a nearer one; see rbd.mechanism.branches for all branches.",
             q=misfit.q,
             elsewhere=misfit.q,
         )
     J = misfit.J if len(misfit.J) else np.zeros((1, len(closure.free)))
     rank = rank_of(np.linalg.svd(J, compute_uv=False))
-    beyond = closure.coordinates.beyond_limits(misfit.q)
+    beyond = beyond_limits(robot, misfit.q)
     return Assembly(
         misfit.q, misfit.residual, found.steps, moved, misfit.rows, len(closure.free) - rank, closure.skipped, beyond
     )
@@ -132,20 +131,20 @@ def _second_thoughts(closure: Closure, found: Descent, tolerance: float, most: i
 
 
 def _failure(closure: Closure, at: Misfit, tolerance: float, most: int, *, minimum: bool) -> CannotAssemble:
-    name, left = closure.robot.name, distances(at, tolerance)
+    robot, left = closure.robot, distances(at, tolerance)
     named = ", ".join(f"{row!r:.80} is {_apart(d)} apart" for row, d in list(left.items())[:6])
-    say = [f"{name} does not close: {named or 'nothing is left'}."]
-    floor = 1e3 * np.finfo(float).eps * closure.coordinates.reach
+    say = [f"{robot.name} does not close: {named or 'nothing is left'}."]
+    floor = 1e3 * np.finfo(float).eps * robot.joints.reach
     elsewhere = None
     if at.residual < max(floor, 10.0 * tolerance):
-        say.append(f"What is left is rounding of lengths of {closure.coordinates.reach:.3g} m; give tolerance={floor:.0e}.")
+        say.append(f"What is left is rounding of lengths of {robot.joints.reach:.3g} m; give tolerance={floor:.0e}.")
     else:
         elsewhere, least = _other_starts(closure, tolerance, most)
         say.append("Nothing nearby makes it less: a true minimum of the distance." if minimum else "The steps ran out there.")
         if elsewhere is not None:
             say.append(
-                f"From another start it closes, {float(np.linalg.norm(closure.coordinates.way(at.q, elsewhere))):.3g} away "
-                "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer q0, or see rbd.mechanism.branches."
+                f"From another start it closes, {float(np.linalg.norm(displacement(robot, at.q, elsewhere))):.3g} away "
+                "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer one, or see rbd.mechanism.branches."
             )
         elif len(closure.free):
             say.append(
@@ -172,7 +171,7 @@ def _other_starts(closure: Closure, tolerance: float, most: int) -> tuple[Array 
     rng, least = np.random.default_rng(0), math.inf
     for _ in range(STARTS if len(closure.free) else 0):
         try:
-            found = descend(closure, closure.at(closure.pin(closure.coordinates.draw(rng))), tolerance=tolerance, most=most)
+            found = descend(closure, closure.at(closure.pin(draw(closure.robot, rng))), tolerance=tolerance, most=most)
         except InputError:  # a start where a constraint is not defined
             continue
         if found.closed:
@@ -191,9 +190,9 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
         if not found.closed:
             continue
         free.append(joint)
-        place = less.coordinates.places[joint]
-        if place.nv == 1:
-            out.append(f"{joint!r:.80} at {place.coordinate(found.misfit.q):.6g} (not {closure.fixed[joint]!r:.40})")
+        moved = closure.robot.joints[joint]
+        if moved.nv == 1:
+            out.append(f"{joint!r:.80} at {moved.coordinate(found.misfit.q):.6g} (not {closure.fixed[joint]!r:.40})")
     if not free:
         return f"Letting go any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
     if len(closure.fixed) > 1:
@@ -203,25 +202,3 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
 
 def _apart(distance: float) -> str:
     return f"{distance:.6g} m (or rad)"
-
-
-def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterations") -> None:
-    """Refuse settings that are none.
-
-    Raises:
-        InputError: with what was expected.
-    """
-    if not 0.0 < as_float(tolerance) <= 1e-3:
-        raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
-    if isinstance(max_iterations, bool) or not isinstance(max_iterations, int) or not 0 < max_iterations <= 100_000:
-        raise InputError(f"{what} is {max_iterations!r:.80}; expected a whole number from 1 to 100000.")
-
-
-def check_flag(what: str, value: bool) -> None:
-    """Refuse what is neither True nor False.
-
-    Raises:
-        InputError: with what was expected.
-    """
-    if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{what} is {value!r:.80}; expected True or False.")

@@ -10,13 +10,13 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.mechanism.assembly import TOLERANCE, check_descent, check_flag, distances
+from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_state, check_whole
+from rbd.mechanism.assembly import TOLERANCE, distances
 from rbd.mechanism.closure import Closure, Misfit, rank_of
-from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.descent import descend, settle
-from rbd.mechanism.held import check_seed
-from rbd.mechanism.independent import independent_columns
-from rbd.model.checked_model import CheckedModel
+from rbd.mechanism.partition import independent_columns
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw
+from rbd.model.state import State
 
 SAME = 1e-5
 """Two poses are one if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""
@@ -42,7 +42,7 @@ class Branch:
     hits: int
     residual: float
     singular: bool
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,8 @@ class Branches:
 
 
 def branches(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
     *,
     fixed: Mapping[str, object] | None = None,
     seed: int = 0,
@@ -103,8 +103,8 @@ def branches(
     down to the constraints as `assemble` does. Poses that differ by whole turns are one.
 
     Args:
-        robot: The robot.
-        constraints: As for `assemble`; None for the loops and wheels of its file.
+        state: Of the robot; where it is plays no part, starts are drawn.
+        constraints: As for `assemble`; None for the loops and wheels of the robot's file.
         fixed: {joint: value} held exactly: enough of them that nothing can move.
         seed: Of the starts: the same seed finds the same.
         tries: How many starts.
@@ -119,13 +119,13 @@ def branches(
         CannotAssemble: no start closes; says the least distance that is left.
         InputError: the mechanism can still move, so that its poses are a continuum: says what to fix. And as `assemble`.
 
-    >>> print(rbd.mechanism.branches(robot, robot.loops(), fixed={"crank": 0.7}))
+    >>> print(rbd.mechanism.branches(robot.at(), fixed={"crank": 0.7}))
     """
     rng = np.random.default_rng(check_seed(seed))
-    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
-        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
+    check_whole("tries", tries, MOST_TRIES)
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
+    robot = check_state(state).robot
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)
     poses: list[Misfit] = []
     hits: list[int] = []
@@ -135,7 +135,7 @@ def branches(
     closed = last_new = 0
     for i in range(tries):
         try:
-            start = closure.at(closure.pin(closure.coordinates.draw(rng)))
+            start = closure.at(closure.pin(draw(robot, rng)))
             found = descend(closure, start, tolerance=tolerance, most=max_iterations)
         except InputError as error:  # of this draw, or of all: then what was given is wrong
             refusal = refusal or error
@@ -145,7 +145,7 @@ def branches(
                 nearest = found.misfit
             continue
         closed += 1
-        same = [k for k, pose in enumerate(poses) if closure.coordinates.distance(pose.q, found.misfit.q) < SAME]
+        same = [k for k, pose in enumerate(poses) if distance(robot, pose.q, found.misfit.q) < SAME]
         if same:
             hits[same[0]] += 1
             continue
@@ -160,8 +160,8 @@ def branches(
         raise _none(closure, nearest, tries, tolerance)
     out = []
     for pose, n, flat in zip(poses, hits, singular, strict=True):
-        q = closure.coordinates.canonical(pose.q, closure.held)
-        out.append(Branch(q, n, pose.residual, flat, closure.coordinates.beyond_limits(q)))
+        q = canonical(robot, pose.q, closure.held)
+        out.append(Branch(q, n, pose.residual, flat, beyond_limits(robot, q)))
     out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
     return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped)
 
@@ -181,7 +181,7 @@ def _is_singular(closure: Closure, at: Misfit, tolerance: float, most: int) -> b
         if not there.closed or np.linalg.norm(closure.way(at.q, there.misfit.q)) < 0.3 * _STEP:
             continue
         J = there.misfit.J if len(there.misfit.J) else np.zeros((1, n))
-        free = [closure.coordinates.names[i] for i in closure.free[independent_columns(J)]]
+        free = closure.names(independent_columns(J))
         held = f" with {', '.join(map(repr, closure.fixed))} fixed"[:200] if closure.fixed else ""
         raise InputError(
             f"{closure.robot.name} can still move: {len(free)} freedom{'s' * (len(free) != 1)} left{held}, so its poses are a "

@@ -10,12 +10,14 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float, check_finite, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
-from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent, check_flag
+from rbd.mechanism.arguments import check_descent, check_flag, check_state, check_whole
+from rbd.mechanism.assembly import TOLERANCE, assemble
 from rbd.mechanism.closure import Closure
 from rbd.mechanism.continuation import Curve
-from rbd.mechanism.coordinates import Beyond
 from rbd.mechanism.driving import Crossing, Drive, Limit, Motion
-from rbd.model.checked_model import FARTHEST, CheckedModel
+from rbd.mechanism.poses import LimitViolation, beyond_limits
+from rbd.model.checked_model import FARTHEST
+from rbd.model.state import State
 
 _SHOWN = 6
 
@@ -37,7 +39,7 @@ class Trace:
         stopped_by: Name of the stop that ended the motion, or "".
         closed: Whether the motion came back to where it began.
         beyond_limits: Joints outside the limits of the robot's file somewhere on the way, as they first were.
-        moved: How far the first pose is from q0, as in `Assembly`.
+        moved: How far the first pose is from the start, as in `Assembly`.
         steps: Steps tried.
     """
 
@@ -52,7 +54,7 @@ class Trace:
     unreached: Array
     stopped_by: str
     closed: bool
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
     moved: float
     steps: int
 
@@ -66,7 +68,7 @@ class Trace:
 
     def __str__(self) -> str:
         worst = int(np.argmin(self.sigma_min))
-        start = f"; it began {self.moved:.3g} from q0" if self.moved > 0.1 else ""
+        start = f"; it began {self.moved:.3g} from the start given" if self.moved > 0.1 else ""
         lines = [
             f"{self.joint} from {self.input[0]:.6g} to {self.input[-1]:.6g}: {len(self)} poses, off {self.residual.max():.0e}"
             + start,
@@ -88,12 +90,11 @@ class Trace:
 
 
 def trace(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
-    q0: Array,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
     joint: str,
     values: Sequence[float] | Array,
-    *,
     steps: int = 100,
     fixed: Mapping[str, object] | None = None,
     past_limits: bool = False,
@@ -104,13 +105,13 @@ def trace(
 ) -> Trace:
     """The poses of a mechanism while one joint is driven through its range, on one branch.
 
-    The branch is that of q0 assembled with the joint at the first value. Along it the poses are followed by arc length
+    The branch is that of the state assembled with the joint at the first value. Along it the poses are followed by arc length
     (`rbd.mechanism.continuation`): singular poses are passed straight on, and where the joint turns back its limit is found.
 
     Args:
-        robot: The robot.
-        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of its file.
-        q0: Start, shape (nq,): assembled first, with the joint at the first value.
+        state: Start: assembled first, with the joint at the first value; its velocity plays no part.
+        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of the robot's
+            file.
         joint: The driven joint, with one freedom.
         values: (start, stop), or three and more values that are visited in order [rad, m].
         steps: Intervals between start and stop.
@@ -130,9 +131,9 @@ def trace(
         CannotAssemble: the start does not close.
         NoSolution: the branch is lost; says where.
 
-    >>> motion = rbd.mechanism.trace(robot, loops, q0, "crank", (0.0, 6.28), steps=360)
+    >>> motion = rbd.mechanism.trace(robot.at(q0), joint="crank", values=(0.0, 6.28), steps=360)
     """
-    wanted = _wanted(values, _whole("steps", steps))
+    wanted = _wanted(values, check_whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")
     check_flag("past_limits", past_limits)
     if not 0.0 < as_float(longest_step) <= 0.5:
@@ -140,9 +141,9 @@ def trace(
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
     fixed = {} if fixed is None else fixed
-    closure = Closure(robot, constraints, fixed, one_sided=False)
+    closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False)
     driven = Drive(closure, joint)
-    first = assemble(robot, constraints, q0, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
+    first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
     curve = Curve(closure, tolerance, longest_step)
     motion = Motion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
     if past_limits:
@@ -155,13 +156,13 @@ def trace(
 def _found(motion: Motion, moved: float) -> Trace:
     values = np.array([value for value, _ in motion.samples])
     least, condition = np.empty(len(values)), np.empty(len(values))
-    beyond: dict[str, Beyond] = {}
+    beyond: dict[str, LimitViolation] = {}
     for i, (_, p) in enumerate(motion.samples):
         J2 = p.misfit.J[:, motion.drive.others]
         s = np.linalg.svd(J2, compute_uv=False) if J2.size else np.ones(1)
         least[i] = s[-1] if len(s) >= J2.shape[1] else 0.0
         condition[i] = s[0] / least[i] if least[i] > 0.0 else np.inf
-        for each in motion.curve.closure.coordinates.beyond_limits(p.q):
+        for each in beyond_limits(motion.curve.closure.robot, p.q):
             beyond.setdefault(each.joint, each)
     return Trace(
         motion.drive.joint,
@@ -190,9 +191,3 @@ def _wanted(values: Sequence[float] | Array, steps: int) -> Array:
     if max_abs(wanted) > FARTHEST:
         raise InputError(f"values reach {max_abs(wanted):.3g}; at most {FARTHEST:g} is taken [rad, m].")
     return np.linspace(wanted[0], wanted[1], steps + 1) if len(wanted) == 2 else wanted
-
-
-def _whole(what: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value <= 1_000_000:
-        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to 1000000.")
-    return value

@@ -11,9 +11,9 @@ import pinocchio as pin
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
+from rbd.constraints.manifold import own_or, rank_of as rank_at
 from rbd.errors import DuplicateName, InputError
-from rbd.mechanism.coordinates import coordinates_of
-from rbd.mechanism.held import of_its_file
+from rbd.mechanism.poses import displacement, with_values
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
@@ -64,7 +64,6 @@ class Closure:
         one_sided: Ask stops too for what is beyond them; if not, only what holds.
 
     Attributes:
-        coordinates: The robot's coordinates.
         fixed: {joint: value} as given.
         free: Which velocities are free, indices, shape (free,).
         metric: Unit of each free velocity, shape (free,): the robot's length for those that slide, else one.
@@ -86,20 +85,20 @@ class Closure:
         within_limits: bool = False,
         one_sided: bool = True,
     ) -> None:
-        self.coordinates = coordinates_of(robot)
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
         self.robot, self.model = robot, robot.model
         self.fixed = {} if fixed is None else fixed
-        self._target = self.coordinates.with_values(pin.neutral(self.model), self.fixed)
+        self._target = with_values(robot, pin.neutral(self.model), self.fixed)
         held = np.zeros(robot.nv, bool)
         self._pinned = np.zeros(robot.nq, bool)
         for joint in self.fixed:
-            place = self.coordinates.places[joint]
-            held[self.coordinates.columns(joint)] = True
-            self._pinned[place.q : place.q + sum(p.nq for p in place.pieces)] = True
+            held[robot.joints[joint].v] = True
+            self._pinned[robot.joints[joint].q] = True
         self.free = np.flatnonzero(~held)
         self.held = held
-        self.metric, self.length = self.coordinates.metric[self.free], self.coordinates.length
-        given = of_its_file(robot) if constraints is None else listed(constraints)
+        self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
+        given = own_or(robot, constraints)
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
         self._given, self._one_sided = given, one_sided
@@ -141,11 +140,11 @@ class Closure:
 
     def way(self, q: Array, to: Array) -> Array:
         """The displacement of the free velocities from one configuration to another, in units of `metric`."""
-        return self.coordinates.way(q, to)[self.free] / self.metric
+        return displacement(self.robot, q, to)[self.free] / self.metric
 
-    def names(self, mask: Array) -> list[str]:
-        """Names of the free velocities that a mask chooses."""
-        return [self.coordinates.names[i] for i in self.free[mask]]
+    def names(self, which: Array | list[int]) -> list[str]:
+        """Names of some of the free velocities."""
+        return [self.robot.joints.velocities[i].name for i in self.free[which]]
 
     def _misfit(self, state: State, rows: tuple[Rows, ...]) -> Misfit:
         errors, Js = [], []
@@ -187,16 +186,6 @@ class Closure:
             )
 
 
-def listed(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
-    """An iterable as a tuple, so that it can be gone through twice; what is none is left to be refused."""
-    if isinstance(constraints, str | bytes) or hasattr(constraints, "rows"):
-        return constraints
-    try:
-        return tuple(constraints)
-    except TypeError:
-        return constraints
-
-
 def unmet(rows: Rows) -> tuple[Array, Array]:
     """The position errors that rows ask to be zero, and their Jacobian: none of rows without an error.
 
@@ -215,4 +204,4 @@ def unmet(rows: Rows) -> tuple[Array, Array]:
 
 def rank_of(s: Array) -> int:
     """How many singular values are not zero, at `SINGULAR`."""
-    return int((s > SINGULAR * s[0]).sum()) if len(s) and s[0] > 0.0 else 0
+    return rank_at(s, SINGULAR, least=0.0)

@@ -12,7 +12,8 @@ from scipy.linalg import qr
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.loop import LoopClosure
-from rbd.mechanism.held import CLOSED, Held, RowName, check_positive, check_seed, kernel
+from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, RowName, null_space
+from rbd.mechanism.arguments import check_positive, check_seed
 from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
 from rbd.model.state import State
 
@@ -78,7 +79,7 @@ class Mobility:
         velocities: n.
         rows: m, of the constraints.
         rank: Of J.
-        singular_values: Of J without units (see `rbd.mechanism.held`), shape (min(m, n),).
+        singular_values: Of J without units (see `rbd.constraints.manifold`), shape (min(m, n),).
         zero: At which fraction of the largest they count as zero.
         finite: Freedoms of the motions that pass through here; the largest number, where branches differ.
         branches: The freedoms of each way to go on that was found; of more than one freedom, those of equal dimension are not
@@ -213,9 +214,9 @@ def mobility(
     >>> print(rbd.mechanism.mobility(robot.at(q), loops))  # doctest: +SKIP
     """
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
-    held = Held(state, constraints, tolerance)
+    held = ConstraintManifold(state, constraints, tolerance=tolerance)
     at = held.check_assembled()
-    N, s = kernel(at.J, held.zero)
+    N, s = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]
     redundant, stresses = _redundant(held, at.J, rank)
     found = finite_motion(held, at, seed)
@@ -224,7 +225,7 @@ def mobility(
     )
 
 
-def _redundant(held: Held, J: Array, rank: int) -> tuple[tuple[RedundantRow, ...], Array]:
+def _redundant(held: ConstraintManifold, J: Array, rank: int) -> tuple[tuple[RedundantRow, ...], Array]:
     """Rows that follow from others, by pivoted QR of J^T, and the self-stresses."""
     if rank == held.m:
         return (), np.zeros((held.m, 0))
@@ -245,7 +246,7 @@ def _many(k: int, one: str, several: str) -> str:
     return f"{k} {one if k == 1 else several}"
 
 
-def count(held: Held, state: State, seed: int) -> Count:
+def count(held: ConstraintManifold, state: State, seed: int) -> Count:
     """Gruebler's count of a robot's joints and the constraints on it.
 
     Args:
@@ -308,9 +309,9 @@ def _rows_in_plane(closure: LoopClosure, state: State, normal: Array) -> int:
     return 2 if along else 1  # "planar" holds a point in the two directions across its axis
 
 
-def _generic_rank(held: Held, rows: slice, seed: int) -> int:
+def _generic_rank(held: ConstraintManifold, rows: slice, seed: int) -> int:
     rng, most = np.random.default_rng(seed), 0
     for _ in range(3):
         J = held.at(held.move(held.q, rng.normal(size=held.n))).J[rows]
-        most = max(most, held.n - kernel(J)[0].shape[1])
+        most = max(most, held.rank(J, RANK))
     return most

@@ -55,7 +55,7 @@ def descend(closure: Closure, start: Misfit, *, tolerance: float, most: int) -> 
     """
     at, mu, steps, tries = start, _START, 0, 0
     size2 = float(at.error @ at.error)
-    sliding = ~closure.coordinates.turning[closure.free]
+    sliding = ~closure.robot.joints.angular[closure.free]
     slides = bool(sliding.any())
     while at.residual > tolerance:
         # From far away what slides may go as far as the error is; angles may not.

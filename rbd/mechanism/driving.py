@@ -12,7 +12,8 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.closure import Closure, Misfit, rank_of
 from rbd.mechanism.continuation import Curve, Point, Step
 from rbd.mechanism.descent import branches_meet, descend
-from rbd.mechanism.independent import independent_columns
+from rbd.mechanism.partition import independent_columns
+from rbd.mechanism.poses import distance
 
 ARRIVED = 1e-9
 
@@ -51,13 +52,13 @@ class Drive:
     """The driven joint among the free velocities."""
 
     def __init__(self, closure: Closure, joint: str) -> None:
-        span = closure.coordinates.columns(joint)
-        if span.stop - span.start != 1:
-            raise InputError(f"joint {joint!r:.80} has {span.stop - span.start} freedoms; expected a joint with one to drive.")
-        if closure.held[span.start]:
+        self.place = closure.robot.joints[joint]
+        if self.place.nv != 1:
+            raise InputError(f"joint {joint!r:.80} has {self.place.nv} freedoms; expected a joint with one to drive.")
+        if closure.held[self.place.v.start]:
             raise InputError(f"joint {joint!r:.80} is driven and fixed; leave it out of fixed=.")
-        self.closure, self.joint, self.place = closure, joint, closure.coordinates.places[joint]
-        self.column = int(np.searchsorted(closure.free, span.start))
+        self.closure, self.joint = closure, joint
+        self.column = int(np.searchsorted(closure.free, self.place.v.start))
         self.others = np.arange(len(closure.free)) != self.column
 
     def change(self, q: Array, to: Array) -> float:
@@ -86,7 +87,7 @@ class Drive:
                     f"at the start, {self.joint!r:.80} = {self.place.coordinate(at.q):.6g}, {name} is singular: {freedoms} "
                     "freedoms, branches meet there. Begin a little away, on the branch that is meant."
                 )
-            names = [self.closure.coordinates.names[i] for i in self.closure.free[independent_columns(J, ~self.others)]]
+            names = self.closure.names(independent_columns(J, ~self.others))
             others = [x for x in names if x != self.joint]
             raise InputError(
                 f"{name} has {freedoms} freedoms; driving {self.joint!r:.80} decides one. Fix {freedoms - 1} more, e.g. "
@@ -217,8 +218,8 @@ class Motion:
     def _note(self, step: Step) -> None:
         if step.crossing is None:
             return
-        coordinates = self.curve.closure.coordinates
-        if not self.crossings or coordinates.distance(self.crossings[-1].q, step.crossing.q) > 1e-3:
+        robot = self.curve.closure.robot
+        if not self.crossings or distance(robot, self.crossings[-1].q, step.crossing.q) > 1e-3:
             self.crossings.append(Crossing(self._value(step.crossing), step.crossing.q, float(step.crossing.sigma[-1])))
 
     def _limit(self, step: Step) -> None:

@@ -10,8 +10,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
+from rbd.mechanism.arguments import check_seed, check_state
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -123,11 +124,10 @@ class MechanismClass:
 
 
 def classify(
-    robot: CheckedModel,
+    state: State,
     constraints: Sequence[Constraint] | None = None,
     *,
     end: str | Sequence[str] = (),
-    at: State | None = None,
     seed: int = 0,
 ) -> MechanismClass:
     """What a robot is, in words: serial, branched, parallel or hybrid; its mobility; redundancy of its end points.
@@ -142,27 +142,23 @@ def classify(
     closed).
 
     Args:
-        robot: The robot.
-        constraints: Those that hold; None for the loops and wheels of its file.
+        state: Where to look; brought onto the constraints where it is off them. Its velocity plays no part.
+        constraints: Those that hold; None for the loops and wheels of the robot's file.
         end: Frames of end points, one or several.
-        at: A configuration that satisfies the constraints; by default the neutral one, brought onto them.
         seed: Of the configurations looked at.
 
     Raises:
         FrameNotFound: with the nearest names.
-        InputError: no robot, a state of another, or one that is off the constraints.
+        InputError: no state.
     """
     seed = check_seed(seed)
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
-    if at is not None and (not isinstance(at, State) or at.robot is not robot):
-        raise InputError(f"at is {at!r:.80}; expected a State of {robot.name}: robot.at(q).")
+    robot = check_state(state).robot
     frames = _frames(robot, end)
-    held = Held(State(robot, pin.neutral(robot.model)) if at is None else at, constraints)
+    held = ConstraintManifold(state, constraints)
     rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}
     graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
-    looked = _configurations(held, at, seed)
-    mobility = min((kernel(p.J, ROUGH)[0].shape[1] for p in looked), default=None)
+    looked = _configurations(held, seed)
+    mobility = min((null_space(p.J, ROUGH)[0].shape[1] for p in looked), default=None)
     ends: tuple[EndPoint, ...] = ()
     if mobility is not None:
         ends = tuple(_end_point(held, looked, frame, graph) for frame in frames)
@@ -280,12 +276,10 @@ def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] |
     return robot.site(one)[0], robot.site(other)[0] if isinstance(other, str) else 0
 
 
-def _configurations(held: Held, at: State | None, seed: int) -> list[Linearised]:
+def _configurations(held: ConstraintManifold, seed: int) -> list[Linearised]:
     """A configuration on the constraints, and some nearby."""
-    rng = np.random.default_rng(seed)
-    if at is not None:
-        here = held.check_assembled()
-    else:
+    rng, here = np.random.default_rng(seed), held.at(held.q)
+    if max_abs(here.error) > held.tolerance:
         for draw in range(20):
             z = rng.uniform(-1.0, 1.0, size=held.n) * (draw > 0)
             here = held.project(held.move(held.q, z))
@@ -298,12 +292,12 @@ def _configurations(held: Held, at: State | None, seed: int) -> list[Linearised]
     return [here, *(p for p in neighbours(held, here, FAR, rng, 6) if p is not None)]
 
 
-def _end_point(held: Held, looked: list[Linearised], frame: str, graph: Graph) -> EndPoint:
+def _end_point(held: ConstraintManifold, looked: list[Linearised], frame: str, graph: Graph) -> EndPoint:
     model, body, ranks = held.robot.model, held.robot.site(frame)[0], []
     chain = [i for j in model.supports[body].tolist() if j for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])]
     for point in looked:
-        N, _ = kernel(point.J, ROUGH)
-        J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.metric
+        N, _ = null_space(point.J, ROUGH)
+        J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.scale
         J[:3] /= held.length
         ranks.append([rank_of(np.linalg.svd(part @ N, compute_uv=False)) for part in (J[:3], J, np.eye(held.n)[chain])])
     position, pose, mobility = np.max(ranks, axis=0).tolist()

@@ -17,7 +17,6 @@ from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import joint_motion, with_one_freedom
 from rbd.model.mjcf.equality import WORLD, Equality
 from rbd.robots.loop_file import Closure, Coupling, LoopFile, Mark, Wheel
 
@@ -135,10 +134,10 @@ def _loop(robot: CheckedModel, entry: Entry) -> Loop:
                 "move against each other."
             )
         return LoopClosure(entry.name, entry.frame_a, entry.frame_b, kind=entry.kind, axis=entry.axis)
-    with_one_freedom(robot, entry.name, entry.joint)
+    robot.joints.with_one_freedom(entry.joint, entry.name)
     if isinstance(entry, Lock):
         return JointLock(entry.name, entry.joint, position=entry.position)
-    with_one_freedom(robot, entry.name, entry.to)
+    robot.joints.with_one_freedom(entry.to, entry.name)
     return JointCoupling(entry.name, entry.joint, entry.to, ratio=entry.ratio, offset=entry.offset)
 
 
@@ -155,8 +154,8 @@ def _wheel(robot: CheckedModel, wheel: Wheel) -> Rolling:
 
 def _part(robot: CheckedModel, joint: str, numbers: tuple[float, ...]) -> tuple[int, Array]:
     """(where a joint's part of q begins, the part)."""
-    place = joint_motion(robot, joint)
-    return place.q, place.target(joint, np.array(numbers))
+    found = robot.joints[joint]
+    return found.q.start, found.target(joint, np.array(numbers))
 
 
 def _read(model: pin.Model, file: str, equality: Equality) -> Entry:

@@ -210,7 +210,7 @@ def merge_robots(
             f"{first.name} has gravity {first.gravity.tolist()}, {second.name} {second.gravity.tolist()}; one world has one."
         )
     prefixes = _checked_names(names)
-    for what, one, other in (("joint", first.joints(), second.joints()), ("frame", first.frames(), second.frames())):
+    for what, one, other in (("joint", first.joints, second.joints), ("frame", first.frames(), second.frames())):
         both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
         if both:
             raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that tell them apart, as ('a_', 'b_').")

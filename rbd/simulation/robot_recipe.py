@@ -31,8 +31,8 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": robot.name,
         "file": "",
-        "joints": robot.joints(),
-        "kinds": [robot.model.joints[robot.joint_id(n)].shortname() for n in robot.joints()],
+        "joints": list(robot.joints),
+        "kinds": [f"JointModel{joint.kind}" for joint in robot.joints.values()],
         "sizes": [robot.nq, robot.nv, robot.nu],
         "motors": list(robot.actuated_names),
     }
@@ -162,7 +162,7 @@ def _changes(robot: CheckedModel, numbers: Array) -> Iterator[str]:
     if numbers.shape != now.shape:
         raise InputError(f"the numbers of {robot.name} in the file have shape {numbers.shape}; expected {now.shape}.")
     same = np.isclose(now, numbers, rtol=_RELATIVE, atol=_ABSOLUTE)
-    for i, name in enumerate(robot.joints()):
+    for i, name in enumerate(robot.joints):
         at = 0
         for what, width in _COLUMNS.items():
             part = slice(at, at + width)

@@ -7,7 +7,7 @@ A step of length h from (q, v), with the points that touch at q:
     3   M(q_m) v+ = M v + h (S^T tau + tau_ext - h(q_m, v_h)) + J(q_m)^T p      u(v+) obeys the law
     4   q+ = q_m (+) h/2 v+,    put back onto the positions of what holds and of what is closed
 
-(velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.bases`)
+(velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.chart`)
 
 u is the velocity of the points at the end of the (half) step, J v + h/2 J_dot v. For a free conservative system 2 to 4 are
 Verlet's scheme. Friction is directed against the velocity in the middle of the step where a point slides throughout. 1 also
@@ -31,7 +31,7 @@ from rbd.arrays import Array, as_float, zeros
 from rbd.constraints.sources import sources_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
-from rbd.model.bases import Bases
+from rbd.model.chart import Bases
 from rbd.model.state import State
 from rbd.simulation.begun import Begun
 from rbd.simulation.closing import Closing, Nearness, first_crossing

@@ -15,7 +15,7 @@ from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_names import FORCE_OF, motors, positions, velocities
+from rbd.model.joints import FORCE_OF
 from rbd.simulation.events import Event
 from rbd.simulation.robot_recipe import recipe, robot_numbers, robot_of
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Column, Fields
@@ -131,7 +131,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
 
 def _labels(robot: CheckedModel) -> dict[str, Any]:
     """Names along the dimensions, with a unit each where units differ."""
-    q, v, tau = positions(robot), velocities(robot), motors(robot)
+    q, v, tau = robot.joints.positions, robot.joints.velocities, robot.motor_coordinates
     return {
         "position": [c.name for c in q],
         "velocity": [c.name for c in v],

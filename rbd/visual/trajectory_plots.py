@@ -15,8 +15,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import joint_motion
-from rbd.model.joint_names import ANGLE, FORCE_OF, PURE, Coordinate, motors, positions, velocities
+from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.plots import an_axis, frame, note
@@ -330,16 +329,17 @@ def _curves(trajectory: Trajectory, name: str, what: str) -> list[Curve]:
     robot = trajectory.robot
     if not isinstance(name, str):
         raise InputError(f"no joint {name!r:.80}; expected the name of a joint, or a list of names.")
-    if what == "q" and name in robot.joints() and joint_motion(robot, name).turns:
-        at = joint_motion(robot, name).q
+    joints = robot.joints
+    if what == "q" and name in joints and joints[name].is_continuous:
+        at = joints[name].q.start
         angle = np.unwrap(np.arctan2(trajectory.q[:, at + 1], trajectory.q[:, at]))
         return [Curve(name, "angle", ANGLE, angle, ())]
-    labels = {"q": positions, "v": velocities, "a": velocities, "tau": motors}[what](robot)
+    labels = joints.positions if what == "q" else robot.motor_coordinates if what == "tau" else joints.velocities
     found = [i for i, c in enumerate(labels) if name in (c.name, c.joint)]
     if not found:
-        if what == "tau" and any(name in (c.name, c.joint) for c in velocities(robot)):
+        if what == "tau" and any(name in (c.name, c.joint) for c in joints.velocities):
             raise InputError(f"{name!r:.80} carries no motor; {nearest(name, [c.name for c in labels])}.")
-        known = [*robot.joints(), *(c.name for c in labels)]
+        known = [*joints, *(c.name for c in labels)]
         raise InputError(f"no joint {name!r:.80} in {robot.name}; {nearest(name, known)}.")
     values = getattr(trajectory, what)
     return [Curve(labels[i].name, *_quantity(labels[i], what), values[:, i], _limits(robot, i, what)) for i in found]

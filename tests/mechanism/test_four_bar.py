@@ -209,7 +209,7 @@ def test_an_n_four_bar_swings_as_its_closed_form(n: int) -> None:
     rng = np.random.default_rng(n)
     for phi, speed in zip(rng.uniform(0.3, 2.8, 4), rng.normal(size=4) * 5, strict=True):
         q, v = robot.neutral(), np.zeros(robot.nv)
-        for name in robot.joints():
+        for name in robot.joints:
             joint = robot.model.joints[robot.joint_id(name)]
             sign = 1.0 if name.startswith("crank") else -1.0
             q[joint.idx_q :][:2] = np.cos(sign * phi), np.sin(sign * phi)

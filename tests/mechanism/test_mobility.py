@@ -24,8 +24,8 @@ from linkages import (
 
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, LoopClosure
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism import mobility
-from rbd.mechanism.held import Held
 from rbd.mechanism.local_dimension import _regular
 
 NORTON = (40.0, 120.0, 80.0, 100.0)
@@ -317,7 +317,7 @@ class TestFiniteMotionOfSurfaces:
             "phi", lambda q: [q[0] * q[1] * q[2]], jacobian=lambda q: np.array([[q[1] * q[2], q[0] * q[2], q[0] * q[1]]])
         )
         q = np.array([0.5, 0.0, 0.0])
-        held = Held(rbd.State(robot, q), [phi])
+        held = ConstraintManifold(rbd.State(robot, q), [phi])
         point, tangent = _regular(held, held.at(q), np.random.default_rng(0))
         off = np.sort(np.abs(point.q))
         assert off[0] < 1e-7 < off[1] and tangent.shape == (3, 2)

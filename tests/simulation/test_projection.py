@@ -145,7 +145,7 @@ def test_a_lock_without_a_position_keeps_the_one_at_the_start(integrator):
     arm = rbd.load_robot("ur5", root="fixed")
     q = np.array([0.3, -1.0, 0.8, 0.2, -0.4, 0.1])
     tiago = rbd.load_robot("tiago", root="fixed")
-    wheel = next(n for n in tiago.joints() if tiago.model.joints[tiago.joint_id(n)].nq == 2)
+    wheel = next(n for n in tiago.joints if tiago.model.joints[tiago.joint_id(n)].nq == 2)
     for start, joint in ((rbd.State(arm, q), "elbow_joint"), (tiago.at(), wheel)):
         lock = rbd.JointLock("lock", joint)
         v = start.v.copy()
@@ -264,7 +264,7 @@ def _phi(n, phi, rate, duration):
 def _flat(robot, n, phi, rate):
     """The N-four-bar with its cranks at phi."""
     q, v = robot.at("assembled").q.copy(), np.zeros(robot.nv)
-    for name in robot.joints():
+    for name in robot.joints:
         joint, sign = robot.model.joints[robot.joint_id(name)], 1.0 if name.startswith("crank") else -1.0
         q[joint.idx_q : joint.idx_q + 2] = np.cos(phi), sign * np.sin(phi)
         v[joint.idx_v] = sign * rate

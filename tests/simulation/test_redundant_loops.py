@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 from smooth_models import bricard, chain, off, swinging
 
 import rbd
-from rbd.mechanism.held_rows import HeldRows
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism.stage_solver import StageSolver
 from rbd.simulation.velocity_problem import RedundantRows
 
@@ -40,7 +40,7 @@ def _parallelogram(swing):
     """(robot, state): the benchmark's four-bar with equal lengths (A02, N = 1), its cranks `swing` from hanging, at rest."""
     robot, phi = rbd.mechanism.n_four_bar(1), swing - 0.5 * np.pi
     q = robot.at("assembled").q.copy()
-    for name in robot.joints():
+    for name in robot.joints:
         joint, sign = robot.model.joints[robot.joint_id(name)], 1.0 if name.startswith("crank") else -1.0
         q[joint.idx_q : joint.idx_q + 2] = np.cos(phi), sign * np.sin(phi)
     return robot, rbd.State(robot, q)
@@ -169,7 +169,7 @@ def test_what_is_known_of_rows_follows_their_norms():
     """Norms that are learned after rows were taken apart: the same answers as of a solver that never knew the old ones."""
     robot, start = _parallelogram(1.0)
     loops = _hinged(robot)
-    held, rhs = HeldRows(start, loops, [False] * len(loops)), -start.h
+    held, rhs = ConstraintManifold.unchecked(start, loops).rows(start), -start.h
     taught = StageSolver()
     taught.learn(held)
     before = taught.spread(held), taught.acceleration(held, rhs, 0.0).a
@@ -178,7 +178,7 @@ def test_what_is_known_of_rows_follows_their_norms():
     fresh = StageSolver()
     for rows in (held, far):
         fresh.learn(rows)
-    again = HeldRows(start, loops, [False] * len(loops))
+    again = ConstraintManifold.unchecked(start, loops).rows(start)
     assert taught.spread(held) == fresh.spread(again)
     assert np.abs(taught.acceleration(held, rhs, 0.0).a - before[1]).max() < 1e-12
     assert np.abs(taught.forces(held, before[1], rhs)[0] - fresh.forces(again, before[1], rhs)[0]).max() < 1e-12

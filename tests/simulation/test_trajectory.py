@@ -12,7 +12,6 @@ from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_names import motors, positions, velocities
 from rbd.simulation.events import Touch
 from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory import Sample, Trajectory
@@ -261,13 +260,13 @@ def test_every_field_is_in_the_table_of_fields_or_has_a_form_of_its_own():
 
 def test_coordinates_have_names_and_units(talos: rbd.Robot):
     """One each for q, v and the motors; one-jointed ones are called like the joint."""
-    q, v, tau = positions(talos), velocities(talos), motors(talos)
+    q, v, tau = talos.joints.positions, talos.joints.velocities, talos.motor_coordinates
     assert (len(q), len(v), len(tau)) == (talos.nq, talos.nv, talos.nu)
     assert [c.name for c in q[:8]] == [*(f"root_joint.{x}" for x in ("x", "y", "z", "qx", "qy", "qz", "qw")), q[7].joint]
     assert [c.unit for c in v[:7]] == ["m"] * 3 + ["rad"] * 4 and tuple(c.name for c in tau) == talos.actuated_names
     planar = rbd.load_robot("tiago", root="planar")
-    assert [c.name for c in positions(planar)[:4]] == [f"root_joint.{x}" for x in ("x", "y", "cos", "sin")]
-    assert len(positions(planar)) == planar.nq and len({c.name for c in velocities(planar)}) == planar.nv
+    assert [c.name for c in planar.joints.positions[:4]] == [f"root_joint.{x}" for x in ("x", "y", "cos", "sin")]
+    assert len(planar.joints.positions) == planar.nq and len({c.name for c in planar.joints.velocities}) == planar.nv
 
 
 def test_joints_of_several_freedoms_name_each_of_them():
@@ -280,14 +279,14 @@ def test_joints_of_several_freedoms_name_each_of_them():
         model.appendBodyToJoint(at, pin.Inertia.Random(), pin.SE3.Identity())
     robot = CheckedModel(model, passive=("wrist",))
     quaternion, turns = [("qx", "1"), ("qy", "1"), ("qz", "1"), ("qw", "1")], [("wx", "rad"), ("wy", "rad"), ("wz", "rad")]
-    assert [(c.name, c.unit) for c in positions(robot)] == [
+    assert [(c.name, c.unit) for c in robot.joints.positions] == [
         *((f"ball.{x}", unit) for x, unit in quaternion),
         *((f"carriage.{x}", "m") for x in "xyz"),
         ("wrist.0.cos", "1"), ("wrist.0.sin", "1"), ("wrist.1", "m"), *((f"wrist.2.{x}", unit) for x, unit in quaternion),
     ]  # fmt: skip
-    assert [(c.name, c.unit) for c in velocities(robot)] == [
+    assert [(c.name, c.unit) for c in robot.joints.velocities] == [
         *((f"ball.{x}", unit) for x, unit in turns),
         *((f"carriage.v{x}", "m") for x in "xyz"),
         ("wrist.0", "rad"), ("wrist.1", "m"), *((f"wrist.2.{x}", unit) for x, unit in turns),
     ]  # fmt: skip
-    assert [c.name for c in motors(robot)] == [c.name for c in velocities(robot)[:6]]
+    assert [c.name for c in robot.motor_coordinates] == [c.name for c in robot.joints.velocities[:6]]

@@ -53,7 +53,7 @@ def assert_same(one: Trajectory, other: Trajectory) -> None:
     for field in dataclasses.fields(Trajectory):
         x, y = getattr(one, field.name), getattr(other, field.name)
         if field.name == "robot":
-            assert x.joints() == y.joints()
+            assert list(x.joints) == list(y.joints)
         elif isinstance(x, dict):
             assert list(x) == list(y)
             for key in x:
@@ -153,7 +153,7 @@ def test_a_changed_gravity_or_joint_is_told(fall: Trajectory, tmp_path: Path):
     moon.model.gravity.linear = np.array([0.0, 0.0, -1.62])
     with pytest.warns(rbd.errors.ModelWarning, match=r"gravity was \[0.0, 0.0, -9.81\] and is \[0.0, 0.0, -1.62\]"):
         Trajectory.load(tmp_path / "x.npz", moon)
-    name = there.robot.joints()[0]
+    name = list(there.robot.joints)[0]
     renamed = copied(tmp_path, f'joint name="{name}"', 'joint name="lead"')
     (tmp_path / "four_bar.loops.yaml").unlink()
     with pytest.raises(

@@ -208,7 +208,7 @@ class TestBounds:
     def test_a_robot_whose_joints_all_rub(self, talos, rng, scale):
         """Two soles and 32 boxes: proved, also by the second code; some joints stick and some slip."""
         state = talos.standing()
-        joints = [j for j in talos.joints() if j != "root_joint"]
+        joints = [j for j in talos.joints if j != "root_joint"]
         rubbing = [rbd.JointFriction(f"{j} rubs", j, scale * rng.uniform(0.0, 3.0)) for j in joints]
         for _ in range(5):
             tau = np.clip(30.0 * rng.normal(size=talos.nu), -talos.effort_limit, talos.effort_limit)

@@ -175,7 +175,7 @@ def test_several_joints_and_one_coordinate(swing: Trajectory):
 def test_a_continuous_joint_goes_on_beyond_a_turn():
     """Cosine and sine become an angle: two turns are 4 pi."""
     robot = rbd.load_robot("tiago", root="planar")
-    wheel = next(n for n in robot.joints() if n.startswith("wheel"))
+    wheel = next(n for n in robot.joints if n.startswith("wheel"))
     at = robot.model.joints[robot.joint_id(wheel)].idx_q
     moments = []
     for k in range(41):
