@@ -12,7 +12,7 @@ from scipy.integrate import DOP853
 from rbd.arrays import Array, a_number
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
-from rbd.simulation.events import Moment
+from rbd.simulation.events import Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth
 
@@ -36,18 +36,18 @@ class RungeKutta4:
         """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
         return reason_not_smooth(motion, state)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Moment]:
-        """One moment at each of the times, the first at `state`.
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+        """One sample at each of the times, the first at `state`.
 
         Raises:
             NoSolution: a step without an acceleration, or out of all bounds.
         """
         smooth = SmoothMotion(motion, state)
         stage = smooth.start(state, times[0])
-        yield smooth.moment(stage)
+        yield smooth.sample(stage)
         for t, end in pairwise(times):
             stage = _kutta_step(smooth, stage, t, end)
-            yield smooth.moment(stage)
+            yield smooth.sample(stage)
 
 
 def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
@@ -98,24 +98,24 @@ class DormandPrince8:
         """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
         return reason_not_smooth(motion, state)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Moment]:
-        """One moment at each of the times, the first at `state`.
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+        """One sample at each of the times, the first at `state`.
 
         Raises:
             NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding.
         """
         smooth = SmoothMotion(motion, state)
         stage = smooth.start(state, times[0])
-        yield smooth.moment(stage)
+        yield smooth.sample(stage)
         at, h = 1, None
         while at < len(times):
             step = _AdaptiveStep(smooth, stage, self, times[-1], h)
             while at < len(times) and times[at] < step.end.t:
-                yield smooth.moment(step.at(times[at]))
+                yield smooth.sample(step.at(times[at]))
                 at += 1
             stage, h = step.end, step.next
             if at < len(times) and times[at] == stage.t:
-                yield smooth.moment(stage)
+                yield smooth.sample(stage)
                 at += 1
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
@@ -16,7 +18,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
-from rbd.simulation.events import Event, Moment
+from rbd.simulation.events import ConstraintForce, Event, Sample
 from rbd.simulation.motion import Integrator, Motion
 from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory_dataset import (
@@ -37,43 +39,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Sample:
-    """A trajectory at one recorded time.
-
-    Attributes:
-        robot: The robot.
-        t: Time [s].
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,) [m/s, rad/s].
-        a: Acceleration, shape (nv,) [m/s2, rad/s2].
-        tau: Motor torques, shape (nu,) [N, N m].
-        forces: {constraint: force on the robot}, as `Trajectory.forces`.
-        points: {contact: where it touches, shape (k, 3)} in W [m], those that are there at this time.
-        point_forces: {contact: force at each of these, shape (k, 3)} in W [N].
-        modes: {constraint: "open", "sticks", "slips", "holds" or "pushes"}.
-    """
-
-    robot: CheckedModel
-    t: float
-    q: Array
-    v: Array
-    a: Array
-    tau: Array
-    forces: Mapping[str, Array]
-    points: Mapping[str, Array]
-    point_forces: Mapping[str, Array]
-    modes: Mapping[str, str]
-
-    def __repr__(self) -> str:
-        return f"Sample({self.robot.name!r}, t={self.t:g})"
-
-    @property
-    def state(self) -> State:
-        """The robot at (q, v)."""
-        return State(self.robot, self.q, self.v)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -141,35 +106,35 @@ class Trajectory:
     def of(
         cls,
         motion: Motion,
-        moments: Recording | Iterable[Moment],
+        samples: Recording | Iterable[Sample],
         events: Sequence[Event] = (),
         integrator: Integrator | str = "",
         step: float = 0.0,
         interrupted: str = "",
     ) -> Trajectory:
-        """The trajectory of moments.
+        """The trajectory of samples.
 
         Args:
             motion: What was simulated.
-            moments: In order of time; a `Recording` of them takes a hundredth of the memory.
-            events: All of them, those between the recorded moments too.
+            samples: In order of time; a `Recording` of them takes a hundredth of the memory.
+            events: All of them, those between the recorded samples too.
             integrator: What carried the motion.
             step: Its step [s].
             interrupted: Why it ended before its time.
 
         Raises:
-            InputError: no moments.
+            InputError: no samples.
             NoSolution: a number that is not finite.
         """
-        if isinstance(moments, Recording):
-            recording = moments
+        if isinstance(samples, Recording):
+            recording = samples
         else:
             recording = Recording(motion)
-            for moment in moments:
-                recording.add(moment)
+            for sample in samples:
+                recording.add(sample)
         if not len(recording):
-            raise InputError("a trajectory has one moment or more; none was recorded.")
-        arrays: dict[str, Any] = {**recording.arrays(), **recording.touches()}
+            raise InputError("a trajectory has one sample or more; none was recorded.")
+        arrays: dict[str, Any] = {**recording.arrays(), **recording.constraints()}
         residuals = {c.name: arrays.pop(c.name) for c in RESIDUALS}
         return cls(
             robot=motion.robot,
@@ -352,7 +317,14 @@ class Trajectory:
         return int(i) % len(self)
 
     def _sample(self, i: int) -> Sample:
-        there = {name: ~np.isnan(x[i]).any(axis=1) for name, x in self.points.items()}
+        acting = {}
+        for name, force in self.forces.items():
+            points = pushes = None
+            if name in self.points:
+                there = ~np.isnan(self.points[name][i]).any(axis=1)
+                points, pushes = self.points[name][i][there], self.point_forces[name][i][there]
+            acting[name] = ConstraintForce(force[i], str(self.modes[name][i]), points, pushes)
+        since = bisect_right(self.events, self.times[i - 1], key=_time) if i else 0
         return Sample(
             self.robot,
             float(self.times[i]),
@@ -360,10 +332,9 @@ class Trajectory:
             self.v[i],
             self.a[i],
             self.tau[i],
-            {name: x[i] for name, x in self.forces.items()},
-            {name: x[i][there[name]] for name, x in self.points.items()},
-            {name: x[i][there[name]] for name, x in self.point_forces.items()},
-            {name: str(x[i]) for name, x in self.modes.items()},
+            partial(dict, acting),  # which a copy or a pickle takes along
+            **{name: float(x[i]) for name, x in self.residuals.items()},
+            events=self.events[since : bisect_right(self.events, self.times[i], key=_time)],
         )
 
     def _slice(self, key: slice) -> Trajectory:
@@ -379,6 +350,10 @@ class Trajectory:
         first, last = fields["times"][0], fields["times"][-1]
         fields["events"] = tuple(e for e in self.events if first <= e.t <= last)
         return Trajectory(**fields)
+
+
+def _time(event: Event) -> float:
+    return event.t
 
 
 def _axes(ax: Axes | None) -> Axes:

@@ -7,7 +7,7 @@ import pytest
 from smooth_models import chain
 
 import rbd
-from rbd.simulation.events import Moment
+from rbd.simulation.events import Sample
 
 INTEGRATORS = pytest.mark.parametrize(
     "integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
@@ -117,7 +117,7 @@ class _ByHand:
     def run(self, motion, state, times):
         for t in times:
             a = np.array([1.0, self.bad if t else 2.0])
-            yield Moment(t, state, a, np.zeros(state.robot.nu), dict)
+            yield Sample.of(t, state, a, np.zeros(state.robot.nu), dict)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])

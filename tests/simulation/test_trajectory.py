@@ -13,9 +13,9 @@ from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 import rbd
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_names import motors, positions, velocities
-from rbd.simulation.events import Touch
+from rbd.simulation.events import ConstraintForce, Sample
 from rbd.simulation.recording import Recording
-from rbd.simulation.trajectory import Sample, Trajectory
+from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import COLUMNS, WORDS
 
 NAMES = ("floor", "stop", ODD_NAME)
@@ -61,17 +61,21 @@ def test_rows_that_come_and_go_are_padded_with_zeros():
     motion, moments, _ = falling(n=3)
     rows = [np.array([1.0]), np.array([2.0, 3.0]), np.zeros(0)]
     for i, force in enumerate(rows):
-        moments[i] = dataclasses.replace(moments[i], touches=lambda force=force: {"stop": Touch(force, "pushes")})
+        moments[i] = dataclasses.replace(
+            moments[i], constraint_forces=lambda force=force: {"stop": ConstraintForce(force, "pushes")}
+        )
     kept = Trajectory.of(motion, moments)
     np.testing.assert_array_equal(kept.forces["stop"], [[1, 0], [2, 3], [0, 0]])
     assert kept.contacts == () and list(kept.modes["floor"]) == ["open"] * 3
 
 
-def test_touches_are_asked_once_a_moment():
-    """They are dear."""
+def test_forces_are_asked_once_a_sample():
+    """They are expensive."""
     motion, moments, _ = falling(n=4)
     asked = []
-    moments = [dataclasses.replace(m, touches=lambda m=m: asked.append(m.t) or m.touches()) for m in moments]
+    moments = [
+        dataclasses.replace(m, constraint_forces=lambda m=m: asked.append(m.t) or m.constraint_forces()) for m in moments
+    ]
     Trajectory.of(motion, moments)
     assert asked == [m.t for m in moments]
 
@@ -82,7 +86,7 @@ def test_what_is_not_finite_stops_the_recording():
     for bad in (
         {"a": np.full(6, np.nan)},
         {"law": math.nan},
-        {"touches": lambda: {"floor": Touch(np.array([0.0, 0.0, np.inf]), "sticks")}},
+        {"constraint_forces": lambda: {"floor": ConstraintForce(np.array([0.0, 0.0, np.inf]), "sticks")}},
     ):
         recording = Recording(motion)
         recording.add(moments[0])
@@ -96,12 +100,12 @@ def test_what_is_not_finite_stops_the_recording():
 def test_the_culprit_is_named_where_there_is_one():
     """The force of the constraint that is not finite; of forces whose squares only together are too large, none alone."""
     motion, moments, _ = falling(n=2)
-    large = Touch(np.array([0.0, 0.0, 1.2e154]), "sticks")  # 1.44e308 squared; the largest number is 1.80e308
+    large = ConstraintForce(np.array([0.0, 0.0, 1.2e154]), "sticks")  # 1.44e308 squared; the largest number is 1.80e308
     for stop, told in (
-        (Touch(np.array([np.nan]), "pushes"), r"at t = 0 s the force of 'stop' is not finite"),
+        (ConstraintForce(np.array([np.nan]), "pushes"), r"at t = 0 s the force of 'stop' is not finite"),
         (large, "at t = 0 s a number is not finite"),
     ):
-        bad = dataclasses.replace(moments[0], touches=lambda stop=stop: {"floor": large, "stop": stop})
+        bad = dataclasses.replace(moments[0], constraint_forces=lambda stop=stop: {"floor": large, "stop": stop})
         with pytest.raises(rbd.NoSolution, match=told):
             Recording(motion).add(bad)
 
@@ -111,7 +115,7 @@ def test_an_integrator_may_use_its_arrays_again():
     motion, moments, _ = falling(n=2)
     force, a = np.array([0.0, 0.0, 5.0]), np.zeros(6)
     recording = Recording(motion)
-    recording.add(dataclasses.replace(moments[0], a=a, touches=lambda: {"floor": Touch(force, "sticks")}))
+    recording.add(dataclasses.replace(moments[0], a=a, constraint_forces=lambda: {"floor": ConstraintForce(force, "sticks")}))
     force[:], a[:] = 7.0, 7.0
     kept = Trajectory.of(motion, recording)
     assert kept.forces["floor"][0] == pytest.approx([0, 0, 5]) and not kept.a.any()
@@ -158,7 +162,7 @@ def test_half_way_of_a_turn_is_half_the_angle():
     """The base turns by 1 rad about z between two samples: half-way it is at 0.5 rad, its quaternion of unit length."""
     motion, moments, _ = falling(n=2)
     turned = np.array([0, 0, HALF, 0, 0, math.sin(0.5), math.cos(0.5)])
-    moments = [moments[0], dataclasses.replace(moments[1], state=rbd.State(motion.robot, turned))]
+    moments = [moments[0], dataclasses.replace(moments[1], q=turned)]
     kept = Trajectory.of(motion, moments)
     assert kept.at(kept.times[1] / 2.0).q[3:] == pytest.approx([0, 0, math.sin(0.25), math.cos(0.25)], abs=1e-14)
 
@@ -208,13 +212,13 @@ def test_forces_at_points_that_are_not_told_are_left_out():
     motion, moments, _ = falling(n=2)
     here = np.array([[0.2, 0.0, 0.0]])
 
-    def touches() -> dict[str, Touch]:
+    def forces() -> dict[str, ConstraintForce]:
         return {
-            "stop": Touch(np.array([7.0]), "pushes", None, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])),
-            "floor": Touch(np.array([0.0, 0.0, 8.0]), "sticks", here, np.array([[0.0, 0.0, 8.0]])),
+            "stop": ConstraintForce(np.array([7.0]), "pushes", None, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])),
+            "floor": ConstraintForce(np.array([0.0, 0.0, 8.0]), "sticks", here, np.array([[0.0, 0.0, 8.0]])),
         }
 
-    kept = Trajectory.of(motion, [dataclasses.replace(m, touches=touches) for m in moments])
+    kept = Trajectory.of(motion, [dataclasses.replace(m, constraint_forces=forces) for m in moments])
     assert kept.contacts == ("floor",)
     assert kept.forces["stop"].tolist() == [[7.0], [7.0]]
     assert kept.points["floor"].tolist() == [here.tolist()] * 2

@@ -20,7 +20,7 @@ from scipy.io import netcdf_file
 
 import rbd
 from rbd.simulation import trajectory_file
-from rbd.simulation.events import Moment, Touch
+from rbd.simulation.events import ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_dataset import arrays_of_netcdf
@@ -41,9 +41,9 @@ def moved(robot: rbd.Robot, n: int = 3) -> Trajectory:
     q, moments = robot.neutral(), []
     for k in range(n):
         state = rbd.State(robot, q, rng.normal(size=robot.nv))
-        touch = Touch(rng.normal(size=6), "holds")
+        touch = ConstraintForce(rng.normal(size=6), "holds")
         a, tau = rng.normal(size=robot.nv), rng.normal(size=robot.nu)
-        moments.append(Moment(0.1 * k, state, a, tau, lambda touch=touch: {"grip": touch}))
+        moments.append(Sample.of(0.1 * k, state, a, tau, lambda touch=touch: {"grip": touch}))
         q = pin.integrate(robot.model, q, 0.1 * state.v)
     return Trajectory.of(Motion(robot, (Force("grip"),)), moments)
 
@@ -512,8 +512,8 @@ def test_files_of_others_that_hold_the_same_are_read(fall: Trajectory, tmp_path:
 def test_a_long_rest_may_be_compressed(tmp_path: Path):
     """A motion in which nothing changes packs a hundred times smaller, and is still read."""
     box = rbd.load_robot(URDF / "box.urdf")
-    state, touch = box.at(), Touch(np.zeros(6), "holds")
-    rest = [Moment(0.1 * k, state, np.zeros(6), np.zeros(0), lambda: {"grip": touch}) for k in range(3000)]
+    state, touch = box.at(), ConstraintForce(np.zeros(6), "holds")
+    rest = [Sample.of(0.1 * k, state, np.zeros(6), np.zeros(0), lambda: {"grip": touch}) for k in range(3000)]
     still = Trajectory.of(Motion(box, (Force("grip"),)), rest)
     still.save(tmp_path / "x.npz")
     with np.load(tmp_path / "x.npz") as found:
