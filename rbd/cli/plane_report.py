@@ -106,17 +106,17 @@ class PlaneReport:
         table.add_column("")
         far = float(np.hypot(*np.diff(m.x, axis=0).T).sum())
         table.add_row("way of the end point", f"{far:.6g} m")
-        table.add_row("peak speed", _peak(m.speed, m.times, "m/s"))
-        table.add_row("peak acceleration", _peak(np.hypot(*m.a.T), m.times, "m/s2"))
+        table.add_row("peak speed", _peak(m.speed, m.t, "m/s"))
+        table.add_row("peak acceleration", _peak(np.hypot(*m.a.T), m.t, "m/s2"))
         for part in PARTS:
             name = "Coriolis" if part == "coriolis" else part
-            table.add_row(f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.times, "m/s2"))
+            table.add_row(f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.t, "m/s2"))
         for k in range(min(m.chain.n, MOST_ROWS)):
-            table.add_row(f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.times, "deg/s"))
+            table.add_row(f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.t, "deg/s"))
         if m.chain.n > MOST_ROWS:
             table.add_row("", f"and {m.chain.n - MOST_ROWS} more angles")
         for k in range(0 if m.unbounded else min(m.chain.n, MOST_ROWS)):
-            table.add_row(f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.times, "deg/s2"))
+            table.add_row(f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.t, "deg/s2"))
         if m.unbounded:
             ends = " and ".join(f"{t:g} s" for t in m.unbounded)
             table.add_row("angular accelerations", f"without bound towards {ends}")
@@ -140,15 +140,15 @@ class PlaneReport:
             "from": _end_data(task.start),
             "to": _end_data(task.stop),
             "peaks": {
-                "speed": _largest(m.speed, m.times),
-                "acceleration": _largest(np.hypot(*m.a.T), m.times),
-                "rates": [_largest(column, m.times) for column in m.qd.T],
-                **{part: _largest(np.hypot(*getattr(m.split, part).T), m.times) for part in PARTS},
+                "speed": _largest(m.speed, m.t),
+                "acceleration": _largest(np.hypot(*m.a.T), m.t),
+                "rates": [_largest(column, m.t) for column in m.qd.T],
+                **{part: _largest(np.hypot(*getattr(m.split, part).T), m.t) for part in PARTS},
             },
             "least_manipulability": self._manipulability()[0],
             "unbounded": list(m.unbounded),
             "note": m.note,
-            "times": m.times.tolist(),
+            "t": m.t.tolist(),
             "x": m.x.tolist(),
             "q": m.q.tolist(),
             "qd": m.qd.tolist(),
@@ -157,12 +157,12 @@ class PlaneReport:
     def _manipulability(self) -> tuple[dict[str, float], dict[str, float]]:
         """Its least and its largest value, and when; zero at the samples that were left out, where the chain is in line."""
         m = self.motion
-        left_out = np.setdiff1d(m.path.times(SAMPLES), m.times)
+        left_out = np.setdiff1d(m.path.times(SAMPLES), m.t)
         i = int(np.argmin(m.manipulability))
-        least = {"value": float(m.manipulability[i]), "at": float(m.times[i])}
+        least = {"value": float(m.manipulability[i]), "at": float(m.t[i])}
         if len(left_out):
             least = {"value": 0.0, "at": float(left_out[0])}
-        return least, _largest(m.manipulability, m.times)
+        return least, _largest(m.manipulability, m.t)
 
 
 def plane_task(

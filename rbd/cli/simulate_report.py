@@ -129,7 +129,7 @@ class SimulateReport:
         kinds = [e.kind for e in x.events if e.name == name]
         return {
             "mode": str(x.modes[name][-1]),
-            "largest": {"value": float(size[most]), "at": float(x.times[most])},
+            "largest": {"value": float(size[most]), "at": float(x.t[most])},
             "force": x.forces[name][-1].tolist(),
             "touches": kinds.count("touches"),
             "leaves": kinds.count("leaves"),
@@ -143,7 +143,7 @@ class SimulateReport:
         return np.linalg.norm(force[:, :3], axis=1) if name in self.trajectory.points else np.abs(force).max(axis=1)
 
     def _when(self, values: Array) -> float:
-        return float(self.trajectory.times[int(np.argmax(values))])
+        return float(self.trajectory.t[int(np.argmax(values))])
 
     def __rich__(self) -> Group:
         """The tables of the command line."""
@@ -194,7 +194,7 @@ class SimulateReport:
     def _motion_table(self) -> Table:
         x = self.trajectory
         table = _table("motion", None)
-        table.add_row("time", f"{x.times[0]:g} to {x.times[-1]:g} s, {_count(self.steps, 'step')} of {1e3 * x.step:g} ms")
+        table.add_row("time", f"{x.t[0]:g} to {x.t[-1]:g} s, {_count(self.steps, 'step')} of {1e3 * x.step:g} ms")
         if x.interrupted:
             table.add_row("ended early", x.interrupted)
         if self.verdict:
@@ -305,7 +305,7 @@ def _busiest_motor(x: Trajectory) -> str:
     at, i = np.unravel_index(int(np.argmax(used)), used.shape)
     limit = robot.effort_limit[i]
     share = f", {100 * used[at, i]:.1f} % of its limit" if np.isfinite(limit) else ""
-    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.times[at]:.3f} s"
+    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.t[at]:.3f} s"
 
 
 def _count(n: int, what: str) -> str:

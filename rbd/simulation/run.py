@@ -142,8 +142,8 @@ def _inaccurate(trajectory: Trajectory) -> str:
     worst = int(law.argmax())
     return (
         f"the simulation of {trajectory.robot.name} is inaccurate: residual 'law' is {law[worst]:.2g} (scaled) at "
-        f"t = {trajectory.times[worst]:.6g} s; {len(above)} of {len(law)} recorded samples are above {USABLE:g}, the first at "
-        f"t = {trajectory.times[above[0]]:.6g} s. `trajectory.residuals['law']` has all of them. Accelerations and forces are "
+        f"t = {trajectory.t[worst]:.6g} s; {len(above)} of {len(law)} recorded samples are above {USABLE:g}, the first at "
+        f"t = {trajectory.t[above[0]]:.6g} s. `trajectory.residuals['law']` has all of them. Accelerations and forces are "
         "wrong by about that much there. Try a shorter step; look for constraints that contradict each other, and for a "
         "singular pose, where there may be no finite forces that make the motion."
     )

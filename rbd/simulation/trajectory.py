@@ -49,7 +49,7 @@ class Trajectory:
 
     Attributes:
         robot: The robot.
-        times: Shape (n,) [s], increasing.
+        t: Times, shape (n,) [s], increasing.
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv) [m/s, rad/s].
         a: Accelerations, shape (n, nv) [m/s2, rad/s2]; M a + h = S^T tau + tau_ext + J^T f at each sample.
@@ -77,7 +77,7 @@ class Trajectory:
     """
 
     robot: CheckedModel
-    times: Array
+    t: Array
     q: Array
     v: Array
     a: Array
@@ -166,7 +166,7 @@ class Trajectory:
     @property
     def duration(self) -> float:
         """From the first sample to the last [s]."""
-        return float(self.times[-1] - self.times[0])
+        return float(self.t[-1] - self.t[0])
 
     def state(self, i: int) -> State:
         """The robot at sample i; negative ones count from the end."""
@@ -182,17 +182,17 @@ class Trajectory:
         Raises:
             InputError: a time outside the trajectory.
         """
-        if not self.times[0] <= a_number(t) <= self.times[-1]:
-            raise InputError(f"t is {t!r:.80}; expected a time from {self.times[0]:g} to {self.times[-1]:g} s.")
-        i = int(np.searchsorted(self.times, t, side="right")) - 1
-        if self.times[i] == t:
+        if not self.t[0] <= a_number(t) <= self.t[-1]:
+            raise InputError(f"t is {t!r:.80}; expected a time from {self.t[0]:g} to {self.t[-1]:g} s.")
+        i = int(np.searchsorted(self.t, t, side="right")) - 1
+        if self.t[i] == t:
             return self.state(i)
-        share = float((t - self.times[i]) / (self.times[i + 1] - self.times[i]))
+        share = float((t - self.t[i]) / (self.t[i + 1] - self.t[i]))
         q = pin.interpolate(self.robot.model, self.q[i], self.q[i + 1], share)
         return State(self.robot, q, (1.0 - share) * self.v[i] + share * self.v[i + 1])
 
     def __len__(self) -> int:
-        return len(self.times)
+        return len(self.t)
 
     @overload
     def __getitem__(self, key: int) -> Sample: ...
@@ -207,7 +207,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         ended = f", {self.interrupted}" if self.interrupted else ""
-        return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.times[0]:g} to {self.times[-1]:g} s{ended})"
+        return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.t[0]:g} to {self.t[-1]:g} s{ended})"
 
     def __str__(self) -> str:
         return table(vars(self))
@@ -324,17 +324,17 @@ class Trajectory:
                 there = ~np.isnan(self.points[name][i]).any(axis=1)
                 points, pushes = self.points[name][i][there], self.point_forces[name][i][there]
             acting[name] = ConstraintForce(force[i], str(self.modes[name][i]), points, pushes)
-        since = bisect_right(self.events, self.times[i - 1], key=_time) if i else 0
+        since = bisect_right(self.events, self.t[i - 1], key=_time) if i else 0
         return Sample(
             self.robot,
-            float(self.times[i]),
+            float(self.t[i]),
             self.q[i],
             self.v[i],
             self.a[i],
             self.tau[i],
             partial(dict, acting),  # which a copy or a pickle takes along
             **{name: float(x[i]) for name, x in self.residuals.items()},
-            events=self.events[since : bisect_right(self.events, self.times[i], key=_time)],
+            events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )
 
     def _slice(self, key: slice) -> Trajectory:
@@ -347,7 +347,7 @@ class Trajectory:
                 fields[name] = value[key]
             elif isinstance(value, dict):
                 fields[name] = {each: x[key] for each, x in value.items()}
-        first, last = fields["times"][0], fields["times"][-1]
+        first, last = fields["t"][0], fields["t"][-1]
         fields["events"] = tuple(e for e in self.events if first <= e.t <= last)
         return Trajectory(**fields)
 

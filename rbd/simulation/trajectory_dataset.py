@@ -53,7 +53,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
 
 def arrays_of(fields: Fields) -> dict[str, Array]:
     """{variable: array}, one row a sample, and the robot's numbers."""
-    out = {"times": fields["times"], **{c.name: fields[c.name] for c in COLUMNS}}
+    out = {"t": fields["t"], **{c.name: fields[c.name] for c in COLUMNS}}
     out |= {f"residual_{name}": x for name, x in fields["residuals"].items()}
     for name, key in keys(tuple(fields["forces"])).items():
         out[f"force_{key}"], out[f"mode_{key}"] = fields["forces"][name], fields["modes"][name]
@@ -85,7 +85,7 @@ def fields_of(
 
     return {
         "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
-        "times": found("times"),
+        "t": found("t"),
         **{c.name: found(c.name) for c in COLUMNS},
         "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
         "forces": {name: found(f"force_{key[name]}") for name in names},
@@ -103,7 +103,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     xr, arrays = xarray_or_error(), arrays_of(fields)
     del arrays[NUMBERS]
     arrays["energy"] = arrays["kinetic"] + arrays["potential"]
-    coords: dict[str, Any] = {"time": ("time", arrays.pop("times"), {"units": "s"}), **_labels(fields["robot"])}
+    coords: dict[str, Any] = {"time": ("time", arrays.pop("t"), {"units": "s"}), **_labels(fields["robot"])}
     dims = {c.name: [c.axis] for c in COLUMNS if c.axis}
     units = {name: c.unit for name, c in _TOLD.items() if c.unit}
     told = {name: c.meaning for name, c in _TOLD.items()}
@@ -181,7 +181,7 @@ def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict
         InputError: numbers of modes that have no word, shapes that are none, or a checksum that differs.
     """
     words, empty, wanted = _words(header, "modes"), header.get("empty"), _words(header, "arrays")
-    found = {"times" if name == "time" else str(name): variable.values for name, variable in dataset.variables.items()}
+    found = {"t" if name == "time" else str(name): variable.values for name, variable in dataset.variables.items()}
     out = {name: found[name] for name in wanted if name in found and found[name].dtype.kind in "fi"}
     for name in [name for name in out if name.startswith("mode_")]:
         codes = out[name]

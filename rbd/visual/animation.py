@@ -132,7 +132,7 @@ def motion_sheet(
     picture = a_picture(png_path)
     width, height = a_count("width", width, 4000), a_count("height", height, 4000)
     shown = checked(trajectory)
-    at = _picture_times(times, float(shown.times[0]), float(shown.times[-1]))
+    at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
     score, scene = _staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
     follows = score.goes_far(FAR) if follow is None else bool(follow)

@@ -34,7 +34,7 @@ NEAR = 0.25
 MOST_STRETCHES = 400
 MOST_SAMPLES_LOOKED_AT = 400
 OPEN = "open"
-WANTED = ("robot", "times", "q", "v", "points", "point_forces", "modes", "events")
+WANTED = ("robot", "t", "q", "v", "points", "point_forces", "modes", "events")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,16 +98,16 @@ def checked(trajectory: object) -> Trajectory:
     if missing or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
         raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned.")
     shown: Trajectory = trajectory  # type: ignore[assignment]
-    n = len(shown.times)
+    n = len(shown.t)
     if n < 2:
         some = "no sample" if n == 0 else "one sample only"
         raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
-    if not np.all(np.isfinite(shown.times)) or np.min(np.diff(shown.times)) <= 0.0:
+    if not np.all(np.isfinite(shown.t)) or np.min(np.diff(shown.t)) <= 0.0:
         raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
     finite = np.isfinite(shown.q).all(axis=1)
     if not finite.all():
         i = int(np.argmin(finite))
-        raise InputError(f"q is not finite at {shown.times[i]:.6g} s; show what is before it: trajectory[:{i}].")
+        raise InputError(f"q is not finite at {shown.t[i]:.6g} s; show what is before it: trajectory[:{i}].")
     return shown
 
 
@@ -155,7 +155,7 @@ def frames_of(
     Raises:
         InputError: if `external` holds anything but forces at frames.
     """
-    times = np.asarray(trajectory.times, float)
+    times = np.asarray(trajectory.t, float)
     if fps is None:
         fps = min(MOST_FPS, max(FPS, _fastest_turn(trajectory, joints) * speed / LARGEST_TURN))
         width = 7 * len(joints) + 3 + sum(6 * np.shape(p)[1] for p in trajectory.points.values())
@@ -240,7 +240,7 @@ def _fastest_turn(trajectory: Trajectory, joints: Sequence[int]) -> float:
     """Largest angular velocity of a body [rad/s], at some hundred samples."""
     model, data = trajectory.robot.model, trajectory.robot.model.createData()
     fastest = 0.0
-    for i in np.unique(np.linspace(0, len(trajectory.times) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
+    for i in np.unique(np.linspace(0, len(trajectory.t) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
         pin.forwardKinematics(model, data, np.array(trajectory.q[i], float), np.array(trajectory.v[i], float))
         fastest = max([fastest, *(float(np.linalg.norm(data.v[j].angular)) for j in joints)])
     return fastest

@@ -158,7 +158,7 @@ def test_a_loop_that_is_open_is_pulled_together_in_time_stepping():
     robot, start = _parallelogram(0.3)
     w, gap = 10.0, pin.integrate(robot.model, start.q, np.array([0.0, 0.0, 1e-3]))
     found = _last(rbd.State(robot, gap), robot.loops, 1e-3, 0.5, rbd.TimeStepping(), stabilisation=rbd.Baumgarte(w))
-    true = found.residuals["drift"][0] * (1.0 + w * found.times) * np.exp(-w * found.times)
+    true = found.residuals["drift"][0] * (1.0 + w * found.t) * np.exp(-w * found.t)
     assert found.residuals["drift"][0] > 5e-4
     assert np.abs(found.residuals["drift"] - true).max() < 0.02 * found.residuals["drift"][0]
 

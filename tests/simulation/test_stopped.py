@@ -65,9 +65,9 @@ def test_an_error_of_a_users_function_keeps_the_motion_so_far(integrator, given,
     kept, whole = stopped.value.trajectory, _run(integrator)
     assert 2 <= len(kept) <= 16
     assert kept.interrupted.startswith("stopped at t = 0.")
-    assert stopped.value.t == kept.times[-1]
+    assert stopped.value.t == kept.t[-1]
     assert np.array_equal(stopped.value.state.q, kept.q[-1])
-    assert np.array_equal(kept.times, whole.times[: len(kept)])
+    assert np.array_equal(kept.t, whole.t[: len(kept)])
     assert np.abs(kept.q - whole.q[: len(kept)]).max() < 1e-9
 
 

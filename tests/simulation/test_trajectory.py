@@ -29,8 +29,8 @@ def fall() -> Trajectory:
 
 def test_a_fall_keeps_its_energy_and_gains_momentum(fall: Trajectory):
     """Until it lands, T + V = m g z0 and p = -m g t; after it, V = m g z alone."""
-    falls = fall.times < fall.times[-1] / 2.0
-    t = fall.times[falls]
+    falls = fall.t < fall.t[-1] / 2.0
+    t = fall.t[falls]
     assert fall.energy[falls] == pytest.approx(MASS * GRAVITY * (1.0 + HALF), abs=1e-12 * 100)
     assert fall.kinetic[falls] == pytest.approx(0.5 * MASS * (GRAVITY * t) ** 2, abs=1e-12)
     assert fall.momentum[falls, 2] == pytest.approx(-WEIGHT * t, abs=1e-12) and not fall.momentum[:, [0, 1, 3, 4, 5]].any()
@@ -125,11 +125,11 @@ def test_indexing_and_slicing(fall: Trajectory):
     """As a list of samples; a slice is a trajectory, with the events between its ends."""
     assert len(fall) == 11 and len(list(fall)) == 11
     last = fall[-1]
-    assert isinstance(last, Sample) and last.t == fall.times[-1] and last.modes["floor"] == "sticks"
+    assert isinstance(last, Sample) and last.t == fall.t[-1] and last.modes["floor"] == "sticks"
     np.testing.assert_array_equal(last.state.q, fall.q[-1])
     part = fall[3:9:2]
     assert isinstance(part, Trajectory) and len(part) == 3 and part.events == fall.events and part.step == fall.step
-    np.testing.assert_array_equal(part.times, fall.times[3:9:2])
+    np.testing.assert_array_equal(part.t, fall.t[3:9:2])
     np.testing.assert_array_equal(part.points["floor"], fall.points["floor"][3:9:2])
     np.testing.assert_array_equal(part.residuals["penetration"], fall.residuals["penetration"][3:9:2])
     assert fall[:3].events == () and part.forces["floor"].base is not None  # no copy
@@ -147,8 +147,8 @@ def test_indexing_and_slicing(fall: Trajectory):
 def test_between_two_samples_it_is_interpolated(fall: Trajectory):
     """Between them q goes along its manifold, v linearly: exact in v in free fall, and in q to 1/8 g dt^2."""
     for i in (0, 4, 10):
-        np.testing.assert_array_equal(fall.at(fall.times[i]).q, fall.q[i])
-    dt = fall.times[1]
+        np.testing.assert_array_equal(fall.at(fall.t[i]).q, fall.q[i])
+    dt = fall.t[1]
     middle = fall.at(1.5 * dt)
     assert middle.v[2] == pytest.approx(-GRAVITY * 1.5 * dt, rel=1e-14)
     exact = 1.0 + HALF - 0.5 * GRAVITY * (1.5 * dt) ** 2
@@ -164,12 +164,12 @@ def test_half_way_of_a_turn_is_half_the_angle():
     turned = np.array([0, 0, HALF, 0, 0, math.sin(0.5), math.cos(0.5)])
     moments = [moments[0], dataclasses.replace(moments[1], q=turned)]
     kept = Trajectory.of(motion, moments)
-    assert kept.at(kept.times[1] / 2.0).q[3:] == pytest.approx([0, 0, math.sin(0.25), math.cos(0.25)], abs=1e-14)
+    assert kept.at(kept.t[1] / 2.0).q[3:] == pytest.approx([0, 0, math.sin(0.25), math.cos(0.25)], abs=1e-14)
 
 
 def test_nobody_writes_into_it(fall: Trajectory):
     """All arrays are read-only, those of slices too; the fields cannot be set."""
-    for array in (fall.q, fall.times, fall.forces["floor"], fall.modes["floor"], fall[2:4].q, fall[2].v, fall.residuals["law"]):
+    for array in (fall.q, fall.t, fall.forces["floor"], fall.modes["floor"], fall[2:4].q, fall[2].v, fall.residuals["law"]):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -179,8 +179,8 @@ def test_nobody_writes_into_it(fall: Trajectory):
 @pytest.mark.parametrize(
     ("field", "value", "told"),
     [
-        ("times", np.zeros(11), "increasing"),
-        ("times", np.zeros(0), "one or more"),
+        ("t", np.zeros(11), "increasing"),
+        ("t", np.zeros(0), "one or more"),
         ("q", np.zeros((11, 6)), r"shape \(11, 6\)"),
         ("a", np.full((11, 6), np.nan), "not finite in sample 0"),
         ("com", None, "expected real numbers"),
@@ -259,7 +259,7 @@ def test_every_field_is_in_the_table_of_fields_or_has_a_form_of_its_own():
     """Files, datasets and checks go by the table: a new field that is not in it would not be saved."""
     names = [f.name for f in dataclasses.fields(Trajectory)]
     known = [*(c.name for c in COLUMNS), *WORDS]
-    own = ["robot", "times", "forces", "points", "point_forces", "modes", "residuals", "events", "step"]
+    own = ["robot", "t", "forces", "points", "point_forces", "modes", "residuals", "events", "step"]
     assert sorted(names) == sorted(known + own)
 
 

@@ -290,9 +290,9 @@ def test_an_array_of_another_version_is_refused(fall: Trajectory, tmp_path: Path
     fall.save(path)
     with zipfile.ZipFile(path) as archive:
         members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
-    assert members["times"][:8] == b"\x93NUMPY\x01\x00"
-    npz_with(path, members | {"times": b"\x93NUMPY\x03\x00" + members["times"][8:]})
-    with pytest.raises(rbd.InputError, match=r"no trajectory.*'times.npy' is an array of version \(3, 0\)"):
+    assert members["t"][:8] == b"\x93NUMPY\x01\x00"
+    npz_with(path, members | {"t": b"\x93NUMPY\x03\x00" + members["t"][8:]})
+    with pytest.raises(rbd.InputError, match=r"no trajectory.*'t.npy' is an array of version \(3, 0\)"):
         Trajectory.load(path, fall.robot)
 
 
@@ -331,7 +331,7 @@ def test_a_size_that_lies_takes_no_memory(fall: Trajectory, tmp_path: Path):
     fall.save(path)
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
-    members["times.npy"] = members["times.npy"].replace(b"(7,)", b"(9" + b"9" * 14 + b",)", 1)
+    members["t.npy"] = members["t.npy"].replace(b"(7,)", b"(9" + b"9" * 14 + b",)", 1)
     with zipfile.ZipFile(path, "w") as archive:
         for name, data in members.items():
             archive.writestr(name, data)
@@ -450,15 +450,15 @@ def harmful(folder: Path) -> dict[str, Path]:
     million = 1_000_000
     small = npy_of("<U2", (), "{}".encode("utf-32-le"))
     put("a long header", {"header": npy_of(f"<U{100 * million}", (), text.encode("utf-32-le") + bytes(400 * million - 256))})
-    put("long times", {"header": small, "times": npy_of("<f8", (50 * million,), bytes(400 * million))})
+    put("long times", {"header": small, "t": npy_of("<f8", (50 * million,), bytes(400 * million))})
     put("long words", {"header": small, "mode_x": npy_of(f"<U{50 * million}", (2,), bytes(400 * million))})
     put("what is no part of it", {"header": small, "x": npy_of("<f8", (50 * million,), bytes(400 * million))})
     lists = "[[]" + ",[]" * 3 * million + "]"
     put("many lists", {"header": npy_of(f"<U{len(lists)}", (), lists.encode("utf-32-le"))})
     put("deep lists", {"header": npy_of(f"<U{2 * million}", (), ("[" * 2 * million).encode("utf-32-le"))})
     put("objects", {"header": npy_of("|O", (), b"\x80\x04N.")})
-    put("no such size", {"header": small, "times": npy_of("<f8", (2**62, 2**62), b"")})
-    put("less than none", {"header": small, "times": npy_of("<f8", (-8, -1), bytes(64))})
+    put("no such size", {"header": small, "t": npy_of("<f8", (2**62, 2**62), b"")})
+    put("less than none", {"header": small, "t": npy_of("<f8", (-8, -1), bytes(64))})
     put("many members", {f"x{i}": b"" for i in range(8000)})
     bomb = folder / "two times.npz"
     with zipfile.ZipFile(bomb, "w") as archive, pytest.warns(UserWarning, match="Duplicate name"):
