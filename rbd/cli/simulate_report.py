@@ -16,7 +16,7 @@ from rbd.arrays import Array
 from rbd.cli.simulate_setup import Setup
 from rbd.cli.stand_report import rounded
 from rbd.cli.terminal import Table
-from rbd.control.pushes import Push
+from rbd.control.schedules import Push
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.output_files import write_file

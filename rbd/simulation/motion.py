@@ -9,8 +9,7 @@ from typing import Protocol, TypeAlias
 from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.control.pushes import ExternalAt
-from rbd.control.torques import Controller, asked
+from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import free_force

@@ -11,8 +11,7 @@ import numpy as np
 from rbd.arrays import a_number, largest
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.control.pushes import ExternalAt
-from rbd.control.torques import Controller
+from rbd.control.schedules import Controller, ExternalAt
 from rbd.errors import (
     DuplicateName,
     InaccurateWarning,

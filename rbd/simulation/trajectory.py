@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number
-from rbd.control.pushes import ExternalAt
+from rbd.control.schedules import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import External

@@ -9,7 +9,7 @@ import scipy.linalg
 
 import rbd
 from rbd.control.posture import HoldPosture
-from rbd.control.torques import Sampled, TorqueScript
+from rbd.control.schedules import Sampled, TorqueScript
 from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8

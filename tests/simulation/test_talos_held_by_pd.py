@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.control.posture import HoldPosture
-from rbd.control.pushes import Push
+from rbd.control.schedules import Push
 
 FEET_DRIFT = 1e-6
 """Over the last five of ten seconds [m]: the promise."""
