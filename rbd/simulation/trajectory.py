@@ -21,7 +21,7 @@ from rbd.model.state import State
 from rbd.simulation.events import ConstraintForce, Event, Sample
 from rbd.simulation.motion import Integrator, Motion
 from rbd.simulation.recording import Recording
-from rbd.simulation.trajectory_dataset import (
+from rbd.simulation.trajectory_contents import (
     arrays_of,
     arrays_of_netcdf,
     dataset_of,

@@ -23,7 +23,7 @@ from rbd.simulation import trajectory_file
 from rbd.simulation.events import ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
-from rbd.simulation.trajectory_dataset import arrays_of_netcdf
+from rbd.simulation.trajectory_contents import arrays_of_netcdf
 
 URDF = Path(__file__).parents[2] / "urdf"
 ENDINGS = ("npz", "nc")
@@ -534,7 +534,7 @@ def test_odd_paths_and_characters_in_a_header_are_refused_in_words(odd: str, fal
     with np.load(path) as found:
         whole = dict(found)
     header = json.loads(str(whole["header"]))
-    robot = rbd.simulation.trajectory_dataset.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
+    robot = rbd.simulation.trajectory_contents.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
     changes = [
         {"robot": robot | {"file": odd}},
         {"robot": robot | {"file": str(tmp_path / odd) if odd else odd}},
