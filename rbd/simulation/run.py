@@ -30,11 +30,10 @@ from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.residuals import USABLE
 from rbd.simulation.events import Event, Sample
-from rbd.simulation.integrators import RungeKutta4
+from rbd.simulation.integrators import RungeKutta4, TimeStepping
 from rbd.simulation.motion import Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
 from rbd.simulation.recording import Recording
-from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 
 MOST_STEPS = 100_000_000
