@@ -173,8 +173,8 @@ def test_loops_are_held_by_their_own_rows():
     """A five-bar's two motors carry it through its loop: the posture stays, with the loop closed."""
     robot = rbd.load_robot("urdf/five_bar.urdf")
     state = robot.at(next(iter(robot.postures)))
-    tau = HoldPosture(state, robot.loops)(state, 0.0)
-    assert np.abs(rbd.solve(state, tau, robot.loops, solver=rbd.KKT()).a).max() < 1e-8
+    tau = HoldPosture(state, robot.loops())(state, 0.0)
+    assert np.abs(rbd.solve(state, tau, robot.loops(), solver=rbd.KKT()).a).max() < 1e-8
 
 
 def test_a_posture_that_cannot_be_held_is_refused_with_the_reason(talos):
