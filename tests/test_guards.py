@@ -174,7 +174,7 @@ HOLD_BOLT = rbd.control.HoldPosture(STATE, FEET)
 def use_simulate(**given: Any) -> Any:
     """Where a motion went."""
     moved = rbd.simulate(**given)
-    return moved.times, moved.q, moved.v, moved.a
+    return moved.t, moved.q, moved.v, moved.a
 
 
 def use_integrator(integrator: Any) -> Any:

@@ -140,19 +140,19 @@ class Snapshot:
 
 
 class Points:
-    """The sources of a motion, and the last layout that they had."""
+    """The sources of a motion; the same points always have the same layout, the very object."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = tuple(sources)
-        self._layout: Layout | None = None
+        self._layouts: dict[tuple[Structure, ...], Layout] = {}
 
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state and a time [s]."""
         measured = [s.at(state, t) for s in self.sources]
         structures = tuple([m.structure for m in measured])
-        layout = self._layout
-        if layout is None or layout.structures != structures:
-            layout = self._layout = Layout.of(structures)
+        layout = self._layouts.get(structures)
+        if layout is None:
+            layout = self._layouts[structures] = Layout.of(structures)
         nv = state.robot.nv
         if len(measured) == 1:
             m = measured[0]

@@ -24,7 +24,7 @@ from rbd.model.chart import Charts
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem
-from rbd.simulation.events import HOLDS, Moment, Touch
+from rbd.simulation.events import HOLDS, ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.solution import Solution
 
@@ -169,13 +169,22 @@ class SmoothMotion:
             )
         return held
 
-    def moment(self, stage: Stage) -> Moment:
-        """The record of a stage."""
+    def sample(self, stage: Stage) -> Sample:
+        """The sample at a stage."""
         held = stage.held
         law = self._solver.law(held, stage.a, stage.rhs, stage.f)
-        return Moment(stage.t, stage.state, stage.a, stage.tau, lambda: self._touches(stage), law, held.drift, held.drift_rate)
+        return Sample.of(
+            stage.t,
+            stage.state,
+            stage.a,
+            stage.tau,
+            lambda: self._forces(stage),
+            law=law,
+            drift=held.drift,
+            drift_rate=held.drift_rate,
+        )
 
-    def _touches(self, stage: Stage) -> Mapping[str, Touch]:
+    def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:
         held = stage.held
         if not held.rows:
             return {}
@@ -190,7 +199,7 @@ class SmoothMotion:
             if r.patch is not None and r.resultant is not None:
                 points = r.patch.point + r.patch.corners @ r.patch.axes.T
                 pushes = corner_split(r, f[P.slices[r.name]], None) if unique else found.corner_forces[r.name]
-            out[r.name] = Touch(found.forces[r.name], HOLDS, points, pushes)
+            out[r.name] = ConstraintForce(found.forces[r.name], HOLDS, points, pushes)
         return out
 
     def _state(self, q: Array, v: Array, t: float) -> State:

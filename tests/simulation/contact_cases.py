@@ -62,7 +62,7 @@ class Case:
     def error(self, trajectory: rbd.Trajectory, at: int = -1) -> float:
         """Largest difference from the truth [m, rad, m/s, rad/s], of the last moment, or of another."""
         k = at % len(trajectory)
-        return float(np.abs(self.read(trajectory.state(k)) - self.truth(float(trajectory.times[k]))).max())
+        return float(np.abs(self.read(trajectory.state(k)) - self.truth(float(trajectory.t[k]))).max())
 
 
 # -------------------------------------------------------------------------------------------------------- rods, ladders

@@ -165,7 +165,7 @@ def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]), np.array([0.3 - 0.2, 0.0, 2.0]))
     found = rbd.simulate(start, [belt], duration=1.0, step=2e-3, integrator=integrator, progress=False)
     pins = np.array([found.state(i).frame("body", (0.0, 0.0, 0.1)).X_WF.translation for i in range(0, 501, 50)])
-    assert np.abs(pins[:, 0] - 0.3 * found.times[::50]).max() < 1e-8
+    assert np.abs(pins[:, 0] - 0.3 * found.t[::50]).max() < 1e-8
     assert np.abs(pins[:, 2]).max() < 1e-8
     drive = 2.0 * 9.81 * 0.1 / (0.02 + 2.0 * 0.01)
     swing = solve_ivp(lambda t, y: [y[1], -drive * math.sin(y[0])], (0.0, 1.0), [0.0, 2.0], rtol=1e-11, atol=1e-12).y[:, -1]
