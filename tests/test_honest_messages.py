@@ -15,7 +15,7 @@ import rbd
 from rbd.errors import NonUniqueMotionWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.residuals import residuals_of
-from rbd.statics.least_friction import BRACKET, Balance, told as enough
+from rbd.statics.least_friction import BRACKET, Balance, rounded_up as enough
 from rbd.testing import ConstraintWrong, box, check_constraint
 
 G = 9.81

@@ -1,4 +1,4 @@
-"""A controller that holds a posture: PD on the joints, on top of the torques that carry the weight through what touches.
+"""A controller that holds a posture: PD on the joints, on top of the torques that carry the weight through the contacts.
 
     tau = tau_0 - K (q - q*) - D v,        clipped at the effort limits
 
@@ -44,7 +44,7 @@ from rbd.problem.cones import Box, Free
 from rbd.statics.equilibrium import hold
 
 TOUCHING = 1e-5
-"""A point whose gap is at most this [m] is taken for one that carries. Far above what contacts are kept to, and so small that
+"""A point whose gap is at most this [m] is taken for one in contact. Far above what contacts are kept to, and so small that
 a foot which is stiffly held a moment too long moves by no more."""
 RANK = 1e-4
 """Motions that move the motors so much less than the largest are none of theirs, as of a body that turns about an edge."""
@@ -192,7 +192,7 @@ class HoldPosture:
         return np.clip(tau, -robot.effort_limit, robot.effort_limit)
 
     def gains(self, state: State, t: float = 0.0) -> Gains:
-        """Torque, stiffness and damping for what touches at a state.
+        """Torque, stiffness and damping for the contacts at a state.
 
         Raises:
             InputError: a state of another robot.
@@ -224,13 +224,13 @@ class HoldPosture:
 
 
 def _touching(gaps: Sequence[Array]) -> Array:
-    """Which points are taken for ones that carry, shape (k,), of the gaps of each source."""
+    """Which points are taken for ones in contact, shape (k,), of the gaps of each source."""
     return np.concatenate([np.zeros(0), *gaps]) <= TOUCHING
 
 
 def _holding(structure: Structure) -> Array:
-    """Which points keep a body from moving into them, shape (k,): contacts and what holds; neither stops nor friction."""
+    """Which points are contacts or bilateral constraints, shape (k,); not joint limits, not dry friction."""
     cones = structure.cones
-    if cones and cones[0].dim == 1 and not isinstance(cones[0], Free):  # stops
+    if cones and cones[0].dim == 1 and not isinstance(cones[0], Free):  # joint limits
         return np.zeros(len(cones), bool)
     return np.array([not isinstance(cone, Box) for cone in cones], bool)

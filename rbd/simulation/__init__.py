@@ -1,4 +1,4 @@
-"""Motion over time: smooth motion on constraints that hold, and contact with impacts."""
+"""Motion over time: smooth motion on bilateral constraints, and contact with impacts."""
 
 from rbd.mechanism.projection import Projection
 from rbd.modules import submodule as _submodule

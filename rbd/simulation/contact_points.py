@@ -166,8 +166,8 @@ class Points:
         return Snapshot(state, layout, tuple(measured), J, velocity, bias, gap, error)
 
 
-class Carry:
-    """From one layout to another: each point is the one of the same constraint and number.
+class PointMatching:
+    """Matches the points of two layouts: a point is the one of the same constraint and number.
 
     Args:
         old: The layout that arrays are in.

@@ -29,7 +29,7 @@ SHORTEST = 1e-9
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """Smooth motion at a fixed step, with an error of h^4; for constraints that hold.
+    """Smooth motion at a fixed step, with an error of h^4; for bilateral constraints.
 
     Every step has a chart of its own, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
     external forces are asked at all four stages. Constraints are kept as `stabilisation` says. The error is not watched:
@@ -73,10 +73,10 @@ def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Sta
 
 @dataclass(frozen=True)
 class DormandPrince8:
-    """Smooth motion to a tolerance: steps as long as their error allows, moments between them by dense output of order 7.
+    """Smooth motion to a tolerance: steps as long as their error allows, samples between them by dense output of order 7.
 
     SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is centred anew after each step, when the constraints
-    are brought back as `stabilisation` says. For constraints that hold.
+    are projected as `stabilisation` says. For bilateral constraints.
 
     Attributes:
         rtol: Error of a step, over the size of what moves in it.
@@ -192,7 +192,7 @@ class TimeStepping:
 
     Attributes:
         impact_speed: A point that approaches slower than this [m/s, rad/s] comes to rest without a bounce.
-        impacts: So many impacts are found in one step, each at its own time; then what touches is plastic till the step ends
+        impacts: So many impacts are found in one step, each at its own time; then contacts are plastic till the step ends
             (a ball that comes to rest bounces without end).
         extrapolate: Take the first half of a step as the step before went on, where nothing has changed, in place of solving it
             (forces are then solved only where they are recorded). Still of order 2; faster, with errors two to five times as

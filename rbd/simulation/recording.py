@@ -35,14 +35,14 @@ _NUMBERS = ("t", "kinetic", "potential", *(c.name for c in RESIDUALS))
 _NO_POINTS = -1
 
 RowLayout = tuple[tuple[str, int, int, int], ...]
-"""Of each constraint that says something: name, rows of its force, points and point forces, or -1 where it has none."""
+"""Of each constraint with a force: name, rows of its force, points and point forces, or -1 where it has none."""
 _REPEATS = 1e-11
-"""Pivots of J J^T up to this, over the largest, are of rows that repeat each other."""
+"""Pivots of J J^T up to this, over the largest, are of linearly dependent rows."""
 _ROUNDS = 3
 _EXACT = 1e-12
 """What of g may be missed, over its size."""
 _CARRIES = 1e-12
-"""A point whose normal force is no larger carries nothing [N]."""
+"""A point whose normal force is no larger is unloaded [N]."""
 
 
 class Recording:
@@ -103,10 +103,10 @@ class Recording:
         return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)}
 
     def constraints(self) -> dict[str, dict[str, Array]]:
-        """What the constraints did: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
+        """Of all constraints: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
 
         Forces are zero where there were fewer rows than the most there ever were, points NaN and their forces zero where there
-        were fewer; a constraint that said nothing is open.
+        were fewer; a constraint without a force is open.
         """
         n, names = len(self), [c.name for c in self.motion.constraints]
         rows, points, forces = dict.fromkeys(names, 0), dict.fromkeys(names, _NO_POINTS), dict.fromkeys(names, _NO_POINTS)
@@ -124,13 +124,13 @@ class Recording:
             "points": {name: np.full((n, points[name], 3), np.nan) for name in contacts},
             "point_forces": {name: np.zeros((n, max(points[name], forces[name]), 3)) for name in contacts},
         }
-        words = {name: [OPEN] * n for name in rows}
+        modes = {name: [OPEN] * n for name in rows}
         for layout, indices in indices_of.items():
             self._unpack(layout, indices, out)
             for c, (name, *_) in enumerate(layout):
                 for i in indices:
-                    words[name][i] = self._samples[i][1][c]
-        return out | {"modes": {name: np.array(each) for name, each in words.items()}}
+                    modes[name][i] = self._samples[i][1][c]
+        return out | {"modes": {name: np.array(each) for name, each in modes.items()}}
 
     def _unpack(self, layout: RowLayout, indices: list[int], out: dict[str, dict[str, Array]]) -> None:
         """Put the numbers of samples with one layout where they belong."""
@@ -242,7 +242,7 @@ def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
 
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
-    """The long way: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
+    """Where that fails: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
     rows = active_rows(at.layout, active.tobytes(), 1.0)
     index, groups, parts = rows.index, rows.groups, rows.parts
     f, J, M = force[index], at.J[index], at.state.M
@@ -257,13 +257,13 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
 
 
 def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Sequence[str]) -> Mapping[str, ConstraintForce]:
-    """What each constraint does, of row forces and sliding speeds.
+    """The force and the mode of each constraint, of row forces and sliding speeds.
 
     Args:
         snapshot: The points.
         force: Row forces, shape (p,) [N, N m]; zero of inactive points.
         speed: How fast each point slides, shape (k,) [m/s].
-        names: All constraints, in order; those that have no points do nothing.
+        names: All constraints, in order; those without points are open.
     """
     out: dict[str, ConstraintForce] = {}
     layout = snapshot.layout
@@ -305,7 +305,7 @@ def _force_of(measured: Measured, force: Array, speed: Array, at: slice, row: sl
     if measured.points is None or measured.axes is None:
         return ConstraintForce(resultant, mode)
     points, axes = measured.points[at], measured.axes
-    if isinstance(cones[0], Free):  # one point, the centre of what holds
+    if isinstance(cones[0], Free):  # one point, of a bilateral constraint
         pushed = (axes @ force[:3])[None] if len(points) == 1 and len(force) >= 3 else None
         return ConstraintForce(resultant, mode, points, pushed)
     k, width = len(cones), cones[0].dim

@@ -57,8 +57,8 @@ def simulate(
 ) -> Trajectory:
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with what proves it.
 
-    Constraints that all hold (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
-    the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where something can break, slip or strike
+    Bilateral constraints alone (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
+    the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where a contact can break, slip or impact
     (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2),
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
@@ -77,12 +77,12 @@ def simulate(
         law: "coulomb", or "convex" (Gauss's principle with cones), of contacts that can slip.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 of the others.
         integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, as said above.
-        stabilisation: What keeps positions and velocities on what holds: `Projection()`, `Baumgarte(...)`, or None.
+        stabilisation: What keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
         record_every: Every how many steps a sample is recorded; the first and the last always are.
         progress: Show a bar on a terminal where it takes long.
 
     Returns:
-        The trajectory; printed, it tells energy, residuals and events. After Ctrl-C it holds what was computed till then, and
+        The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it holds what was computed till then, and
         `trajectory.interrupted` says so; Ctrl-C before the first step is done is a KeyboardInterrupt. Where a recorded residual
         of the law is above 1e-7, a warning `InaccurateWarning` says once when and by how much.
 
@@ -168,7 +168,7 @@ def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Tra
 
 
 def _check(sample: Sample) -> None:
-    """Nothing that is not finite goes on; q and v were checked by their State."""
+    """Refuse an acceleration that is not finite; q and v were checked by their State."""
     if not math.isfinite(max_abs(sample.a)) or np.isnan(sample.a).any():
         raise NoSolution(f"the acceleration at t = {sample.t:.6g} s is not finite.")
 

@@ -35,7 +35,7 @@ from rbd.constraints.sources import sources_of
 from rbd.model.chart import Bases
 from rbd.model.state import State
 from rbd.simulation.contact_gaps import BodySizes, Correction, GapTolerances, first_crossing
-from rbd.simulation.contact_points import SLIDES, Carry, Layout, Points, Snapshot, stopping, turned_back
+from rbd.simulation.contact_points import SLIDES, Layout, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.events import ImpactRecord, StepRecord
 from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
@@ -133,9 +133,9 @@ class HalfStep:
         at = self.start.at
         if layout is at.layout:
             return PointsAtStart(self.active, self.u, at.error, self.answer)
-        carry, answer = Carry(at.layout, layout), self.answer
-        answer = replace(answer, impulse=carry.rows(answer.impulse), velocity=carry.rows(answer.velocity), norms=None)
-        return PointsAtStart(carry.points(self.active, False), carry.rows(self.u), carry.rows(at.error), answer)
+        match, answer = PointMatching(at.layout, layout), self.answer
+        answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+        return PointsAtStart(match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer)
 
 
 class PointsAtStart(NamedTuple):
@@ -179,7 +179,7 @@ class StepSystem:
         at = self.points.at(start, t)
         gaps, passed = self.sizes.tolerances(at), Passed()
         now = Instant(t, at, gaps, at.gap <= gaps.loose, np.zeros(len(at.gap), bool), np.zeros(len(at.velocity)))
-        return Step(self._struck(now, passed, first=True), passed)
+        return Step(self._after_impact(now, passed, first=True), passed)
 
     def half_step(self, start: Instant, h: float) -> HalfStep:
         """The first half of a step of length h: solved, or extrapolated from the step before."""
@@ -229,7 +229,7 @@ class StepSystem:
             through = self._through(half, whole.end).any()
             stop = 0.0
             if not through and whole.middle.layout is half.start.at.layout:
-                stop = self._stop(half, whole.answer, h)
+                stop = self._sliding_end(half, whole.answer, h)
             if stop:
                 h = stop
                 whole = self._finish(half, h)
@@ -276,7 +276,7 @@ class StepSystem:
         more = np.zeros(len(half.active), bool)
         while True:
             whole = self._finish(half, h)
-            through = Carry(whole.end.layout, start.at.layout).points(self._through(half, whole.end), False) & ~more
+            through = PointMatching(whole.end.layout, start.at.layout).points(self._through(half, whole.end), False) & ~more
             if not through.any():
                 return self._accept(half, whole, passed)
             more = more | through
@@ -290,10 +290,10 @@ class StepSystem:
         start = half.start
         deep: Array = ~half.points_in(end.layout).active & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
         if end.layout is not start.at.layout and deep.any():
-            deep &= Carry(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
+            deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
         return deep
 
-    def _stop(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
+    def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
         """When within the step a sliding point stops, or turns back, and friction jumps; zero if none does."""
         layout = half.start.at.layout
         stops = stopping(layout, half.u, answer.velocity, half.answer.impulse)
@@ -313,8 +313,8 @@ class StepSystem:
         h, low, high, at_low, at_high = whole.h, 0.0, whole.h, half.start.at, whole.end
         for _ in range(30):
             through = self._through(half, at_high)
-            carry, n = Carry(at_low.layout, at_high.layout), at_high.layout.normals[through]
-            gap, rate = carry.points(at_low.gap, np.inf)[through], carry.rows(at_low.velocity)[n]
+            match, n = PointMatching(at_low.layout, at_high.layout), at_high.layout.normals[through]
+            gap, rate = match.points(at_low.gap, np.inf)[through], match.rows(at_low.velocity)[n]
             unseen = ~np.isfinite(gap)  # it was beyond the margin: by a straight line back from where it is
             rate[unseen] = at_high.velocity[n][unseen]
             least = 2.0 * self.sizes.tolerances(at_high, half.start.gaps).tight[through]
@@ -333,16 +333,16 @@ class StepSystem:
         return whole
 
     def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed) -> Instant:
-        """The instant at the end of a step: positions corrected, arriving points struck; what passed is appended."""
+        """The instant at the end of a step: positions corrected, after the impact of arriving points; extends `passed`."""
         start, (h, end, answer, middle) = half.start, whole
         t, layout = start.t + h, end.layout
         active, velocity, _, _ = half.points_in(layout)
         if middle.layout is not layout:
-            carry = Carry(middle.layout, layout)
-            answer = replace(answer, impulse=carry.rows(answer.impulse), velocity=carry.rows(answer.velocity), norms=None)
+            match = PointMatching(middle.layout, layout)
+            answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
-            # A corner that carries nothing, as the others carry all, and stays where it is has not left.
+            # A corner that carries nothing, as the others match all, and stays where it is has not left.
             closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
             end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
@@ -350,18 +350,18 @@ class StepSystem:
                 end = self.correction.velocities(end, t)
                 if end.layout is layout:
                     answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
-        norms, told, previous = answer.norms, answer.velocity, None
+        norms, by_law, previous = answer.norms, answer.velocity, None
         if end.layout is not layout:
-            carry, norms = Carry(layout, end.layout), None
-            told = np.where(np.repeat(carry.known, end.layout.widths), carry.rows(told), end.velocity)
-            force, active, gaps = carry.rows(force), carry.points(active, False), self.sizes.tolerances(end)
+            match, norms = PointMatching(layout, end.layout), None
+            by_law = np.where(np.repeat(match.known, end.layout.widths), match.rows(by_law), end.velocity)
+            force, active, gaps = match.rows(force), match.points(active, False), self.sizes.tolerances(end)
         if start.at.layout is end.layout:
             previous = PreviousStep(start.at, half.active, h, answer.impulse)
         none = np.zeros(len(end.gap), bool)
-        return self._struck(Instant(t, end, gaps, active, none, force, norms, told, previous), passed)
+        return self._after_impact(Instant(t, end, gaps, active, none, force, norms, by_law, previous), passed)
 
-    def _struck(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
-        """After the impact of points that touch and approach: of those not closed before, however slowly they approach.
+    def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
+        """The instant after the impact of points that touch and approach: if not closed before, however slowly they approach.
 
         Args:
             now: Before it.
@@ -375,7 +375,7 @@ class StepSystem:
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
             return replace(now, leaves=self._leaves(at)) if first else now
-        if arrives.any():  # what is as near as closed points may be is struck together with what arrives
+        if arrives.any():  # points as near as closed ones may be take part in the impact
             touches = touches | (at.gap <= now.gaps.loose)
             arrives = touches & layout.pushes & (approach < limit)
         offset = at.velocity - at.J @ at.state.v

@@ -64,11 +64,11 @@ class Trajectory:
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": how far the forces are from their law, scaled; "drift", "drift_rate": largest error of the
-            constraints that hold [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
+            bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
         events: Beginnings and ends of contact, in order of time.
         integrator: What carried it from step to step, with its settings.
         law: Law of the contacts that can slip.
-        stabilisation: How the constraints that hold were kept, with its settings.
+        stabilisation: How the bilateral constraints were kept, with its settings.
         step: The integrator's step [s].
         interrupted: Why it ended before its time; empty if it did not.
 
@@ -216,7 +216,7 @@ class Trajectory:
         """Write it to a file: .npz, which NumPy alone reads, or .nc, netCDF, with the extra `study`.
 
         Numbers are kept to the last bit. The robot is written as where it came from, with its inertias and placements, so that
-        a file that has changed since is told on loading. A file that is there stays whole until the new one is.
+        a file that has changed since is reported on loading. A file that is there stays whole until the new one is.
 
         Raises:
             InputError: another ending, a place that cannot be written, or no xarray for .nc.
@@ -247,8 +247,8 @@ class Trajectory:
             for q in out.q:
                 out.robot.check_q(q)
         except InputError as error:
-            told = str(error) if where.name in str(error) else f"{where.name}: {error}"
-            raise InputError(told) from error
+            message = str(error) if where.name in str(error) else f"{where.name}: {error}"
+            raise InputError(message) from error
         return out
 
     def to_xarray(self) -> xarray.Dataset:

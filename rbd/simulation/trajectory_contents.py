@@ -36,8 +36,8 @@ AXES = ["x", "y", "z"]
 SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
 NUMBERS = "robot_numbers"
 
-_TOLD = {c.name: c for c in COLUMNS} | {f"residual_{c.name}": c for c in RESIDUALS}
-_TOLD["energy"] = Column("energy", "", "J", "kinetic and potential energy")
+_COLUMN_OF = {c.name: c for c in COLUMNS} | {f"residual_{c.name}": c for c in RESIDUALS}
+_COLUMN_OF["energy"] = Column("energy", "", "J", "kinetic and potential energy")
 _COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
 """What `robot_numbers` has of each joint and its body."""
 _RELATIVE, _ABSOLUTE = 1e-9, 1e-12
@@ -117,23 +117,23 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     arrays["energy"] = arrays["kinetic"] + arrays["potential"]
     coords: dict[str, Any] = {"time": ("time", arrays.pop("t"), {"units": "s"}), **_labels(fields["robot"])}
     dims = {c.name: [c.axis] for c in COLUMNS if c.axis}
-    units = {name: c.unit for name, c in _TOLD.items() if c.unit}
-    told = {name: c.meaning for name, c in _TOLD.items()}
+    units = {name: c.unit for name, c in _COLUMN_OF.items() if c.unit}
+    meanings = {name: c.meaning for name, c in _COLUMN_OF.items()}
     for name, word in keys(tuple(fields["forces"])).items():
         contact, m = name in fields["points"], fields["forces"][name].shape[1]
         dims[f"force_{word}"] = [f"{word}_row"]
         coords[f"{word}_row"] = SPATIAL[:m] if contact and m in (3, 6) else np.arange(m).astype(str)
         units[f"force_{word}"] = "N, then N m" if m == 6 else "N" if contact else "N or N m"
-        told[f"force_{word}"] = f"what {name} does to the robot" + (", world axes" if contact else ", by rows")
-        told[f"mode_{word}"] = f"mode of {name}"
+        meanings[f"force_{word}"] = f"what {name} does to the robot" + (", world axes" if contact else ", by rows")
+        meanings[f"mode_{word}"] = f"mode of {name}"
         if contact:
             dims[f"points_{word}"] = dims[f"point_forces_{word}"] = [f"{word}_point", "axis"]
             units[f"points_{word}"], units[f"point_forces_{word}"] = "m", "N"
-            told[f"points_{word}"] = f"points of {name} in W; NaN where one is not there"
-            told[f"point_forces_{word}"] = f"force at each point of {name}, world axes"
+            meanings[f"points_{word}"] = f"points of {name} in W; NaN where one is not there"
+            meanings[f"point_forces_{word}"] = f"force at each point of {name}, world axes"
     variables: dict[str, Any] = {}
     for name, x in arrays.items():
-        attrs = {"long_name": told[name]} | ({"units": units[name]} if name in units else {})
+        attrs = {"long_name": meanings[name]} | ({"units": units[name]} if name in units else {})
         variables[name] = (["time", *dims.get(name, [])], x, attrs)
     about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
     about |= {word: fields[word] for word in WORDS}
@@ -275,7 +275,7 @@ def robot_numbers(robot: CheckedModel) -> Array:
 
 
 def robot_of(given: Mapping[str, Any], numbers: Array, folder: Path, robot: CheckedModel | None) -> CheckedModel:
-    """The robot of a recipe, compared with the numbers that were written beside it.
+    """The robot of a recipe, compared with the numbers that were written with it.
 
     Args:
         given: A `recipe`, from a file: nothing about it is trusted.

@@ -53,8 +53,8 @@ COLUMNS = (
 """What is known of the robot at each time."""
 RESIDUALS = (
     Column("law", "", "1", "how far the forces are from their law, scaled"),
-    Column("drift", "", "m or rad", "largest position error of the constraints that hold"),
-    Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the constraints that hold"),
+    Column("drift", "", "m or rad", "largest position error of the bilateral constraints"),
+    Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
     Column("penetration", "", "m or rad", "how deep the deepest contact is in what it touches"),
 )
 """What each sample says of its own errors."""
@@ -119,8 +119,8 @@ def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = 
         out = as_array(f"{what} of a trajectory", value)
         out.flags.writeable = False
     if len(out.shape) != len(shape) or any(k is not None and k != m for k, m in zip(shape, out.shape, strict=True)):
-        told = ", ".join("any" if k is None else str(k) for k in shape)
-        raise InputError(f"{what} of a trajectory has shape {out.shape}; expected ({told}).")
+        sizes = ", ".join("any" if k is None else str(k) for k in shape)
+        raise InputError(f"{what} of a trajectory has shape {out.shape}; expected ({sizes}).")
     bad = np.isinf(out) if holes else ~np.isfinite(out)
     if bad.any():
         raise InputError(f"{what} of a trajectory is not finite in sample {int(np.argwhere(bad)[0, 0])}.")

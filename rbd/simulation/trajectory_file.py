@@ -100,9 +100,9 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
     """A dataset, the header among its attributes."""
-    told = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)})
+    whole = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)})
     try:
-        content = told.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+        content = whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
     except UnicodeEncodeError as error:
         raise InputError(f"a netCDF file has no character {error.object[error.start]!r}. Save it as .npz.") from None
     write_file(path, lambda file: file.write(content))

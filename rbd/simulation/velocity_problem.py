@@ -33,7 +33,7 @@ from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
 from rbd.solvers.admm import ConeSolver, holding
-from rbd.solvers.contact_solve import Stillness
+from rbd.solvers.contact_solve import StickingSolver
 from rbd.solvers.kkt import independent_factor
 from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
@@ -92,7 +92,7 @@ class ActiveRows:
     parts: Parts
     bilateral: bool
     held: Array
-    sticking: Stillness | None
+    sticking: StickingSolver | None
 
     @property
     def names(self) -> str:
@@ -126,7 +126,7 @@ def active_rows(layout: Layout, active: bytes, h: float) -> ActiveRows:
     parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
     bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
     held = np.flatnonzero(layout.held[index])
-    return ActiveRows(index, tuple(groups), parts, bilateral, held, Stillness(parts) if parts.size else None)
+    return ActiveRows(index, tuple(groups), parts, bilateral, held, StickingSolver(parts) if parts.size else None)
 
 
 def _impulses_over(cone: Cone, h: float) -> Cone:

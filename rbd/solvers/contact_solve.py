@@ -17,7 +17,7 @@ _TO_AND_FRO = 4
 _ROUNDS = 6
 
 
-class Stillness:
+class StickingSolver:
     """Sets of weights that are the row impulses themselves, asked whether they can hold every row still.
 
     Args:

@@ -31,7 +31,7 @@ from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows
 from rbd.solvers import qp
-from rbd.statics.least_friction import Balance, LimitReached, told
+from rbd.statics.least_friction import Balance, LimitReached, rounded_up
 
 AT_REST = 1e-9
 """Largest |v| of a robot at rest."""
@@ -301,19 +301,19 @@ class _Statics:
     def _friction_words(self) -> str:
         if self._circular(as_given=True, limits=True).holds():
             mu = self._circular(limits=True, from_zero=True).least()
-            enough = "" if mu is None else f" from a coefficient of {told(mu)} at every contact on"
+            enough = "" if mu is None else f" from a coefficient of {rounded_up(mu)} at every contact on"
             return (
                 f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which "
                 "rbd.hold keeps, do not. Give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._circular(limits=True).least()) is not None:
             return (
-                f"friction is in the way; a coefficient of {told(mu)} at every contact would do with circular cones, and none "
-                "below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
+                f"friction is in the way; a coefficient of {rounded_up(mu)} at every contact would do with circular cones, and "
+                "none below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
             )
         if (mu := self._circular(limits=False).least()) is not None:
             return (
-                f"friction is in the way, and then a torque limit: from a coefficient of {told(mu)} at every contact on, "
+                f"friction is in the way, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact on, "
                 "circular cones balance it, but motors would need more than their limits."
             )
         return ""

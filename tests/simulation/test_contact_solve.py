@@ -10,16 +10,16 @@ from rbd.problem.parts import parts_of
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import solve_velocity
-from rbd.solvers.contact_solve import Stillness
+from rbd.solvers.contact_solve import StickingSolver
 
 Array = np.ndarray
 EXACT = 1e-13
 
 
-def corners(mu: float, k: int) -> Stillness:
+def corners(mu: float, k: int) -> StickingSolver:
     """Of k points with friction."""
     cone = rbd.problem.FrictionCone(mu, 4)
-    return Stillness(parts_of([Rows(str(i), np.zeros((3, 1)), np.zeros(3), cone) for i in range(k)]))
+    return StickingSolver(parts_of([Rows(str(i), np.zeros((3, 1)), np.zeros(3), cone) for i in range(k)]))
 
 
 def four_points(rng: np.random.Generator) -> Array:

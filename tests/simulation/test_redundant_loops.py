@@ -1,4 +1,4 @@
-"""Loops whose rows repeat each other: order, residuals, forces and cost are those of loops whose rows do not."""
+"""Loops whose rows are linearly dependent: order, residuals, forces and cost are those of loops whose rows are not."""
 
 from __future__ import annotations
 
