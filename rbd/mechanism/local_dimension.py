@@ -38,7 +38,7 @@ of the distance, an error of 1e-14 leaves the point 1e-7 away."""
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class LocalBranch:
     """Motions that go on in one way from a configuration.
 
     Attributes:
@@ -69,7 +69,7 @@ class FiniteMotion:
     """
 
     dimension: int
-    branches: tuple[Branch, ...]
+    branches: tuple[LocalBranch, ...]
     points: Array
     tried: int
     regular: bool
@@ -87,10 +87,10 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
     placed, loose = held.placed, ~held.placed
     N, _ = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]
-    here = Branch(N.shape[1], at.q, N, rank)
+    here = LocalBranch(N.shape[1], at.q, N, rank)
     if rank == held.m or N.shape[1] == 0:  # the implicit function theorem, or nothing to go on
         return FiniteMotion(here.dimension, (here,) if here.dimension else (), at.q[None], 0, True)
-    branches: list[Branch] = []
+    branches: list[LocalBranch] = []
     points: list[Linearised] = []
     tried = analysed = 0
     for near in _around(held, at, rng):
@@ -105,7 +105,7 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
         point, tangent = _regular(held, near, rng) if placed.any() else (near, np.eye(held.n))
         if loose.any():
             tangent = tangent @ null_space(point.J[loose] @ tangent, held.zero)[0]
-        found = Branch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
+        found = LocalBranch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
         if found.dimension and not any(_same(found, other) for other in branches):
             branches.append(found)
         if analysed == _POINTS or found.dimension == here.dimension:
@@ -180,7 +180,7 @@ def _tangent(held: ConstraintManifold, at: Linearised, step: float, rng: np.rand
     return K @ Vt[: int((s > _MOVED * np.sqrt(len(chords))).sum())].T, around
 
 
-def _same(one: Branch, other: Branch) -> bool:
+def _same(one: LocalBranch, other: LocalBranch) -> bool:
     """Whether two branches are not told apart: of equal dimension, above one, or with nearly the same tangent."""
     if one.dimension != other.dimension:
         return False

@@ -21,8 +21,7 @@ from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
 from rbd.mechanism.arguments import check_state
-from rbd.mechanism.closure import SINGULAR, Closure, rank_of, unmet
-from rbd.mechanism.descent import branches_meet
+from rbd.mechanism.closure import SINGULAR, Closure, branches_meet, position_residual, rank_of
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
 
@@ -365,7 +364,7 @@ class BilateralVelocities:
                     f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): whether it holds, forces decide, rbd.solve. "
                     "Give it friction=None to hold it."
                 )
-            error, _ = unmet(r)
+            error, _ = position_residual(r)
             if largest(error) > CLOSED * max(1.0, self.joints.reach):
                 raise InputError(
                     f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {largest(error):.3g} m (or rad). "

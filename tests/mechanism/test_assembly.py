@@ -25,8 +25,7 @@ from states import at_neutral
 import rbd
 from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble
-from rbd.mechanism.closure import Closure
-from rbd.mechanism.descent import descend
+from rbd.mechanism.closure import Closure, descend
 from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -67,7 +66,7 @@ def test_the_end_is_quadratic():
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
     closure = Closure(robot, loops, {"crank": 0.7})
     start = closure.start(np.array([0.7, 0.3, 1.0]))
-    sizes = [descend(closure, start, tolerance=1e-15, most=most).misfit.residual for most in range(1, 7)]
+    sizes = [descend(closure, start, tolerance=1e-15, most=most).at.residual for most in range(1, 7)]
     small = [(e, after) for e, after in zip(sizes, sizes[1:], strict=False) if 1e-7 < e < 1e-2]
     assert len(small) >= 1
     assert all(after < 10.0 * e * e for e, after in small)
