@@ -53,7 +53,7 @@ class MechanismReport:
         fixed: {joint: value} of the independent joints, held while branches are looked for.
         branches: All that were found.
         here: The singularities of the pose.
-        motion: One turn of the input, of a mechanism with one freedom.
+        motion: One turn of the input, of a mechanism with one degree of freedom.
         along: The singularities of that motion.
         integrable: Whether the constraints of velocity are holonomic.
         left_out: {what: why}.
@@ -189,14 +189,14 @@ def _has_position(rows: Rows) -> bool:
 
 
 def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str, str]) -> dict[str, float] | None:
-    """{joint: its value} of the independent velocities; None, with the reason, where they are not joints with one freedom."""
+    """{joint: its value} of the independent velocities; None, with the reason, where a joint has several degrees of freedom."""
     if len(free) > MOST_FIXED:
-        left_out["branches"] = f"{len(free)} freedoms; fix some of them and ask rbd.mechanism.branches"
+        left_out["branches"] = f"{len(free)} degrees of freedom; fix some of them and ask rbd.mechanism.branches"
         return None
     out = {}
     for name in free:
         if name not in robot.model.names:
-            left_out["branches"] = f"{name} belongs to a joint with several freedoms"
+            left_out["branches"] = f"{name} belongs to a joint with several degrees of freedom"
             return None
         joint = robot.model.joints[robot.joint_id(name)]
         q = state.q[joint.idx_q : joint.idx_q + joint.nq]

@@ -33,7 +33,7 @@ class Assembly:
         iterations: Steps taken.
         moved: Length of the way from the start to q as a velocity of unit time, angles by the short way round [rad, m].
         rows: The constraints' rows at q, at rest.
-        freedoms: Free velocities less the rank of the rows' Jacobian: freedoms left at q, at first order.
+        dof: Free velocities less the rank of the rows' Jacobian: degrees of freedom left at q, at first order.
         skipped: Constraints without a say, and why.
         beyond_limits: Joints outside the limits of the robot's file.
     """
@@ -43,14 +43,14 @@ class Assembly:
     iterations: int
     moved: float
     rows: tuple[Rows, ...]
-    freedoms: int
+    dof: int
     skipped: tuple[str, ...]
     beyond_limits: tuple[LimitViolation, ...]
 
     def __str__(self) -> str:
         lines = [
             f"assembled to {self.residual:.1e} in {self.iterations} steps, {self.moved:.4g} from the start; "
-            f"{self.freedoms} freedom{'s' * (self.freedoms != 1)} left"
+            f"{self.dof} degree{'s' * (self.dof != 1)} of freedom left"
         ]
         lines += [f"  not asked: {why}" for why in self.skipped]
         lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
@@ -358,8 +358,8 @@ def _is_singular(closure: Closure, at: ConstraintResidual, tolerance: float, mos
         free = closure.names(independent_columns(there.J))
         held = f" with {', '.join(map(repr, closure.fixed))} fixed"[:200] if closure.fixed else ""
         raise InputError(
-            f"{closure.robot.name} can still move: {len(free)} freedom{'s' * (len(free) != 1)} left{held}, so its poses are a "
-            f"continuum, not branches. Fix as many joints, e.g. {', '.join(map(repr, free))}."[:600]
+            f"{closure.robot.name} can still move: {len(free)} degree{'s' * (len(free) != 1)} of freedom left{held}, so its "
+            f"poses are a continuum, not branches. Fix as many joints, e.g. {', '.join(map(repr, free))}."[:600]
         )
     return len(at.null) > 0
 

@@ -143,10 +143,10 @@ def trace(
         state: Start: assembled first, with the joint at the first value; its velocity plays no part.
         constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of the robot's
             file.
-        joint: The driven joint, with one freedom.
+        joint: The driven joint, with one degree of freedom.
         values: (start, stop), or three and more values that are visited in order [rad, m].
         steps: Intervals between start and stop.
-        fixed: {joint: value} held exactly, where the mechanism has more than one freedom.
+        fixed: {joint: value} held exactly, where the mechanism has more than one degree of freedom.
         past_limits: Go on where the joint turns back, over the other side, until it passes the last value or is back where
             it began; the poses are then those of the steps, with whatever values the joint has.
         longest_step: Of the way between two poses, angles in rad, what slides over the robot's length.
@@ -158,7 +158,7 @@ def trace(
         The poses that were reached; `limits` and `unreached` say why not all were.
 
     Raises:
-        InputError: a start where branches meet, or where the joint is at its limit; more than one freedom, or none.
+        InputError: a start where branches meet, or where the joint is at its limit; more than one degree of freedom, or none.
         CannotAssemble: the start does not close.
         NoSolution: the branch is lost; says where.
 

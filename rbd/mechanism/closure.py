@@ -236,7 +236,7 @@ def rank_of(s: Array) -> int:
 _START = 0.5
 _LEAST, _MOST = 1e-3, 1e8
 ASIDE = 0.02
-"""How far along a direction that J allows it is looked whether a motion goes on, in units of `Closure.metric`."""
+"""How far along a direction that J allows it is looked whether there is a finite motion, in units of `Closure.metric`."""
 _DIFFERENCE = 1e-5
 """Step of the Hessian's central differences: their own error goes with its square."""
 

@@ -1,7 +1,7 @@
 """Following a mechanism's curve of poses by arc length, through turning points and crossings, never onto another curve.
 
-A mechanism with one freedom has a curve of poses. A step predicts along the tangent, the kernel of J, and is corrected by the
-shortest way back onto the constraints [AllgowerGeorg1990]. It is halved where
+A mechanism with one degree of freedom has a curve of poses. A step predicts along the tangent, the null space of J, and is
+corrected by the shortest way back onto the constraints [AllgowerGeorg1990]. It is halved where
 
 - the tangent turns by more than 0.2 rad, or the chord does not lie between the tangents: a jump to a curve beside this one;
 - a singular value of J, followed with its vectors, goes through zero. That happens where two curves cross, and also where a
@@ -72,7 +72,7 @@ class Step:
 
 
 class Curve:
-    """The poses of a mechanism with one freedom.
+    """The poses of a mechanism with one degree of freedom.
 
     Args:
         closure: The constraints.
@@ -226,7 +226,7 @@ class Drive:
     def __init__(self, closure: Closure, joint: str) -> None:
         self.place = closure.robot.joints[joint]
         if self.place.nv != 1:
-            raise InputError(f"joint {joint!r:.80} has {self.place.nv} freedoms; expected a joint with one to drive.")
+            raise InputError(f"joint {joint!r:.80} has {self.place.nv} degrees of freedom; expected a joint with one to drive.")
         if closure.held[self.place.v.start]:
             raise InputError(f"joint {joint!r:.80} is driven and fixed; leave it out of fixed=.")
         self.closure, self.joint = closure, joint
@@ -245,24 +245,24 @@ class Drive:
         """The first pose.
 
         Raises:
-            InputError: the mechanism has not one freedom there, or the joint does not move with it.
+            InputError: the mechanism has not one degree of freedom there, or the joint does not move with it.
         """
         name = self.closure.robot.name
         p = curve.point(at, None)
         if p is None:
             freedoms = len(at.null)
             if freedoms == 0:
-                raise InputError(f"{name} does not move: its constraints leave no freedom here. Fix fewer joints.")
+                raise InputError(f"{name} does not move: its constraints leave no degree of freedom here. Fix fewer joints.")
             if branches_meet(self.closure, at):
                 raise InputError(
                     f"at the start, {self.joint!r:.80} = {self.place.coordinate(at.q):.6g}, {name} is singular: {freedoms} "
-                    "freedoms, branches meet there. Begin a little away, on the branch that is meant."
+                    "degrees of freedom, branches meet there. Begin a little away, on the branch that is meant."
                 )
             names = self.closure.names(independent_columns(at.J, ~self.others))
             others = [x for x in names if x != self.joint]
             raise InputError(
-                f"{name} has {freedoms} freedoms; driving {self.joint!r:.80} decides one. Fix {freedoms - 1} more, e.g. "
-                f"fixed={{{', '.join(f'{x!r}: ...' for x in others[: freedoms - 1])}}}."[:500]
+                f"{name} has {freedoms} degrees of freedom; driving {self.joint!r:.80} decides one. Fix {freedoms - 1} more, "
+                f"e.g. fixed={{{', '.join(f'{x!r}: ...' for x in others[: freedoms - 1])}}}."[:500]
             )
         if abs(self.rate(p)) < 1e-5:
             raise InputError(

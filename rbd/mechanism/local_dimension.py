@@ -39,10 +39,10 @@ of the distance, an error of 1e-14 leaves the point 1e-7 away."""
 
 @dataclass(frozen=True, eq=False)
 class LocalBranch:
-    """Motions that go on in one way from a configuration.
+    """One branch of the motions that begin at a configuration.
 
     Attributes:
-        dimension: Their freedoms.
+        dimension: Their degrees of freedom.
         point: A configuration on it nearby, shape (nq,).
         tangent: Velocities of the constraints there, without units, orthonormal, shape (nv, dimension).
         rank: Of J there.
@@ -60,12 +60,12 @@ class FiniteMotion:
 
     Attributes:
         dimension: The largest dimension of a branch; zero where nothing moves.
-        branches: The different ways to go on that were found, largest first. Curves are told apart by their tangents nearby, so
-            that the two arms of a cusp are two and curves that touch are one; of more than one freedom those of equal
+        branches: Those that were found, largest first. Curves are told apart by their tangents nearby, so
+            that the two arms of a cusp are two and curves that touch are one; of more than one degree of freedom those of equal
             dimension are not told apart.
         points: Configurations that were found and looked at, this one first, shape (k, nq).
         tried: How many directions were tried from here.
-        regular: Whether every velocity that J allows goes on, so that there is one branch.
+        regular: Whether every velocity that J allows extends to a finite motion, so that there is one branch.
     """
 
     dimension: int

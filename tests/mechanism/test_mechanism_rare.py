@@ -186,7 +186,7 @@ def test_values_that_are_far_off_are_refused():
         trace(rbd.State(robot, START), loops, joint="crank", values=(0.7, 1e9))
 
 
-# ---------------------------------------------------------------------------------------------- velocities and freedoms
+# ---------------------------------------------------------------------------------- velocities and degrees of freedom
 
 
 def test_what_is_known_whole_leaves_nothing_unknown():
