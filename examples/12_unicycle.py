@@ -35,7 +35,8 @@ def main(show: bool = True) -> Result:
     state = robot.at()
     freedoms = mobility(state, wheel).instantaneous
     frobenius = integrability(robot.at(), wheel)
-    print(f"{freedoms} freedoms of velocity, {frobenius.configuration_dof} of configuration: growth vector {frobenius.growth}.")
+    dof = frobenius.configuration_dof
+    print(f"{freedoms} degrees of freedom of velocity, {dof} of configuration: growth vector {frobenius.growth}.")
     print(f"Are the wheel's constraints holonomic? {'yes' if frobenius.holonomic else 'no'}.")
     steps = np.array([0.4, 0.2, 0.1, 0.05])
     ends = [four_moves(robot, wheel, step) for step in steps]

@@ -2,7 +2,7 @@
 
 A four-bar swings about its lowest pose: energy and loop error over time, at two steps, and with the loop kept by projection,
 by Baumgarte's feedback, or not at all. Then two square four-bars in a row, the benchmark A02 of IFToMM's library: at every
-swing all of their bars lie in one line, where the loops lose rank and other motions branch off. Its one freedom is a
+swing all of their bars lie in one line, where the loops lose rank and other motions branch off. Its one degree of freedom is a
 pendulum's,
 
     [(N + 1) / 3 + N] phi'' = -[(N + 1) / 2 + N] g cos phi        (bars of 1 m and 1 kg)

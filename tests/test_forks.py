@@ -17,7 +17,7 @@ import pytest
 
 import rbd
 import rbd.model.forks
-from rbd.model.temporary_folders import new_folder
+from rbd.model.output_files import new_folder
 from rbd.visual import Scene
 
 SECONDS = 20.0

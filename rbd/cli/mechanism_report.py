@@ -32,7 +32,7 @@ from rbd.mechanism import (
     trace,
 )
 from rbd.mechanism.arguments import check_seed, check_whole
-from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
+from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 

@@ -1,7 +1,6 @@
 """Mechanisms: what closed loops and rolling let a robot do, and what not."""
 
-from rbd.mechanism.assembly import Assembly, assemble
-from rbd.mechanism.assembly_modes import Branch, Branches, branches
+from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
 from rbd.mechanism.frobenius import Integrability, integrability

@@ -1,4 +1,4 @@
-"""Mobility, three ways: Gruebler's count, the velocities that J allows, and the motions that these go on into."""
+"""Mobility, three ways: Gruebler's count, the velocities that J allows, and the finite motions that these extend to."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Count:
         planar: Whether all motion is parallel to one plane; then k = 3, else k = 6.
         bodies: N, the ground among them; links that fixed joints hold together count as one.
         joints: j, those of the file and the closures of loops.
-        freedoms: f, one entry a joint.
+        joint_dof: f, one entry a joint.
         others: Rows of constraints that are no joints (couplings, functions, contacts, velocities); of a planar mechanism,
             those that say something within it.
     """
@@ -40,7 +40,7 @@ class Count:
     planar: bool
     bodies: int
     joints: int
-    freedoms: tuple[int, ...]
+    joint_dof: tuple[int, ...]
     others: int
 
     @property
@@ -48,7 +48,7 @@ class Count:
         """The count with its numbers, e.g. "planar: 3 (4 - 1 - 4) + 4 = 1"."""
         k, kind = (3, "planar") if self.planar else (6, "spatial")
         others = f" - {self.others}" if self.others else ""
-        return f"{kind}: {k} ({self.bodies} - 1 - {self.joints}) + {sum(self.freedoms)}{others} = {self.value}"
+        return f"{kind}: {k} ({self.bodies} - 1 - {self.joints}) + {sum(self.joint_dof)}{others} = {self.value}"
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class RedundantRow:
     def __str__(self) -> str:
         name = f"{self.row[0]}[{self.row[1]}]"
         if not self.follows_from:
-            return f"{name} says nothing here: it is zero"
+            return f"{name} is zero here"
         return f"{name} follows from " + ", ".join(f"{n}[{i}]" for n, i in self.follows_from)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mobility:
-    """How many freedoms a mechanism has at a configuration, three ways.
+    """How many degrees of freedom a mechanism has at a configuration, three ways.
 
     Attributes:
         count: Gruebler's and Kutzbach's count.
@@ -81,14 +81,13 @@ class Mobility:
         rank: Of J.
         singular_values: Of J without units (see `rbd.constraints.manifold`), shape (min(m, n),).
         zero: At which fraction of the largest they count as zero.
-        finite: Freedoms of the motions that pass through here; the largest number, where branches differ.
-        branches: The freedoms of each way to go on that was found; of more than one freedom, those of equal dimension are not
-            told apart.
+        finite: Degrees of freedom of the motions that pass through here; the largest number, where branches differ.
+        branches: The dimension of each branch of motion that was found; above one, those of equal dimension are not told apart.
         motion: What was found, point by point.
         redundant: Rows that follow from others here.
         self_stresses: Row forces with J^T f = 0, shape (m, m - rank), each with 1 as its largest entry: forces that the
             constraints can hold against each other and no motion shows.
-        velocity_only: Whether some rows constrain velocity alone; `finite` is then a freedom of velocities, and
+        velocity_only: Whether some rows constrain velocity alone; `finite` is then of velocities, and
             `rbd.mechanism.integrability` tells how many configurations it leads to.
         seed: Of the directions that were looked in.
     """
@@ -144,18 +143,18 @@ class Mobility:
     def verdict(self) -> str:
         """What the three numbers say together, in words."""
         if self.velocity_only:
-            return f"{self.finite} freedoms of velocity; some rows constrain velocity alone (see integrability)"
+            return f"{self.finite} degrees of freedom of velocity; some rows constrain velocity alone (see integrability)"
         if not self.instantaneous:
             return "a structure: J allows no velocity"
         if not self.moves:
-            return f"a structure that gives a little: {self.instantaneous} freedoms of velocity, and none goes on"
+            return f"an infinitesimally mobile structure: {_dof(self.instantaneous)} of velocity, none of finite motion"
         if self.motion.regular:
-            return f"it moves with {_many(self.finite, 'freedom', 'freedoms')}: every velocity that J allows goes on"
+            return f"it moves with {_dof(self.finite)}: every velocity that J allows extends to a finite motion"
         if self.singular:
-            ways = _many(len(self.branches), "way to go on was found, of", "ways to go on were found, of")
-            freedoms = "freedom" if self.branches == (1,) else "freedoms"
-            return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {freedoms}"
-        return f"it moves with {_many(self.finite, 'freedom', 'freedoms')}; other velocities that J allows lead nowhere"
+            ways = _many(len(self.branches), "branch was found, of", "branches were found, of")
+            dof = "degree of freedom" if self.branches == (1,) else "degrees of freedom"
+            return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {dof}"
+        return f"it moves with {_dof(self.finite)}; other velocities that J allows lead nowhere"
 
     def __repr__(self) -> str:
         return f"Mobility(counted {self.count.value}, instantaneous {self.instantaneous}, finite {self.finite})"
@@ -187,7 +186,7 @@ class Mobility:
 def mobility(
     state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED, seed: int = 0
 ) -> Mobility:
-    """How many freedoms a robot has under constraints that hold: counted, instantaneous, and of finite motions.
+    """How many degrees of freedom a robot has under constraints that hold: counted, instantaneous, and of finite motions.
 
         counted         k (N - 1 - j) + sum of f        Gruebler, Kutzbach: bodies and joints, k = 3 or 6
         instantaneous   n - rank J(q)
@@ -244,6 +243,10 @@ def _redundant(held: ConstraintManifold, J: Array, rank: int) -> tuple[tuple[Red
 
 def _many(k: int, one: str, several: str) -> str:
     return f"{k} {one if k == 1 else several}"
+
+
+def _dof(k: int) -> str:
+    return _many(k, "degree of freedom", "degrees of freedom")
 
 
 def count(held: ConstraintManifold, state: State, seed: int) -> Count:

@@ -98,7 +98,7 @@ class Integrability:
 
     @property
     def velocity_dof(self) -> int:
-        """Dimension of D: freedoms of velocity."""
+        """Dimension of D: degrees of freedom of velocity."""
         return self.growth[0]
 
     @property
@@ -126,7 +126,7 @@ class Integrability:
 
     def __str__(self) -> str:
         n, d, c = self.velocities, self.velocity_dof, self.configuration_dof
-        moves = f"{d} {'freedom' if d == 1 else 'freedoms'} of velocity"
+        moves = f"{d} {'degree of freedom' if d == 1 else 'degrees of freedom'} of velocity"
         what = ", ".join(self.names) if self.names else "no constraints"
         if self.holonomic:
             verdict = f"holonomic: {moves} and as many of configuration; {n - d} functions of q stay constant"
@@ -164,7 +164,7 @@ def integrability(
 
     D(q) is the kernel of A(q). By Frobenius' theorem there are n - dim D functions of q that stay constant if and only if the
     bracket of any two fields in D is in D again. Where it is not, brackets are added until the dimension stops growing: its
-    last value is the number of configuration freedoms (Chow's theorem), the first that of velocity freedoms.
+    last value is the number of degrees of freedom of configuration (Chow's theorem), the first that of velocity.
 
     Constraints are judged together: two that are nonholonomic each may be holonomic as a pair. Brackets hold the structure
     constants of v (see the module), of fields P(q) b, with P the projector onto D(q) and b constant. The

@@ -38,11 +38,11 @@ of the distance, an error of 1e-14 leaves the point 1e-7 away."""
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
-    """Motions that go on in one way from a configuration.
+class LocalBranch:
+    """One branch of the motions that begin at a configuration.
 
     Attributes:
-        dimension: Their freedoms.
+        dimension: Their degrees of freedom.
         point: A configuration on it nearby, shape (nq,).
         tangent: Velocities of the constraints there, without units, orthonormal, shape (nv, dimension).
         rank: Of J there.
@@ -60,16 +60,16 @@ class FiniteMotion:
 
     Attributes:
         dimension: The largest dimension of a branch; zero where nothing moves.
-        branches: The different ways to go on that were found, largest first. Curves are told apart by their tangents nearby, so
-            that the two arms of a cusp are two and curves that touch are one; of more than one freedom those of equal
+        branches: Those that were found, largest first. Curves are told apart by their tangents nearby, so
+            that the two arms of a cusp are two and curves that touch are one; of more than one degree of freedom those of equal
             dimension are not told apart.
         points: Configurations that were found and looked at, this one first, shape (k, nq).
         tried: How many directions were tried from here.
-        regular: Whether every velocity that J allows goes on, so that there is one branch.
+        regular: Whether every velocity that J allows extends to a finite motion, so that there is one branch.
     """
 
     dimension: int
-    branches: tuple[Branch, ...]
+    branches: tuple[LocalBranch, ...]
     points: Array
     tried: int
     regular: bool
@@ -87,10 +87,10 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
     placed, loose = held.placed, ~held.placed
     N, _ = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]
-    here = Branch(N.shape[1], at.q, N, rank)
+    here = LocalBranch(N.shape[1], at.q, N, rank)
     if rank == held.m or N.shape[1] == 0:  # the implicit function theorem, or nothing to go on
         return FiniteMotion(here.dimension, (here,) if here.dimension else (), at.q[None], 0, True)
-    branches: list[Branch] = []
+    branches: list[LocalBranch] = []
     points: list[Linearised] = []
     tried = analysed = 0
     for near in _around(held, at, rng):
@@ -105,7 +105,7 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
         point, tangent = _regular(held, near, rng) if placed.any() else (near, np.eye(held.n))
         if loose.any():
             tangent = tangent @ null_space(point.J[loose] @ tangent, held.zero)[0]
-        found = Branch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
+        found = LocalBranch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
         if found.dimension and not any(_same(found, other) for other in branches):
             branches.append(found)
         if analysed == _POINTS or found.dimension == here.dimension:
@@ -180,7 +180,7 @@ def _tangent(held: ConstraintManifold, at: Linearised, step: float, rng: np.rand
     return K @ Vt[: int((s > _MOVED * np.sqrt(len(chords))).sum())].T, around
 
 
-def _same(one: Branch, other: Branch) -> bool:
+def _same(one: LocalBranch, other: LocalBranch) -> bool:
     """Whether two branches are not told apart: of equal dimension, above one, or with nearly the same tangent."""
     if one.dimension != other.dimension:
         return False

@@ -21,8 +21,7 @@ from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
 from rbd.mechanism.arguments import check_state
-from rbd.mechanism.closure import SINGULAR, Closure, rank_of, unmet
-from rbd.mechanism.descent import branches_meet
+from rbd.mechanism.closure import SINGULAR, Closure, branches_meet, position_residual, rank_of
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
 
@@ -231,12 +230,12 @@ def _undecided(held: BilateralVelocities, columns: Columns, null: Array, what: s
     freedoms, k = robot.nv - rank_of(np.linalg.svd(J, compute_uv=False)), len(columns.known)
     moving = np.abs(null).max(axis=0)
     loose = _listed([name for name, size in zip(columns.unknown, moving, strict=True) if size > 1e-3 * moving.max()])
-    few = f"{freedoms} freedom{'s' * (freedoms != 1)} and {k} known {what}{'s' * (k != 1)}"
+    few = f"{freedoms} degree{'s' * (freedoms != 1)} of freedom and {k} known {what}{'s' * (k != 1)}"
     if k < freedoms and not _singular_here(held):
         also = [names[i] for i in independent_columns(J, np.isin(names, columns.known))]
         return InputError(
-            f"{robot.name} has {few}; {loose} can move while the known ones rest. Give as many as there are freedoms, "
-            f"e.g. {_listed(also)}."
+            f"{robot.name} has {few}; {loose} can move while the known ones rest. Give as many as there are degrees of "
+            f"freedom, e.g. {_listed(also)}."
         )
     here = f" The pose itself is singular: {few}." if k < freedoms else ""
     most = columns.singular_values[0] if len(columns.singular_values) else 0.0
@@ -296,7 +295,7 @@ def _table(what: str, columns: Columns, x: Array, unknown: Mapping[str, float]) 
 def independent_velocities(
     state: State, constraints: Sequence[Constraint] | None = None, *, prefer: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Names of velocities that, once known, decide all others: as many as there are freedoms here.
+    """Names of velocities that, once known, decide all others: as many as there are degrees of freedom here.
 
     The others are chosen one after the other, each the column of J that is farthest from those chosen before (pivoted QR
     [GolubVanLoan2013]); the independent ones are left over. At a singular pose there are more than elsewhere.
@@ -365,7 +364,7 @@ class BilateralVelocities:
                     f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): whether it holds, forces decide, rbd.solve. "
                     "Give it friction=None to hold it."
                 )
-            error, _ = unmet(r)
+            error, _ = position_residual(r)
             if max_abs(error) > CLOSED * max(1.0, self.joints.reach):
                 raise InputError(
                     f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {max_abs(error):.3g} m (or rad). "

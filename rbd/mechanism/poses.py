@@ -90,7 +90,7 @@ def canonical(robot: CheckedModel, q: Array, keep: Array) -> Array:
 
 
 def beyond_limits(robot: CheckedModel, q: Array, margin: float = 1e-9) -> tuple[LimitViolation, ...]:
-    """The joints with one freedom that are outside their file's limits."""
+    """The joints with one degree of freedom that are outside their file's limits."""
     out = []
     for joint in robot.joints.values():
         least, most = joint.lower, joint.upper

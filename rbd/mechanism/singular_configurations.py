@@ -1,4 +1,4 @@
-"""Singularities of a mechanism: where its velocities gain or lose a freedom, and where along a motion that happens.
+"""Singularities of a mechanism: where its velocities gain or lose a degree of freedom, and where along a motion that happens.
 
 Three matrices tell them, each by its rank compared with the rank nearby:
 

@@ -62,7 +62,7 @@ ROUNDED = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class SingularCrossing:
     """Conditions on y = L^T a beyond those of the rows, and the directions of their forces.
 
     Attributes:
@@ -89,7 +89,7 @@ class Crossing:
         return len(self.u)
 
     @classmethod
-    def of(cls, held: StackedRows, U: Array, Vt: Array, first: float, k: int, norms: Array) -> Crossing | None:
+    def of(cls, held: StackedRows, U: Array, Vt: Array, first: float, k: int, norms: Array) -> SingularCrossing | None:
         """What the derivatives say, or None where they say nothing.
 
         Args:
@@ -159,7 +159,7 @@ class _Decomposed:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class StageAcceleration:
     """An acceleration.
 
     Attributes:
@@ -170,7 +170,7 @@ class Answer:
 
     a: Array
     f: Array | None
-    crossing: Crossing | None
+    crossing: SingularCrossing | None
 
 
 class StageSolver:
@@ -210,11 +210,11 @@ class StageSolver:
             # Rows that are zero exactly cannot; at 1e-6 a start at a singular pose is closer, 1e-13 rad in place of 1e-10.
             self._norms = np.where((norms > SILENT * most) | (norms == 0.0), np.maximum(norms, 1e-6 * most), most)
 
-    def acceleration(self, held: StackedRows, rhs: Array, t: float, *, directly: bool = False) -> Answer:
+    def acceleration(self, held: StackedRows, rhs: Array, t: float, *, directly: bool = False) -> StageAcceleration:
         """The acceleration nearest to the free one that the rows allow.
 
         Where fewer singular values are above `NEAR` than there once were, the motion crosses a singular pose; what the rows no
-        longer say there their derivatives do, see `Crossing`.
+        longer say there their derivatives do, see `SingularCrossing`.
 
         Args:
             held: The rows.
@@ -227,7 +227,7 @@ class StageSolver:
         """
         y = blas.dtrsv(held.L, rhs, lower=1)
         if not len(held.J):
-            return Answer(blas.dtrsv(held.L, y, lower=1, trans=1), np.zeros(0), None)
+            return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), np.zeros(0), None)
         R, f, crossing = self._factor(held), None, None
         if R is not None:
             self._rank = len(R)
@@ -235,7 +235,7 @@ class StageSolver:
             y = y + held.W @ f
         else:
             y, crossing = self._by_singular_values(held, y, t, directly=directly)
-        return Answer(blas.dtrsv(held.L, y, lower=1, trans=1), f, crossing)
+        return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), f, crossing)
 
     def forces(self, held: StackedRows, a: Array, rhs: Array) -> tuple[Array, bool]:
         """(row forces (m,) that make a, whether they are the only ones); of minimum norm in scaled rows where not."""
@@ -299,14 +299,16 @@ class StageSolver:
             known = self._last = _Decomposed(held, self._norms)
         return known
 
-    def _by_singular_values(self, held: StackedRows, free: Array, t: float, *, directly: bool) -> tuple[Array, Crossing | None]:
+    def _by_singular_values(
+        self, held: StackedRows, free: Array, t: float, *, directly: bool
+    ) -> tuple[Array, SingularCrossing | None]:
         """(y, what took the place of rows that say nothing)."""
         U, s, Vt = self._taken_apart(held)
         offset = held.offset / self._norms
         size, owed = max(1.0, max_abs(offset)), OWED * held.drift
         near = self._near(s, held)
         if (near < self._rank or self._rank < 0) and not directly:
-            crossing = Crossing.of(held, U, Vt, float(s[0]), near, self._norms)
+            crossing = SingularCrossing.of(held, U, Vt, float(s[0]), near, self._norms)
             y, missed = _nearest(U[:, :near], s[:near], Vt[:near], free, offset)
             # Rows of size s cannot ask for more than s |y| on the branch; where they do they turn it away, and do not cross.
             if crossing is not None and max_abs(missed) <= 3.0 * max(NEAR, owed) * max(size, float(s[0]) * max_abs(y)):

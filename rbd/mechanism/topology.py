@@ -26,14 +26,14 @@ class EndPoint:
 
     Attributes:
         frame: Its frame.
-        position_dof: Freedoms of its position, generically.
-        pose_dof: Freedoms of its position and orientation together.
-        mobility: Freedoms of the joints that lead to it from the root of the file's tree, under the constraints; the other
-            arm and the fingers do not count.
+        position_dof: Degrees of freedom of its position, generically.
+        pose_dof: Degrees of freedom of its position and orientation together.
+        mobility: Degrees of freedom of the joints that lead to it from the root of the file's tree, under the constraints; the
+            other arm and the fingers do not count.
         position_redundancy: That less `position_dof`: motions of its chain that leave the position where it is.
         pose_redundancy: Likewise, of the pose.
         legs: Chains from the base to its body that share no body in between.
-        singular: Whether it has fewer freedoms at the configuration looked at than nearby.
+        singular: Whether it has fewer degrees of freedom at the configuration looked at than nearby.
     """
 
     frame: str
@@ -57,7 +57,7 @@ class EndPoint:
         legs = f"{self.legs} legs join it to the base" if self.legs > 1 else "one chain joins it to the base"
         low = " (fewer at the configuration looked at, which is singular)" if self.singular else ""
         return (
-            f"end point {self.frame}: {self.mobility} freedoms of its chain, {self.position_dof} of its position, "
+            f"end point {self.frame}: {self.mobility} degrees of freedom of its chain, {self.position_dof} of its position, "
             f"{self.pose_dof} of position and orientation{low}: redundancy {self.position_redundancy} and "
             f"{self.pose_redundancy}; {legs}"
         )
@@ -65,7 +65,7 @@ class EndPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MechanismClass:
-    """What a mechanism is, in the words of the texts.
+    """What a mechanism is, in the words of the literature.
 
     Attributes:
         name: The robot's.
@@ -76,7 +76,7 @@ class MechanismClass:
         base: What the chain hangs from: "the ground", or the root link of a floating robot that touches nothing.
         ends: Links at the ends of the tree of the file.
         bodies: Bodies that move, fixed joints merged.
-        degrees_of_freedom: Freedoms of the joints, a floating base among them: n.
+        degrees_of_freedom: Degrees of freedom of the joints, a floating base among them: n.
         mobility: n - rank J, generically: at configurations nearby that satisfy the constraints. None where no
             configuration was found that does.
         floating: Whether the file's robot floats.
@@ -134,12 +134,12 @@ def classify(
 
     Bodies are joined by the joints of the file and by constraints between two bodies or with the ground: closures of loops,
     contacts that hold, and not by what rolls or slides. A floating base is no joint in this sense: a humanoid on two soles is
-    closed through the ground, and in the air it is a branched chain on its root link. Other constraints take freedoms and
-    close no loop.
+    closed through the ground, and in the air it is a branched chain on its root link. Other constraints take degrees of
+    freedom and close no loop.
 
-    Mobility is the total number of freedoms; redundancy of an end point is the mobility of the chain that leads to it less its
-    own freedoms. Both are generic: the largest ranks at the configuration, and at others nearby (drawn freely where nothing is
-    closed).
+    Mobility is the total number of degrees of freedom; redundancy of an end point is the mobility of the chain that leads to it
+    less its own degrees of freedom. Both are generic: the largest ranks at the configuration, and at others nearby (drawn
+    freely where nothing is closed).
 
     Args:
         state: Where to look; brought onto the constraints where it is off them. Its velocity plays no part.

@@ -131,31 +131,31 @@ class Joint:
 
     @property
     def lower(self) -> float:
-        """Lower limit [rad or m]; -inf where there is none, and of a joint that is continuous or has several freedoms."""
+        """Lower limit [rad or m]; -inf where there is none, of continuous joints and those with several degrees of freedom."""
         return self._limit(self._model.lowerPositionLimit, -math.inf)
 
     @property
     def upper(self) -> float:
-        """Upper limit [rad or m]; inf where there is none, and of a joint that is continuous or has several freedoms."""
+        """Upper limit [rad or m]; inf where there is none, of continuous joints and those with several degrees of freedom."""
         return self._limit(self._model.upperPositionLimit, math.inf)
 
     @property
     def speed(self) -> float:
-        """Largest speed of the robot's file [rad/s or m/s]; inf where it states none, and of several freedoms."""
+        """Largest speed of the robot's file [rad/s or m/s]; inf where it states none, or for several degrees of freedom."""
         return self._positive(self._model.velocityLimit)
 
     @property
     def effort(self) -> float:
-        """Largest torque or force of the robot's file [N m or N]; inf where it states none, and of several freedoms."""
+        """Largest torque or force of the file [N m or N]; inf where it states none, or for several degrees of freedom."""
         return self._positive(self._model.effortLimit)
 
     @property
     def friction(self) -> float:
-        """Dry friction of the robot's file [N m or N]; zero where it states none, and of several freedoms."""
+        """Dry friction of the robot's file [N m or N]; zero where it states none, or for several degrees of freedom."""
         return float(self._model.upperDryFrictionLimit[self.v.start]) if self.nv == 1 else 0.0
 
     def coordinate(self, q: Array) -> float:
-        """Angle [rad] or displacement [m] of a joint with one freedom; a continuous joint's in (-pi, pi]."""
+        """Angle [rad] or displacement [m] of a joint with one degree of freedom; a continuous joint's in (-pi, pi]."""
         at = self.q.start
         return math.atan2(q[at + 1], q[at]) if self.is_continuous else float(q[at])
 
@@ -276,7 +276,8 @@ class Joints(Mapping[str, Joint]):
         """
         joint = self[name]
         if joint.nv != 1:
-            raise InputError(f"{asked_by!r:.80}: joint {name!r:.80} has {joint.nv} freedoms; expected a joint with one.")
+            what = f"{asked_by!r:.80}: joint {name!r:.80}"
+            raise InputError(f"{what} has {joint.nv} degrees of freedom; expected a joint with one.")
         return joint
 
     @lazy

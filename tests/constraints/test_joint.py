@@ -180,12 +180,12 @@ class TestLimit:
         assert {limit.margin for limit in rbd.constraints.joint_limits(tiago, margin=1e-3)} == {1e-3}
 
     def test_joints_without_a_bound_are_refused(self):
-        """One that turns for ever, one with several freedoms, one whose file states nothing; with what to do."""
+        """One that turns for ever, one with several degrees of freedom, one whose file states nothing; with what to do."""
         chain = joints_of_every_kind()
         state = rbd.State(chain, pin.neutral(chain.model))
         for joint, said in (
             ("turntable", "turns for ever.*JointLock"),
-            ("ball", "has 3 freedoms; expected a joint with one"),
+            ("ball", "has 3 degrees of freedom; expected a joint with one"),
             ("slider", "has no bound.*Give lower= or upper="),
         ):
             with pytest.raises(rbd.InputError, match=said):
@@ -452,12 +452,12 @@ def test_all_kinds_together_are_answered_alike_by_both_codes(name):
     ],
 )
 def test_a_joint_that_is_not_there_is_refused_with_the_nearest(talos, make):
-    """Unknown ids crash Pinocchio; joints with six freedoms are no one-row joints."""
+    """Unknown ids crash Pinocchio; joints with six degrees of freedom are no one-row joints."""
     with pytest.raises(rbd.errors.JointNotFound, match="'leg_left_4_joint'"):
         make("leg_left_4_jiont").rows(talos.standing())
     constraint = make("root_joint")
     if not isinstance(constraint, rbd.JointLock):
-        with pytest.raises(rbd.InputError, match="has 6 freedoms"):
+        with pytest.raises(rbd.InputError, match="has 6 degrees of freedom"):
             constraint.rows(talos.standing())
     with pytest.raises(rbd.InputError, match="want a State, got Robot"):
         make("leg_left_4_joint").rows(talos)

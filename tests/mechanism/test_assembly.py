@@ -25,8 +25,7 @@ from states import at_neutral
 import rbd
 from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble
-from rbd.mechanism.closure import Closure
-from rbd.mechanism.descent import descend
+from rbd.mechanism.closure import Closure, descend
 from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -40,7 +39,7 @@ def test_nortons_four_bar_assembles_to_its_published_angles():
         found = assemble(rbd.State(robot, np.array(start)), loops, fixed={"crank": CRANK})
         assert np.abs(np.degrees(absolute(found.q))[1:] - expected).max() < 0.0075  # printed to 0.001 and 0.01
         assert found.q[0] == CRANK
-        assert found.residual <= 1e-12 and found.freedoms == 0
+        assert found.residual <= 1e-12 and found.dof == 0
         assert found.residual == np.abs(loops[0].rows(rbd.State(robot, found.q)).error).max()
 
 
@@ -67,7 +66,7 @@ def test_the_end_is_quadratic():
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
     closure = Closure(robot, loops, {"crank": 0.7})
     start = closure.start(np.array([0.7, 0.3, 1.0]))
-    sizes = [descend(closure, start, tolerance=1e-15, most=most).misfit.residual for most in range(1, 7)]
+    sizes = [descend(closure, start, tolerance=1e-15, most=most).at.residual for most in range(1, 7)]
     small = [(e, after) for e, after in zip(sizes, sizes[1:], strict=False) if 1e-7 < e < 1e-2]
     assert len(small) >= 1
     assert all(after < 10.0 * e * e for e, after in small)
@@ -79,7 +78,7 @@ def test_rows_that_repeat_each_other_do_no_harm():
     twice = [rbd.LoopClosure(name, "coupler_tip", "rocker_tip", kind="point") for name in ("one", "other")]
     found = assemble(rbd.State(robot, np.array([0.7, 0.3, 1.0])), twice, fixed={"crank": 0.7})
     assert found.residual <= 1e-12 and found.iterations < 10
-    assert found.freedoms == 0
+    assert found.dof == 0
     assert np.abs(absolute(found.q)[1:] - four_bar_angles(1.0, 3.0, 2.5, 3.0, 0.7)[0]).max() < 1e-11
 
 
@@ -193,7 +192,7 @@ def test_a_free_body_is_brought_to_a_frame(kind: str, rng: np.random.Generator):
         if kind == "rigid":
             assert np.abs(X.rotation - np.eye(3)).max() < 1e-12
         assert abs(np.linalg.norm(found.q[3:]) - 1.0) < 1e-15
-        assert found.freedoms == {"point": 3, "revolute": 1, "rigid": 0}[kind]
+        assert found.dof == {"point": 3, "revolute": 1, "rigid": 0}[kind]
 
 
 def test_joints_with_several_freedoms_are_fixed_exactly():
@@ -241,7 +240,7 @@ def test_couplings_and_locks_are_met():
     robot, loops = four_bar(2.0, 3.0, 2.5, 3.0)
     gear = rbd.JointCoupling("gear", "rocker", "crank", ratio=1.0, offset=1.0)
     found = assemble(rbd.State(robot, np.array([0.5, 0.0, 1.5])), [*loops, gear])
-    assert abs(found.q[2] - found.q[0] - 1.0) < 1e-12 and found.freedoms == 0
+    assert abs(found.q[2] - found.q[0] - 1.0) < 1e-12 and found.dof == 0
     lock = rbd.JointLock("lock", "crank", position=0.4)
     assert abs(assemble(rbd.State(robot, np.array([0.5, 0.0, 1.5])), [*loops, lock]).q[0] - 0.4) < 1e-12
 

@@ -104,9 +104,11 @@ def test_a_slider_has_a_branch_to_each_side():
 
 
 def test_a_mechanism_that_can_still_move_is_refused_with_what_to_fix():
-    """One freedom left: a joint is named, and with it fixed there are branches."""
+    """One degree of freedom left: a joint is named, and with it fixed there are branches."""
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
-    with pytest.raises(rbd.InputError, match="can still move: 1 freedom left, .* Fix as many joints, e.g. '") as caught:
+    with pytest.raises(
+        rbd.InputError, match="can still move: 1 degree of freedom left, .* Fix as many joints, e.g. "
+    ) as caught:
         branches(at_neutral(robot), loops)
     joint = str(caught.value).split("e.g. '")[1].split("'")[0]
     assert len(branches(at_neutral(robot), loops, fixed={joint: 0.9}, tries=40)) >= 1
@@ -115,7 +117,7 @@ def test_a_mechanism_that_can_still_move_is_refused_with_what_to_fix():
 def test_a_rhombus_at_zero_is_a_continuum_although_its_crank_is_fixed():
     """With the crank along the ground the rocker's tip is wherever the coupler's is: they turn together."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
-    with pytest.raises(rbd.InputError, match="1 freedom left with 'crank' fixed"):
+    with pytest.raises(rbd.InputError, match="1 degree of freedom left with 'crank' fixed"):
         branches(at_neutral(robot), loops, fixed={"crank": 0.0})
 
 

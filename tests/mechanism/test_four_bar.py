@@ -226,7 +226,7 @@ def test_an_n_four_bar_swings_as_its_closed_form(n: int) -> None:
 
 
 def test_an_n_four_bar_lying_flat_loses_a_rank_a_loop() -> None:
-    """The singular pose of the benchmark: phi = 0 has N + 1 freedoms in the small, upright it has one."""
+    """The singular pose of the benchmark: phi = 0 has N + 1 degrees of freedom in the small, upright it has one."""
     for n in (1, 2, 4):
         robot = n_four_bar(n, length=0.5, mass=2.0)
         for state, freedoms in ((robot.at("assembled"), 1), (robot.at(), n + 1)):

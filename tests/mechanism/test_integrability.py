@@ -151,7 +151,7 @@ class TestNonholonomic:
         assert integrability(at_neutral(free(X(), Y(), BALL())), [VelocityConstraint("ball", rolls)]).growth == growth
 
     def test_a_free_ball_keeps_its_height(self):
-        """Of three rows one integrates, the height: 3 freedoms of velocity, 5 of configuration, of 6."""
+        """Of three rows one integrates, the height: 3 degrees of freedom of velocity, 5 of configuration, of 6."""
         robot = Builder().joint("ball", FLY(), at()).robot()
         found = integrability(at_neutral(robot), [RollingBall("rolls", "ball", radius=0.3, friction=None)])
         assert found.growth == (3, 5) and (found.velocity_dof, found.configuration_dof) == (3, 5)
@@ -224,7 +224,7 @@ class TestHolonomic:
         assert integrability(at_neutral(robot), [disk, lock]).growth == (1,)
 
     def test_two_knife_edges_on_one_body_are_holonomic_together(self):
-        """They leave a turn about the point where their normals meet: one freedom, a circle."""
+        """They leave a turn about the point where their normals meet: one degree of freedom, a circle."""
         robot = free(PLANE())
         other = VelocityConstraint("other", [np.sin(0.3), np.cos(0.3), 1.0])
         assert (
@@ -265,7 +265,7 @@ class TestHolonomic:
         assert found.growth == (2,) and found.holonomic
 
     def test_a_humanoid_on_two_soles_is_holonomic(self, talos: rbd.Robot):
-        """26 freedoms of velocity and of configuration."""
+        """26 degrees of freedom of velocity and of configuration."""
         found = integrability(talos.at(), talos.soles(friction=None), points=[talos.standing().q])
         assert found.growth == (26,) and found.holonomic
 
@@ -315,7 +315,7 @@ class TestPoints:
         assert found.growth == (1,)
 
     def test_what_is_held_altogether_goes_nowhere(self):
-        """A hinge whose rate is held: no freedom of velocity, none of configuration."""
+        """A hinge whose rate is held: no degree of freedom of velocity, none of configuration."""
         found = integrability(at_neutral(free(TURN())), [VelocityConstraint("held", [1.0])])
         assert found.growth == (0,) and found.holonomic and found.configuration_dof == 0 and found.reports[0].regular
 

@@ -26,10 +26,9 @@ from rbd.mechanism import (
     trace,
     velocity_partition,
 )
-from rbd.mechanism.closure import Closure
+from rbd.mechanism.closure import Closure, minimise
 from rbd.mechanism.continuation import Curve
 from rbd.mechanism.degrees_of_freedom import plane_normal
-from rbd.mechanism.descent import settle
 from rbd.mechanism.poses import beyond_limits, displacement
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
@@ -187,7 +186,7 @@ def test_values_that_are_far_off_are_refused():
         trace(rbd.State(robot, START), loops, joint="crank", values=(0.7, 1e9))
 
 
-# ---------------------------------------------------------------------------------------------- velocities and freedoms
+# ---------------------------------------------------------------------------------- velocities and degrees of freedom
 
 
 def test_what_is_known_whole_leaves_nothing_unknown():
@@ -342,9 +341,9 @@ def test_a_descent_that_is_cut_short_claims_no_minimum():
     robot, loops = four_bar(1.0, 1.0, 1.0, 5.0)
     closure = Closure(robot, loops)
     start = closure.start(np.array([0.3, 0.2, 2.5]))
-    short, whole = settle(closure, start, most=1), settle(closure, start)
+    short, whole = minimise(closure, start, most=1), minimise(closure, start)
     assert not short.minimum and whole.minimum
-    gaps = [float(np.linalg.norm(b.misfit.error)) for b in (short, whole)]
+    gaps = [float(np.linalg.norm(b.at.error)) for b in (short, whole)]
     assert np.linalg.norm(start.error) > gaps[0] > gaps[1] and gaps[1] == pytest.approx(2.0, abs=1e-9)
 
 

@@ -120,10 +120,10 @@ def test_links_in_line_are_refused_with_the_reason():
 
 @pytest.mark.parametrize("crank", [0.0, math.pi])
 def test_a_flat_rhombus_is_singular_as_a_pose(crank: float):
-    """All links in line: two freedoms at this pose, and the message says so."""
+    """All links in line: two degrees of freedom at this pose, and the message says so."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
     state = rbd.State(robot, np.array([crank, -crank, crank]))
-    with pytest.raises(SingularPose, match="The pose itself is singular: 2 freedoms and 1 known rate"):
+    with pytest.raises(SingularPose, match="The pose itself is singular: 2 degrees of freedom and 1 known rate"):
         velocity_partition(state, loops, {"crank": 1.0})
     assert len(independent_velocities(state, loops)) == 2
 
@@ -137,13 +137,13 @@ def test_a_pose_that_is_singular_only_to_rounding_is_refused_too():
 
 
 def test_too_few_rates_are_refused_with_enough():
-    """A five-bar has two freedoms; with one rate known the message names a set that does, and it does."""
+    """A five-bar has two degrees of freedom; with one rate known the message names a set that does, and it does."""
     state, loops = posed(1.0, 3.0, 2.5, 3.0, 0.7)
-    with pytest.raises(rbd.InputError, match="1 freedom and 0 known rates"):
+    with pytest.raises(rbd.InputError, match="1 degree of freedom and 0 known rates"):
         velocity_partition(state, loops, {})
     robot = rbd.load_robot(URDF / "five_bar.urdf")
     five = robot.at("assembled")
-    with pytest.raises(rbd.InputError, match=r"2 freedoms and 1 known rate; .* e.g. ") as caught:
+    with pytest.raises(rbd.InputError, match=r"2 degrees of freedom and 1 known rate; .* e.g. ") as caught:
         velocity_partition(five, None, {"left_crank_joint": 1.0})
     names = [name for name in robot.joints if f"{name!r}" in str(caught.value).split("e.g. ")[1]]
     assert "left_crank_joint" in names and len(names) == 2
@@ -290,7 +290,7 @@ def test_every_joint_that_can_move_is_named_where_nothing_is_known():
     """A five-bar has two degrees of freedom, and all four of its joints take part in them."""
     robot = rbd.load_robot("five_bar")
     names = ", ".join(f"'{name}'" for name in robot.joints)
-    with pytest.raises(rbd.InputError, match=f"2 freedoms and 0 known rates; {names} can move"):
+    with pytest.raises(rbd.InputError, match=f"2 degrees of freedom and 0 known rates; {names} can move"):
         velocity_partition(robot.at("assembled"), robot.loops(), {})
 
 

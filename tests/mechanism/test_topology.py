@@ -24,7 +24,7 @@ class TestOpenChains:
         ("bars", "position", "pose"), [(1, (1, 0), (1, 0)), (2, (2, 0), (2, 0)), (3, (2, 1), (3, 0)), (4, (2, 2), (3, 1))]
     )
     def test_bars_in_a_plane(self, bars: int, position: tuple[int, int], pose: tuple[int, int]):
-        """A tip has two freedoms of position in a plane, three with its direction; the rest is redundancy."""
+        """A tip has two degrees of freedom of position in a plane, three with its direction; the rest is redundancy."""
         words = classify(at_neutral(planar_chain((1.0,) * bars, 9.0)), [], end="end")
         end = words.end_points[0]
         assert (words.kind, words.closed, words.mobility, words.degrees_of_freedom) == ("serial", False, bars, bars)
@@ -46,7 +46,7 @@ class TestOpenChains:
         assert "serial chain: open. Its base is the ground" in str(words)
 
     def test_a_humanoid_in_the_air_is_a_branched_chain_on_its_base(self, talos: rbd.Robot):
-        """Five ends, six freedoms of a floating base."""
+        """Five ends, six degrees of freedom of a floating base."""
         words = classify(talos.at())
         assert (words.kind, words.base, words.mobility, len(words.ends)) == ("branched", "base_link", 38, 5)
         assert "6 of them those of a floating base" in str(words)
@@ -77,7 +77,7 @@ class TestClosedChains:
         assert "closed, with 1 independent loop" in str(words) and "constraints take 2 away" in str(words)
 
     def test_a_platform_on_three_legs(self):
-        """Each leg two bars and a pin: 3 freedoms in the plane, three legs, no redundancy."""
+        """Each leg two bars and a pin: 3 degrees of freedom in the plane, three legs, no redundancy."""
         build = Builder("3-RRR")
         for k, (x, y) in enumerate(((0.0, 0.0), (2.0, 0.0), (1.0, 1.8))):
             build.joint(f"hip{k}", pin.JointModelRZ(), at(x, y)).joint(f"knee{k}", pin.JointModelRZ(), at(0.8), f"hip{k}")
@@ -110,7 +110,7 @@ class TestClosedChains:
         assert classify(talos.standing(), one).kind == "branched"
 
     def test_other_constraints_close_no_loop(self):
-        """A lock takes a freedom; the chain stays open."""
+        """A lock takes a degree of freedom; the chain stays open."""
         words = classify(at_neutral(free(pin.JointModelRZ(), pin.JointModelRX())), [JointLock("lock", "j0", position=0.3)])
         assert (words.kind, words.loops, words.mobility) == ("serial", 0, 1)
         np.testing.assert_allclose(words.q, [0.3, 0.0], atol=1e-12)  # brought onto the lock

@@ -202,7 +202,7 @@ def test_from_a_limit_the_way_leads_back():
 def test_two_freedoms_want_a_fixed_joint():
     """A five-bar driven by one crank is refused with a joint to fix; with it fixed it moves, and that joint does not."""
     robot, loops = six_bar()
-    with pytest.raises(rbd.InputError, match=r"2 freedoms; driving 'crank' decides one. Fix 1 more, e.g. fixed=\{'"):
+    with pytest.raises(rbd.InputError, match=r"2 degrees of freedom; driving 'crank' decides one. Fix 1 more, e.g. fixed=\{'"):
         trace(
             rbd.State(robot, np.zeros(5)),
             loops[:1] + [rbd.JointLock("l", "output", position=1.0)],
@@ -217,7 +217,7 @@ def test_two_freedoms_want_a_fixed_joint():
 
 
 def test_a_structure_and_a_joint_that_does_not_move_are_refused():
-    """No freedom left, a driven joint that is fixed, a joint that stands still."""
+    """No degree of freedom left, a driven joint that is fixed, a joint that stands still."""
     robot, loops = four_bar(*CRANK_ROCKER)
     q0 = np.array([0.7, -0.03, 1.5])
     value = four_bar_angles(*CRANK_ROCKER, 0.7)[0][1]
@@ -235,7 +235,7 @@ def test_a_structure_and_a_joint_that_does_not_move_are_refused():
 def test_a_start_where_branches_meet_is_refused():
     """At the flat pose of a rhombus both branches begin: which one is meant, the start must say."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
-    with pytest.raises(rbd.InputError, match="is singular: 2 freedoms, branches meet there"):
+    with pytest.raises(rbd.InputError, match="is singular: 2 degrees of freedom, branches meet there"):
         trace(rbd.State(robot, np.array([math.pi, -math.pi, math.pi])), loops, joint="crank", values=(math.pi, 4.0))
 
 
@@ -349,7 +349,7 @@ def test_bad_arguments_are_refused(joint: str, values: object, more: dict, error
 
 
 def test_a_joint_with_several_freedoms_cannot_be_driven():
-    """One number drives one freedom."""
+    """One number drives one degree of freedom."""
     robot = rbd.load_robot("bolt")
-    with pytest.raises(rbd.InputError, match="6 freedoms"):
+    with pytest.raises(rbd.InputError, match="6 degrees of freedom"):
         trace(robot.standing(), robot.feet(friction=None), joint="root_joint", values=(0.0, 1.0))
