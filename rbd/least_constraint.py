@@ -29,6 +29,7 @@ from rbd.model.dynamics import free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.answer import Status
+from rbd.problem.law import Law
 from rbd.problem.openings import opening_words
 from rbd.problem.parts import REST_SPEED
 from rbd.problem.problem import GaussProblem, MomentumBalance, checked
@@ -115,7 +116,7 @@ def solve_problem(
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
     if problem.moving:
-        _refuse_moving(problem, solver.law)
+        _refuse_moving(problem, Law.of(solver.law))
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
@@ -261,7 +262,7 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
         )
 
 
-def _refuse_moving(problem: GaussProblem, law: str) -> None:
+def _refuse_moving(problem: GaussProblem, law: Law) -> None:
     """An impact is no matter of accelerations; and the convex law knows contacts at rest only."""
     parts, rest = problem.parts, problem.rest_speed
     if parts.impact:
@@ -269,7 +270,7 @@ def _refuse_moving(problem: GaussProblem, law: str) -> None:
             f"contact {parts.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
             "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate."
         )
-    if law == "coulomb" or not problem.slipping:  # what opens carries nothing, by any law
+    if law.kind == "coulomb" or not problem.slipping:  # what opens carries nothing, by any law
         return
     r = problem.slipping[0]
     raise ContactMoves(

@@ -22,6 +22,7 @@ from rbd.analysis.admissible import Admissible, null_space
 from rbd.arrays import Array
 from rbd.problem.cones import LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
 from rbd.problem.contact_force import corner_map
+from rbd.problem.law import Law
 from rbd.problem.parts import bounded_weights, project_cones
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rays import rays_of
@@ -36,7 +37,7 @@ _FLAT = 1e-3
 
 
 def admissible(
-    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str, *, tolerance: float = STILL
+    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, *, tolerance: float = STILL
 ) -> Admissible:
     """The set around one answer.
 
@@ -77,10 +78,10 @@ class Piece:
 class _Collector:
     """Columns, collected one piece at a time."""
 
-    def __init__(self, problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str, tolerance: float) -> None:
+    def __init__(self, problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, tolerance: float) -> None:
         P = problem
-        self.P, self.f, self.tolerance, self.coulomb = P, f, tolerance, law == "coulomb"
-        self.by_rays = "facets" in law or P.bilateral
+        self.P, self.f, self.tolerance, self.coulomb = P, f, tolerance, law.kind == "coulomb"
+        self.by_rays = bool(law.facets) or P.bilateral
         c = P.J @ a + P.offset
         if self.by_rays:
             R = P.rays

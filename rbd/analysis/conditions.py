@@ -15,6 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.problem.cones import Free, LineCone, NonNegative, Part, SecondOrderCone, WrenchCone, pyramid
+from rbd.problem.law import Law
 from rbd.problem.parts import project_cones
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
@@ -123,7 +124,7 @@ class Conditions:
         return self.with_rays(rays)
 
 
-def conditions_of(problem: GaussProblem, law: str) -> Conditions:
+def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
     """What a law asks of the rows of a problem.
 
     Args:
@@ -131,10 +132,10 @@ def conditions_of(problem: GaussProblem, law: str) -> Conditions:
         law: "bilateral", "convex", "convex, n facets" or "coulomb", as `Answer.law`.
     """
     builder = _Builder(problem)
-    if "facets" in law:
+    if law.facets:
         _of_rays(problem, builder)
     else:
-        _of_parts(problem, builder, coulomb=law == "coulomb")
+        _of_parts(problem, builder, coulomb=law.kind == "coulomb")
     return builder.conditions()
 
 

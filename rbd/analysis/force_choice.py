@@ -23,6 +23,7 @@ from rbd.analysis.extent import Reach
 from rbd.analysis.separable import least_squares
 from rbd.arrays import Array, block_diagonal, is_finite, numbers
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.problem.law import Law
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem
 from rbd.problem.programs import nonnegative
@@ -39,7 +40,7 @@ _EXACT = 1e-12
 
 
 def minimum_norm(
-    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str, weight: Mapping[str, object] | None = None
+    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, weight: Mapping[str, object] | None = None
 ) -> tuple[Array, Array | None]:
     """(row forces, weights) of least norm among those that give the same motion under the same law.
 

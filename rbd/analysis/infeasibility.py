@@ -21,7 +21,7 @@ import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
 from rbd.arrays import Array, largest
-from rbd.errors import InputError
+from rbd.problem.law import CONVEX, Law
 from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import linear_program
@@ -61,7 +61,7 @@ class Contradiction:
     violation: float
     smallest: bool
     unbalanced: float
-    law: str
+    law: Law
     met: Mapping[str, Array]
     unmet: Mapping[str, Array]
 
@@ -106,7 +106,7 @@ class Contradiction:
         return "\n".join(lines)
 
 
-def contradiction(problem: GaussProblem, law: str = "convex") -> Contradiction | None:
+def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradiction | None:
     """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
 
     What contradicts by no more than rounding (`CONTRADICTS`) does not. Every certificate is verified before it is given. None
@@ -115,14 +115,13 @@ def contradiction(problem: GaussProblem, law: str = "convex") -> Contradiction |
 
     Args:
         problem: The rows, with their velocities.
-        law: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". Coulomb's law asks of a point at rest
-            only that it does not sink, so that certificates push along normals there.
+        law: A law, or as it prints: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". Coulomb's law asks
+            of a point at rest only that it does not sink, so that certificates push along normals there.
 
     Raises:
         InputError: on a problem or a law that is none.
     """
-    if not isinstance(law, str) or not (law in ("bilateral", "convex", "coulomb") or _says_facets(law)):
-        raise InputError(f"law is {law!r:.80}; expected 'bilateral', 'convex', 'convex, 4 facets' or 'coulomb'.")
+    law = Law.of(law)
     search = _Search(conditions_of(checked(problem), law))
     found = search.farkas(frozenset(range(len(search.asked.members))))
     if found is None:
@@ -170,10 +169,6 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
 def _numbers(x: Array) -> str:
     # Rounding before adding zero turns -0.0000 into 0.
     return np.array2string(np.round(x, 4) + 0.0, precision=4)
-
-
-def _says_facets(law: str) -> bool:
-    return law.startswith("convex") and "facets" in law
 
 
 @dataclass(frozen=True, eq=False)

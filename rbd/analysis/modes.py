@@ -152,10 +152,10 @@ class Modes:
 def modes_of(answer: Answer) -> Modes:
     """The active columns of an answer; whether its forces have room is left to be checked."""
     P = answer.problem
-    true_parts = not (answer.weights is None or P.bilateral or "facets" in answer.law)
+    true_parts = not (answer.weights is None or P.bilateral or answer.law.facets)
     modes = Modes(_generators(answer, true_parts), true_parts)
     along, push = answer.residuals.scales.of_columns(answer.weights, answer.law)
-    still, coulomb = RESOLUTION * along, answer.law == "coulomb"
+    still, coulomb = RESOLUTION * along, answer.law.kind == "coulomb"
     sliding = {s.column for s in P.parts.sliding} if true_parts else set()
     for part in modes.generators.parts:
         if part.columns[0] in modes.generators.cone_at:

@@ -21,6 +21,7 @@ from rbd.analysis.modes import modes_of
 from rbd.arrays import Array
 from rbd.problem.answer import Answer
 from rbd.problem.contact_force import CARRIES_NOTHING_N
+from rbd.problem.law import Law
 from rbd.problem.limits import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
@@ -133,7 +134,7 @@ class Uniqueness:
             printed as "?"; where even the dimension of the set was not found, the two freedoms are upper bounds.
     """
 
-    law: str
+    law: Law
     rows: int
     rank: int
     active_rank: int
@@ -178,7 +179,7 @@ class Uniqueness:
 
 
 def uniqueness_of(
-    adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
+    adm: Admissible, a: Array, law: Law, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
 ) -> Uniqueness:
     """What is unique of the forces of one motion; `rbd.Solution.uniqueness` asks it.
 
@@ -195,7 +196,7 @@ def uniqueness_of(
 
 
 class _Asker:
-    def __init__(self, adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], f: Array) -> None:
+    def __init__(self, adm: Admissible, a: Array, law: Law, corner_forces: Mapping[str, Array], f: Array) -> None:
         self.adm, self.a, self.law = adm, a, law
         self.reach = Reach(adm, Work(ENDS_WORK))
         stacked = adm.corners @ adm.start + adm.corners_at
@@ -333,7 +334,7 @@ def motion_freedom(answer: Answer) -> int:
     With the forces that may change, J^T Phi, and the accelerations that must stay zero, Psi^T J, it is the rank of the first
     less that of the second (see `rbd.analysis.modes`), in the metric of inertia. Motions with other modes are not looked for.
     """
-    if answer.law != "coulomb":
+    if answer.law.kind != "coulomb":
         return 0
     P, modes = answer.problem, modes_of(answer)
     if not modes.phi:

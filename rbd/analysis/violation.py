@@ -20,6 +20,7 @@ import numpy as np
 from rbd.analysis.conditions import Conditions, Round, conditions_of
 from rbd.arrays import Array, largest, numbers
 from rbd.errors import InputError, nearest
+from rbd.problem.law import Law
 from rbd.problem.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem.problem import GaussProblem
 from rbd.problem.programs import nonnegative
@@ -33,7 +34,7 @@ _EXACT = 1e-12  # scaled residuals up to this are not improved further
 _DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
 
 
-def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) -> tuple[Array, float]:
+def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) -> tuple[Array, float]:
     """(s, optimality): the violation, shape (m,) [m/s2, rad/s2], and the largest scaled residual of its conditions.
 
     Args:

@@ -13,6 +13,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.problem.contact_force import ContactForce
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 
@@ -62,7 +63,7 @@ class Answer:
         multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
         weights: What adds up to f: of the rays (`problem.rays`) where the law speaks of facets, else of the true parts
             (`problem.parts`), shape (r,); None where all rows hold.
-        law: The law whose residuals are given: "bilateral", "convex", "convex, 4 facets" or "coulomb".
+        law: The law whose residuals are given; a solver may give it as it prints, e.g. "convex, 4 facets".
         solver: Name of the solver.
         iterations: What the solver needed.
         seconds: Time in the solver [s].
@@ -77,7 +78,7 @@ class Answer:
     a: Array
     multipliers: Array
     weights: Array | None
-    law: str
+    law: Law
     solver: str
     iterations: int
     seconds: float
@@ -85,6 +86,10 @@ class Answer:
     others: tuple[Answer, ...] = ()
     reason: str = ""
     redundant: bool = False
+
+    def __post_init__(self) -> None:
+        if type(self.law) is not Law:
+            object.__setattr__(self, "law", Law.of(self.law))
 
     @property
     def a_free(self) -> Array:
@@ -167,4 +172,4 @@ class Answer:
 
     def __repr__(self) -> str:
         kind = type(self).__name__
-        return f"{kind}({self.status}, law {self.law!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"
+        return f"{kind}({self.status}, law {str(self.law)!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, add_wrench, is_finite, largest, lazy
+from rbd.problem.law import CONVEX, Law
 from rbd.problem.parts import bounded_weights
 from rbd.problem.problem import GaussProblem
 from rbd.problem.scales import Scales
@@ -59,7 +60,7 @@ class Residuals:
     """
 
     values: tuple[float, float, float, float, float | None]
-    answer: tuple[GaussProblem, Array, Array, Array | None, str]
+    answer: tuple[GaussProblem, Array, Array, Array | None, Law]
 
     @property
     def stationarity(self) -> Residual:
@@ -148,7 +149,7 @@ class Residuals:
             return P.least_inertia if i == 0 else P.least_momentum
         if P.bilateral:
             return 1.0
-        acceleration, normal = (P.rays if "facets" in self.answer[4] else P.parts).reach
+        acceleration, normal = (P.rays if self.answer[4].facets else P.parts).reach
         if i == 1:
             return acceleration
         if i == 2:
@@ -203,7 +204,7 @@ class Residuals:
         return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
 
 
-def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> Residuals:
+def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law | str = CONVEX) -> Residuals:
     """The certificate of acceleration a and row forces f under a law.
 
     Args:
@@ -212,8 +213,9 @@ def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | Non
         f: Row forces, shape (m,).
         weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; where None and rows can
             break, the best that can be found.
-        law: "bilateral", "convex", "convex, 4 facets" or "coulomb".
+        law: A law, or as it prints.
     """
+    law = Law.of(law)
     P, answer = problem, (problem, a, f, weights, law)
     if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
         nan = math.nan
@@ -256,12 +258,12 @@ class _Terms:
         self.gap, self.slack, self.off_cone, self.slices, self.weights, self.over = gap, slack, off_cone, slices, weights, over
 
 
-def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str) -> _Terms:
+def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law) -> _Terms:
     c = P.J @ a + P.offset
     if P.bilateral:
         none = np.zeros(len(c))
         return _Terms(np.abs(c), none, none, list(P.slices.values()), none, lambda scales: (np.abs(c) / scales.rows, none))
-    return _of_rays(P, c, f, weights) if "facets" in law else _of_parts(P, c, f, weights, coulomb=law == "coulomb")
+    return _of_rays(P, c, f, weights) if law.facets else _of_parts(P, c, f, weights, coulomb=law.kind == "coulomb")
 
 
 def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Terms:
@@ -333,7 +335,7 @@ def _over(miss: Array, scales: Array) -> float:
 
 
 @np.errstate(all="ignore")  # of numbers that overflow, the words say so
-def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> str:
+def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law = CONVEX) -> str:
     """The constraint that misses its equations most, over their own terms, and by how much, in words.
 
     Where numbers are NaN or infinite, or their squares are, the first constraint whose force is, else the whole motion.

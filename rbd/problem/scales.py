@@ -23,6 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rbd.arrays import Array, lazy
+from rbd.problem.law import Law
 from rbd.problem.parts import Parts
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rays import Rays
@@ -79,7 +80,7 @@ class Scales:
         own[3:] = np.maximum(own[3:], np.sqrt(A[3:].max() / max(A[:3].max(), 1e-300)) * own[:3].max())
         return own
 
-    def of_columns(self, weights: Array | None, law: str) -> tuple[Array, Array]:
+    def of_columns(self, weights: Array | None, law: Law) -> tuple[Array, Array]:
         """(accelerations, weights) of the columns that the law's weights belong to: of rows that hold, rays, or parts.
 
         Args:
@@ -89,7 +90,7 @@ class Scales:
         P = self._given[0]
         if P.bilateral or weights is None:
             return self.rows, self.row_forces
-        if "facets" not in law:
+        if not law.facets:
             return self.of_parts(P.parts, weights)
         along, _, push, point = self.of_rays(P.rays, weights)
         return along, push[point]

@@ -18,6 +18,7 @@ from scipy.linalg import blas, lapack
 from rbd.arrays import Array, largest
 from rbd.constraints.points import Measured, Structure
 from rbd.problem.cones import Free
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import SLIDES, Layout, Snapshot, slide
@@ -125,7 +126,7 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
     f, J, M = force[index], at.J[index], at.state.M
     u = np.where(at.layout.held, 0.0, velocity)[index]
     P = GaussProblem(M, M @ v - J.T @ f, [Rows(name, J[s], u[s] - J[s] @ v, cone) for name, s, cone in groups], from_state=True)
-    found = Solution(P, v, f, parts.project(parts.H.T @ f), law, "TimeStepping", 1, 0.0).settled()
+    found = Solution(P, v, f, parts.project(parts.H.T @ f), Law(law), "TimeStepping", 1, 0.0).settled()
     out = np.zeros(len(force))
     out[index] = found.multipliers
     if found.weights is not None and np.isfinite(found.weights).all():

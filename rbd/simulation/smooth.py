@@ -25,6 +25,7 @@ from rbd.model.chart import Charts
 from rbd.model.joint_coordinates import joint_motion
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
+from rbd.problem.law import BILATERAL
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.simulation.events import HOLDS, Moment, Touch
@@ -182,7 +183,7 @@ class SmoothMotion:
             return {}
         f, unique = self._solver.forces(held, stage.a, stage.rhs)
         P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
-        found = Solution(P, stage.a, f, None, "bilateral", "smooth", 1, 0.0)
+        found = Solution(P, stage.a, f, None, BILATERAL, "smooth", 1, 0.0)
         if not unique:
             found = found.settled()  # of all forces that do the same, those that `rbd.solve` gives
         out = {}

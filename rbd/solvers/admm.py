@@ -14,6 +14,7 @@ from rbd.arrays import Array, largest, lazy
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
+from rbd.problem.law import CONVEX, COULOMB, Law
 from rbd.problem.limits import SEARCH_WORK, Work
 from rbd.problem.parts import Parts
 from rbd.problem.problem import GaussProblem, checked
@@ -82,12 +83,13 @@ class ADMM:
         InputError: if `law` is another word, or `starts` no whole number from 1 to 20.
     """
 
-    law: str = "coulomb"
+    law: Law | str = COULOMB
     starts: int = 1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.law, str) or self.law not in ("coulomb", "convex"):
+        if not isinstance(self.law, Law | str) or str(self.law) not in ("coulomb", "convex"):
             raise InputError(f"law is {self.law!r:.80}; expected 'coulomb' or 'convex'.")
+        object.__setattr__(self, "law", Law.of(self.law))
         if isinstance(self.starts, bool) or not isinstance(self.starts, int | np.integer) or not 1 <= self.starts <= 20:
             raise InputError(f"starts is {self.starts!r:.80}; expected a whole number from 1 to 20.")
 
@@ -96,7 +98,7 @@ class ADMM:
         T = checked(problem).parts
         if T.impact:
             return f"{T.impact}."
-        if self.law == "convex" and T.sliding:
+        if self.law == CONVEX and T.sliding:
             point = T.sliding[0]
             return (
                 f"{point.rows!r} slides at {point.speed:.3g} m/s: its friction follows its motion, which the convex law does "
@@ -115,7 +117,7 @@ class ADMM:
             return replace(KKT().solve(P), solver="ADMM")
         if P.parts.sliding:
             return _of_sliding(P, start)
-        return _Search(P, self.law, start).run(self.starts if self.law == "coulomb" else 1)
+        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1)
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
@@ -125,7 +127,7 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
     answers = sliding_answers(P)
     found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.parts.size)),)
     solutions = [
-        Answer(P, a, f, w, "coulomb", "ADMM", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
+        Answer(P, a, f, w, COULOMB, "ADMM", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
     ]
     return replace(solutions[0], others=tuple(solutions[1:]))
 
@@ -133,9 +135,9 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
 class _Search:
     """One problem at rest: starts, what came of them, and the best of it."""
 
-    def __init__(self, P: GaussProblem, law: str, start: float) -> None:
+    def __init__(self, P: GaussProblem, law: Law, start: float) -> None:
         self.P, self.law, self.start = P, law, start
-        self.coulomb = law == "coulomb"
+        self.coulomb = law == COULOMB
         self.redundant = independent_factor(P.delassus) is None
         self.iterations = 0
         self.work, self.step = Work(SEARCH_WORK), float(P.parts.size) ** 3 + 1e4

@@ -10,6 +10,7 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
 from rbd.problem.answer import RANK_TOLERANCE, Answer
+from rbd.problem.law import BILATERAL, Law
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED
@@ -26,7 +27,7 @@ class KKT:
     Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
     """
 
-    law: str = "bilateral"
+    law: Law = BILATERAL
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first constraint that can break or slip."""
@@ -56,7 +57,7 @@ class KKT:
                 infeasible = missed > 1e-6 * max(1.0, float(np.abs(c).max()))
             a = constrained(P, f)
         seconds = time.perf_counter() - start
-        found = Answer(P, a, f, None, "bilateral", "KKT", 1, seconds, infeasible, redundant=repeats)
+        found = Answer(P, a, f, None, BILATERAL, "KKT", 1, seconds, infeasible, redundant=repeats)
         if not (infeasible or found.residuals.within(SOLVED)):
             found = replace(held_refined(found), seconds=time.perf_counter() - start)
         return found

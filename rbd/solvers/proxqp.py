@@ -6,11 +6,13 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from rbd.arrays import Array, identity, is_finite, largest, zeros
 from rbd.problem.answer import Answer
+from rbd.problem.law import BILATERAL, CONVEX, Law
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import nonnegative
 from rbd.problem.rays import Rays
@@ -46,7 +48,7 @@ class ProxQP:
     """
 
     policy: tuple[qp.Setting, ...] = qp.POLICY
-    law: str = "convex"
+    law: Law = CONVEX
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first contact that slides, turns or strikes: no pyramid of forces says what its friction does."""
@@ -70,7 +72,7 @@ class ProxQP:
         start = time.perf_counter()
         P = checked(problem)
         if not P.m:
-            return Answer(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
+            return Answer(P, P.a_free.copy(), np.zeros(0), None, BILATERAL, "ProxQP", 0, time.perf_counter() - start)
         independent = independent_factor(P.delassus)
         # R^T R = J M^-1 J^T, m x m where the rows are independent, else (k, m) from W = Q R.
         R = np.asarray(np.linalg.qr(P.whitened, mode="r")) if independent is None else independent
@@ -78,7 +80,7 @@ class ProxQP:
         def answer(weights: Array, iterations: int) -> Answer:
             f, kept = (weights, None) if P.bilateral else (P.rays.G @ weights, weights)
             a, seconds = constrained(P, f), time.perf_counter() - start
-            return Answer(P, a, f, kept, law_name(P), "ProxQP", iterations, seconds, redundant=independent is None)
+            return Answer(P, a, f, kept, pyramidal_law(P), "ProxQP", iterations, seconds, redundant=independent is None)
 
         return self._best(P, R, answer)
 
@@ -150,7 +152,7 @@ def too_steep(failed: Answer) -> str:
     A normal force is a sum of rays; their tangential parts, mu times as large, cancel and leave their rounding.
     """
     P, w, T = failed.problem, failed.weights, failed.problem.parts
-    if w is None or "facets" not in failed.law or not is_finite(w):
+    if w is None or not failed.law.facets or not is_finite(w):
         return ""
     terms, most, out = np.abs(P.rays.G) @ np.abs(w), 0.1 * failed.residuals.worst, ""
     for rows, columns in zip(P.rows, T.slices, strict=True):
@@ -288,9 +290,11 @@ def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> 
     return moved
 
 
-def law_name(P: GaussProblem) -> str:
-    """The law with what stands in for circular cones, e.g. "convex, 4 facets"."""
-    if P.bilateral:
-        return "bilateral"
-    facets = sorted(P.rays.facets)
-    return "convex" + (f", {' and '.join(map(str, facets))} facets" if facets else "")
+def pyramidal_law(P: GaussProblem) -> Law:
+    """The law with what stands for circular cones, e.g. "convex, 4 facets"."""
+    return BILATERAL if P.bilateral else _with_facets(P.rays.facets)
+
+
+@lru_cache(maxsize=64)
+def _with_facets(facets: frozenset[int]) -> Law:
+    return Law("convex", tuple(sorted(facets)))

@@ -16,6 +16,7 @@ import numpy as np
 
 from rbd.arrays import Array, identity, largest
 from rbd.problem.answer import Answer
+from rbd.problem.law import COULOMB
 from rbd.problem.parts import Sliding
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
@@ -114,7 +115,7 @@ class _Search:
         """What weights give, refined where they are near an answer."""
         w = self.T.project(w)
         f = self.T.G @ w
-        found = Answer(self.P, constrained(self.P, f), f, w, "coulomb", "ADMM", 1, 0.0)
+        found = Answer(self.P, constrained(self.P, f), f, w, COULOMB, "ADMM", 1, 0.0)
         if found.residuals.within(SOLVED) or not found.residuals.within(NEAR):
             return found
         S = scaled(self.mixed.A, self.mixed.b, self.T)

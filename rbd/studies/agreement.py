@@ -15,6 +15,7 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.cones import NonNegative
+from rbd.problem.law import Law
 from rbd.problem.parts import REST_SPEED
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rays import rays_of
@@ -23,7 +24,7 @@ from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT
-from rbd.solvers.proxqp import ProxQP, law_name
+from rbd.solvers.proxqp import ProxQP, pyramidal_law
 
 SAME = 1e-7
 """Answers of one law agree up to this, relative."""
@@ -44,7 +45,7 @@ class SolverAnswer:
     """
 
     solver: str
-    law: str
+    law: Law
     status: Status
     worst: float
     seconds: float
@@ -82,7 +83,9 @@ class Agreement:
 
     def __str__(self) -> str:
         lines = [f"  {'solver':<24}{'law':<20}{'status':<12}{'worst residual':>15}{'time':>12}"]
-        lines += [f"  {x.solver:<24}{x.law:<20}{x.status:<12}{x.worst:>15.1e}{1e6 * x.seconds:>9.0f} us" for x in self.answers]
+        lines += [
+            f"  {x.solver:<24}{str(x.law):<20}{x.status:<12}{x.worst:>15.1e}{1e6 * x.seconds:>9.0f} us" for x in self.answers
+        ]
         law = {x.solver: x.law for x in self.answers}
         for same, title in ((True, "one law, so these must agree"), (False, "two laws: these may differ")):
             pairs = [d for d in self.differences if (law[d[0]] == law[d[1]]) is same]
@@ -193,5 +196,5 @@ def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array)
             f[part] if posed is own else rays_of(own.cone).G[:, problem.rays.upper[at] > 0.0] @ f[part]
             for posed, own, part, at in zip(P.rows, problem.rows, P.slices.values(), problem.ray_slices, strict=True)
         ]
-        f, law = np.concatenate(kept), law_name(problem)
+        f, law = np.concatenate(kept), pyramidal_law(problem)
     return SolverAnswer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)

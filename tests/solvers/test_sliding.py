@@ -122,7 +122,7 @@ class TestPainlevesRod:
     def test_the_solver_hands_on_what_is_found(self):
         """ADMM: `others` has the second motion, each with its own certificate; without a motion it fails, and says why."""
         two = COULOMB.solve(rod_problem(2.0, np.arctan(2.0), 5.0))
-        assert two.status == "solved" and two.law == "coulomb" and [o.status for o in two.others] == ["solved"]
+        assert two.status == "solved" and two.law.kind == "coulomb" and [o.status for o in two.others] == ["solved"]
         assert two.gauss == 0.0 and two.others[0].gauss > 0.0  # leaving first
         assert "2 motions" in two.reason and "'tip' leaves" in two.reason and "'tip' presses with" in two.reason
         none = COULOMB.solve(rod_problem(2.0, np.arctan(2.0)))
