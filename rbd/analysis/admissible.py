@@ -14,7 +14,7 @@ import numpy as np
 
 from rbd.analysis.separable import Separable
 from rbd.arrays import Array, lazy
-from rbd.problem.parts import project_cones
+from rbd.problem.cones import project_cones
 from rbd.problem.problem import GaussProblem
 
 NULL = 1e-9

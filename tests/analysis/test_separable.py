@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rbd.analysis.separable import Separable, least_squares
+from rbd.problem.force_set import project_cones
 from rbd.problem.limits import Work
-from rbd.problem.parts import project_cones
 
 
 def cones(k: int, mu: float | np.ndarray, R: np.ndarray, b: np.ndarray, target: np.ndarray) -> Separable:
