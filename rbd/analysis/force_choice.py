@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.admissible import Admissible
+from rbd.analysis.admissible_forces import Admissible, admissible
 from rbd.analysis.barrier import ConeSet, least
-from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
 from rbd.analysis.separable import least_squares
 from rbd.arrays import Array, block_diagonal, is_finite, numbers
@@ -26,7 +25,7 @@ from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.problem.law import Law
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem
-from rbd.problem.programs import nonnegative
+from rbd.problem.programs import least_distance
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"
@@ -153,16 +152,10 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     norms = np.maximum(np.linalg.norm(G, axis=1), 1e-300)
     felt = norms > 1e-12  # the others are constants: 0 >= their part of h
     G, h = G[felt] / norms[felt, None], h[felt] / norms[felt]
-    n = len(R)
-    target = np.zeros(n + 1)
-    target[n] = 1.0
-    y = nonnegative(np.vstack([G.T, h]), target)
-    if y is None:
+    found = least_distance(G, h, 1e-14)
+    if found is None:
         return None
-    r = np.vstack([G.T, h]) @ y - target
-    if not r[n] < -1e-14:
-        return None
-    u = -r[:n] / r[n]
+    u, y = found
     active = y > 0.0
     if active.any():  # once more on the planes found: the last digits
         again = np.linalg.lstsq(G[active], h[active], rcond=1e-12)[0]

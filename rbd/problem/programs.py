@@ -114,6 +114,23 @@ def nonnegative(A: Array, b: Array) -> Array | None:
         return None
 
 
+def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array, Array] | None:
+    """(x, multipliers): the x of least norm with G x >= h, x = G^T multipliers and these >= 0; None where none is found.
+
+    Least distance programming by nonnegative least squares [LawsonHanson1974], chapter 23.
+
+    Args:
+        G: Shape (k, n).
+        h: Shape (k,).
+        tolerance: What is left of one, of the weighted h, where there is an x.
+    """
+    y = nonnegative(np.vstack([G.T, h]), np.append(np.zeros(G.shape[1]), 1.0))
+    if y is None:
+        return None
+    left = 1.0 - float(h @ y)
+    return (G.T @ (y / left), y / left) if left > tolerance else None
+
+
 def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     """The x within its bounds with about the least |A x - b|, shape (n,); as near as it was found: judge by its residual."""
     try:
