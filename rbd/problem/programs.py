@@ -124,11 +124,15 @@ def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array,
         h: Shape (k,).
         tolerance: What is left of one, of the weighted h, where there is an x.
     """
-    y = nonnegative(np.vstack([G.T, h]), np.append(np.zeros(G.shape[1]), 1.0))
+    size = float(np.abs(h).max(initial=0.0)) or 1.0  # planes far away would leave few digits to the multipliers
+    y = nonnegative(np.vstack([G.T, h / size]), np.append(np.zeros(G.shape[1]), 1.0))
     if y is None:
         return None
-    left = 1.0 - float(h @ y)
-    return (G.T @ (y / left), y / left) if left > tolerance else None
+    left = 1.0 - float(h @ y) / size
+    if not left > tolerance:
+        return None
+    multipliers = y * (size / left)
+    return G.T @ multipliers, multipliers
 
 
 def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
