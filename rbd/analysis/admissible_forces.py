@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.separable import Separable
+from rbd.analysis.cone_programs import Separable
 from rbd.arrays import Array, lazy
 from rbd.problem.cones import LineCone, NonNegative, Product, WrenchCone, project_cones
 from rbd.problem.contact_force import corner_map

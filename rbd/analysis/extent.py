@@ -1,9 +1,9 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.analysis.separable` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not come
-so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a barrier's
-path. What is reached is attained.
+`rbd.analysis.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not
+come so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a
+barrier's path. What is reached is attained.
 
 All of it together may cost a number of multiplications; what was not found within them is said to be not found.
 """
@@ -17,8 +17,7 @@ import numpy as np
 from scipy.sparse import csr_array, hstack, identity
 
 from rbd.analysis.admissible_forces import Admissible
-from rbd.analysis.barrier import ConeSet, interior, least
-from rbd.analysis.separable import Separable, least_squares
+from rbd.analysis.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.arrays import Array, largest, lazy
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import Work

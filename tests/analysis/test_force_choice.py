@@ -12,8 +12,7 @@ import rbd
 from rbd.analysis.admissible_forces import ray_weights
 from rbd.analysis.force_choice import _least_distance, minimum_norm
 from rbd.errors import InputError, NoSolution, UnknownName
-from rbd.problem.cones import pyramid
-from rbd.problem.force_set import project_cones
+from rbd.problem.cones import project_cones, pyramid
 from rbd.problem.law import Law
 from rbd.problem.rows import Patch, Rows
 from rbd.testing import box
