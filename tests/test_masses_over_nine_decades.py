@@ -130,13 +130,13 @@ def misses(P: rbd.GaussProblem, s: rbd.Solution) -> dict[str, float]:
             continue
         mu, slip = r.cone.mu, np.hypot(*u[:2])
         own = terms.max()
-        if "facets" in s.law:
+        if s.law.facets:
             rub = np.abs(x[:2]).max()
             across = np.abs(u[:2]).sum() * mu
         else:
             rub, across = np.hypot(*x[:2]), mu * slip
         put("leaves its cone", max(rub - mu * x_n, 0.0), force)
-        if s.law == "coulomb":
+        if s.law.kind == "coulomb":
             put("works", abs(x_n * u_n), force * own)
             put("works", abs(x[:2] @ u[:2] + mu * x_n * slip), force * own)
         else:

@@ -251,7 +251,7 @@ def test_true_cones_and_coulombs_law_are_judged_by_their_own_equations():
     lifts = rbd.ProxQP().solve(problem)
     for f, passes in ((slides, "coulomb"), (lifts.multipliers, "convex")):
         a = (problem.rhs + f) / 10.0
-        answer = rbd.problem.Answer(problem, a, f, None, "true cones", "by hand", 1, 0.0)
+        answer = rbd.problem.Answer(problem, a, f, None, "convex", "by hand", 1, 0.0)
         for law in ("coulomb", "convex"):
             assert (max(law_residuals(problem, answer, law).values()) < 1e-9) == (law == passes)
 

@@ -182,7 +182,7 @@ class StandReport:
             "mass": robot.mass,
             "push": None if self.push is None else {"force": self.push.tolist(), "frame": self.at},
             "status": str(s.status),
-            "law": s.law,
+            "law": str(s.law),
             "solver": s.solver,
             "rows": s.problem.m,
             "rank": s.rank,

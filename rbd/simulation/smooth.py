@@ -23,6 +23,7 @@ from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
+from rbd.problem.law import BILATERAL
 from rbd.problem.problem import GaussProblem
 from rbd.simulation.events import HOLDS, ConstraintForce, Sample
 from rbd.simulation.motion import Motion
@@ -190,7 +191,7 @@ class SmoothMotion:
             return {}
         f, unique = self._solver.forces(held, stage.a, stage.rhs)
         P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
-        found = Solution(P, stage.a, f, None, "bilateral", "smooth", 1, 0.0)
+        found = Solution(P, stage.a, f, None, BILATERAL, "smooth", 1, 0.0)
         if not unique:
             found = found.settled()  # of all forces that do the same, those that `rbd.solve` gives
         out = {}
@@ -198,7 +199,7 @@ class SmoothMotion:
             points = pushes = None
             if r.patch is not None and r.resultant is not None:
                 points = r.patch.point + r.patch.corners @ r.patch.axes.T
-                pushes = corner_split(r, f[P.slices[r.name]], None) if unique else found.corner_forces[r.name]
+                pushes = corner_split(r, f[P.slices[r.name]]) if unique else found.corner_forces[r.name]
             out[r.name] = ConstraintForce(found.forces[r.name], HOLDS, points, pushes)
         return out
 

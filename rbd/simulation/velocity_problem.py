@@ -26,7 +26,7 @@ from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
 from rbd.problem.cones import Box, Cone, Product
-from rbd.problem.parts import Parts, parts_of
+from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
@@ -81,16 +81,14 @@ class ActiveRows:
     Attributes:
         index: Which rows.
         groups: (constraint, its rows among them, their set).
-        parts: Their sets as weights, which are the row impulses themselves: each set is one point's own.
-        bilateral: Whether all of them are bilateral.
+        sets: Their sets as weights, which are the row impulses themselves: each set is one point's own.
         held: Which of the rows are bilateral; indices.
         sticking: Solver of their sticking impulses, if there are any rows.
     """
 
     index: Array | slice
     groups: tuple[tuple[str, slice, Cone], ...]
-    parts: Parts
-    bilateral: bool
+    sets: ForceSet
     held: Array
     sticking: StickingSolver | None
 
@@ -122,11 +120,8 @@ def active_rows(layout: Layout, active: bytes, h: float) -> ActiveRows:
         cone = members[0] if len(members) == 1 else Product(members)
         groups.append((owner, slice(at, at + cone.dim), cone))
         at += cone.dim
-    # Sets alone matter here: rows of zeros stand in for those of a state.
-    parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
-    bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
-    held = np.flatnonzero(layout.held[index])
-    return ActiveRows(index, tuple(groups), parts, bilateral, held, StickingSolver(parts) if parts.size else None)
+    sets, held = at_rest(*[cone for _, _, cone in groups]), np.flatnonzero(layout.held[index])
+    return ActiveRows(index, tuple(groups), sets, held, StickingSolver(sets) if sets.size else None)
 
 
 def _impulses_over(cone: Cone, h: float) -> Cone:
@@ -172,7 +167,7 @@ def solve_velocity(
     if not is_finite(y):
         raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")
     merit, least, redundant = 0.0, False, False
-    if rows.parts.size:
+    if rows.sets.size:
         J, c, left_out = at.J[index], offset[index], 0.0
         W = blas.dtrsm(1.0, L, J.T, lower=1)
         if len(rows.held):
@@ -223,7 +218,7 @@ def _impulses(
     problem: Callable[[], GaussProblem],
 ) -> tuple[Array, float, bool]:
     """(row impulses, residual of the law, whether they are known to be of least norm)."""
-    if rows.bilateral:
+    if rows.sets.bilateral:
         return *_bilateral(D, u, max(h, max_abs(u)) or 1.0, problem), False
     if shift is None and rows.sticking is not None:
         shortest = rows.sticking.impulses(D, u, np.zeros(len(u)), STILL, others=False)
@@ -232,7 +227,7 @@ def _impulses(
         near = rows.sticking.impulses(D, u, guess, STILL)
         if near is not None:
             return *near, False
-    T, coulomb = rows.parts, law == "coulomb"
+    T, coulomb = rows.sets, law == "coulomb"
     if shift is not None:
         x, merit, S = _newton(D, u + shift, T, guess, coulomb)
         if merit <= _exact(S):
@@ -249,7 +244,7 @@ def _impulses(
     return *_portfolio(problem(), law), False
 
 
-def _newton(D: Array, u: Array, T: Parts, guess: Array, coulomb: bool) -> tuple[Array, float, Scaled]:
+def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float, Scaled]:
     """(scaled weights, merit, the scaled problem) by Newton's method from a guess."""
     S = scaled(D, u, T)
     x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=_QUICK)
