@@ -90,7 +90,7 @@ def fists(state: rbd.State) -> list[rbd.PointContact]:
     out = []
     for name, mine, other in (("left fist", LEFT, RIGHT), ("right fist", RIGHT, LEFT)):
         normal = state.frame(f"b_{other}").X_WF.rotation.T @ np.array([-1.0, 0.0, 0.0])
-        out.append(rbd.PointContact(name, f"a_{mine}", offset=FIST, against=f"b_{other}", normal=normal, friction=0.5))
+        out.append(rbd.PointContact(name, f"a_{mine}", offset=FIST, on=rbd.Body(f"b_{other}", normal=normal), friction=0.5))
     return out
 
 

@@ -88,7 +88,7 @@ if _TYPE_CHECKING:
         Product as Product,
         WrenchCone as WrenchCone,
     )
-    from rbd.problem.ground import Ground as Ground
+    from rbd.problem.ground import Body as Body, Ground as Ground
     from rbd.problem.problem import GaussProblem as GaussProblem
     from rbd.problem.rows import Rows as Rows
     from rbd.robots.checkup import doctor as doctor
@@ -136,7 +136,7 @@ _NAMES = {
     "rbd.model.xml": "FileLimits",
     "rbd.problem.answer": "Answer Status",
     "rbd.problem.cones": "Box Free FrictionCone LineCone NonNegative Product WrenchCone",
-    "rbd.problem.ground": "Ground",
+    "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
     "rbd.robots.checkup": "doctor",

@@ -1,4 +1,4 @@
-"""Axes, corners and placements of contacts: what is given, checked."""
+"""Axes, corners, placements and force sets of contacts: what is given, checked."""
 
 from __future__ import annotations
 
@@ -10,28 +10,36 @@ import pinocchio as pin
 from rbd.arrays import Array, check_finite, is_finite, numbers, three
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.ground import Ground, On
+from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, WrenchCone
+
+UP = np.array([0.0, 0.0, 1.0])
+_ALONG = 0.7
+"""Largest cosine between line and normal: 45 degrees off the surface it is no line contact any more."""
 
 
-def check_names(name: str, frame: str) -> None:
-    """Refuse what is no word.
+def check_words(whose: str, **words: object) -> None:
+    """Refuse names that are no words.
+
+    Args:
+        whose: Whose they are, for messages.
+        words: What each is: what was given.
 
     Raises:
-        InputError: naming which of the two.
+        InputError: naming which.
     """
-    for what, value in (("name", name), ("frame", frame)):
+    for what, value in words.items():
         if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of a contact is {value!r:.80}; expected a word, e.g. 'left_sole'.")
+            raise InputError(f"the {what} of {whose} is {value!r:.80}; expected a word, e.g. 'left_sole'.")
 
 
 def check_state(state: State, name: str) -> None:
     """Refuse what is no State.
 
     Raises:
-        InputError: with the contact's name.
+        InputError: with the constraint's name.
     """
     if not isinstance(state, State):
-        raise InputError(f"rows of {name!r} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
+        raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
 
 
 def contact_axes(normal: Array) -> Array:
@@ -42,85 +50,21 @@ def contact_axes(normal: Array) -> Array:
     return np.column_stack([t1, np.cross(normal, t1), normal])
 
 
-def unit_normal(name: str, normal: Sequence[float] | Array) -> Array:
-    """A normal, its length made one to rounding.
+def edge_axes(name: str, x: Array, n: Array) -> Array:
+    """R_WP of an edge along x: z is the normal n less its part along the edge.
 
     Raises:
-        InputError: if it is not of unit length to 1e-6.
+        InputError: the edge stands more than 45 degrees off the surface.
     """
-    n = three(f"normal of contact {name!r}", normal)
-    length = float(np.linalg.norm(n))
-    if abs(length - 1.0) > 1e-6:
-        raise InputError(f"normal of contact {name!r} has length {length:.6g}; expected a unit vector.")
-    return n / length
-
-
-def patch_corners(
-    name: str, half_lengths: Sequence[float] | Array | None, corners: Sequence[Sequence[float]] | Array | None
-) -> Array:
-    """Corners of a patch from its half sizes or as given, shape (k, 3) [m].
-
-    Raises:
-        InputError: both or neither are given, or the patch has no area.
-    """
-    if (half_lengths is None) == (corners is None):
-        raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
-    if half_lengths is not None:
-        half = numbers(f"half_lengths of contact {name!r}", half_lengths)
-        if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
-            raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
-        X, Y = half
-        return np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
-    given = numbers(f"corners of contact {name!r}", corners)
-    if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
+    along = float(n @ x)
+    if not abs(along) <= _ALONG:
         raise InputError(
-            f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 3. "
-            "For one point use PointContact, for two LineContact."
+            f"the line of contact {name!r} stands {90.0 - np.rad2deg(np.arccos(min(1.0, abs(along)))):.0f} degrees off its "
+            "surface; expected one that lies on it (up to 45 are taken). Is the placement's x along the line?"
         )
-    check_finite(f"corners of contact {name!r}", given)
-    out = np.zeros((len(given), 3))
-    out[:, : given.shape[1]] = given
-    spread = np.linalg.svd(out - out.mean(axis=0), compute_uv=False)
-    if spread[1] <= 1e-9 * max(spread[0], 1e-300) or spread[0] == 0.0:
-        raise InputError(f"corners of contact {name!r} lie on one line; a patch needs an area. For a line use LineContact.")
-    return out
-
-
-def ground_of(
-    name: str,
-    on: On,
-    against: str | None,
-    velocity: Sequence[float] | Array | None,
-    anchor: pin.SE3 | None,
-    normal: Array | None = None,
-) -> tuple[Ground | None, Ground | None]:
-    """(the plane that was given, the plane that it is measured from: that, or the one through the anchor).
-
-    A contact with another body, or with a ground that carries it away from its anchor, is not measured.
-
-    Args:
-        name: The contact's.
-        on: As given.
-        against: Frame of another body, or None.
-        velocity: Of the ground's surface, or None.
-        anchor: Where the contact first touched, or None.
-        normal: Of a contact that has one; by default the anchor's z.
-
-    Raises:
-        InputError: what is no plane; a plane together with another body, or with another normal.
-    """
-    plane = Ground.of(name, on)
-    if plane is not None and against is not None:
-        raise InputError(f"contact {name!r} has both on= and against=: it touches the ground, or the body of {against!r}.")
-    if plane is not None and normal is not None and float(np.abs(normal - np.asarray(plane.normal)).max()) > 1e-6:
-        raise InputError(
-            f"normal of contact {name!r} is {np.round(normal, 6).tolist()}, and that of the ground it is on is "
-            f"{np.round(np.asarray(plane.normal), 6).tolist()}; leave normal= out, or give both the same."
-        )
-    if plane is not None or anchor is None or against is not None or velocity is not None:
-        return plane, plane
-    n = anchor.rotation[:, 2] if normal is None else normal
-    return None, Ground(point=anchor.translation, normal=n / np.linalg.norm(n))
+    z = n - along * x
+    z /= np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
@@ -140,3 +84,50 @@ def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
     if not is_finite(matrix) or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
         raise InputError(f"{what} is no rigid placement; expected pin.SE3 or a 4 x 4 matrix.")
     return pin.SE3(R, matrix[:3, 3])
+
+
+def cone_of(corners: Array, friction: float | None, facets: int) -> Cone:
+    """Set of a contact's row forces."""
+    k = len(corners)
+    if friction is None:
+        return Free({1: 3, 2: 5}.get(k, 6))
+    mu = float(friction)
+    if k == 1:
+        return FrictionCone(mu, facets) if mu else NonNegative(1)
+    return LineCone(float(corners[0, 0]), mu, facets) if k == 2 else WrenchCone(corners, mu, facets)
+
+
+def anchor_of(name: str, anchor: pin.SE3 | Sequence[float] | Array | None, *, point: bool) -> pin.SE3 | None:
+    """Where it first touched, as a placement."""
+    if anchor is None:
+        return None
+    if point:
+        return pin.SE3(np.eye(3), three(f"anchor of contact {name!r}", anchor))
+    return rigid_placement(f"anchor of contact {name!r}", anchor)
+
+
+def corners_of(name: str, corners: object, X_FP: pin.SE3) -> tuple[Array, pin.SE3]:
+    """(corners from the centre, shape (k, 3), the placement of the centre): of a point W's axes, of an edge x along it."""
+    given = numbers(f"corners of contact {name!r}", corners)
+    if given.ndim != 2 or given.shape[1] not in (2, 3) or not len(given):
+        raise InputError(f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 1.")
+    check_finite(f"corners of contact {name!r}", given)
+    out = np.zeros((len(given), 3))
+    out[:, : given.shape[1]] = given
+    if len(out) == 1:
+        return np.zeros((1, 3)), pin.SE3(np.eye(3), X_FP.act(out[0]))
+    spread = np.linalg.svd(out - out.mean(axis=0), compute_uv=False)
+    if len(out) > 2:
+        if spread[1] <= 1e-9 * max(spread[0], 1e-300) or spread[0] == 0.0:
+            raise InputError(f"corners of contact {name!r} lie on one line; a patch needs an area. For a line use LineContact.")
+        return out, X_FP
+    half = 0.5 * (out[0] - out[1])
+    length = float(np.linalg.norm(half))
+    if not length > 0.0:
+        raise InputError(f"the two corners of contact {name!r} are one point; for a point use PointContact.")
+    if half[1] or half[2] or half[0] < 0.0 or (out[0] + out[1]).any():
+        x = half / length
+        y = np.cross(UP, x) if abs(x[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
+        z = np.cross(x, y / np.linalg.norm(y))
+        X_FP = X_FP * pin.SE3(np.column_stack([x, np.cross(z, x), z]), 0.5 * (out[0] + out[1]))
+    return np.array([[length, 0.0, 0.0], [-length, 0.0, 0.0]]), X_FP

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, a_number, check_finite, numbers
+from rbd.constraints.contact_geometry import check_state, check_words
+from rbd.constraints.contact_points import Measured, Structure
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_coordinates import JointPlace, PerRobot, joint_motion, with_one_freedom
@@ -54,7 +56,7 @@ class JointLimit:
     _stop: PerRobot[_Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         for side in ("lower", "upper"):
             value = getattr(self, side)
             if value is not None and math.isnan(a_number(value)):
@@ -77,7 +79,7 @@ class JointLimit:
 
     def side(self, state: State) -> str:
         """At which bound the joint is: "lower", "upper", "both", or "" for none."""
-        _check_state(state, self.name)
+        check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = state.q[stop.q]
         return _SIDES[bool(q - stop.lower <= self.margin), bool(stop.upper - q <= self.margin)]
@@ -89,7 +91,7 @@ class JointLimit:
             JointNotFound: with the nearest names.
             InputError: as `bounds`.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = float(state.q[stop.q])
         distances = q - stop.lower, stop.upper - q
@@ -101,6 +103,10 @@ class JointLimit:
         J[:, at] = signs
         error = np.array([d for d in distances if d <= self.margin])
         return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
+
+    def source(self, start: State) -> Stops:
+        """Its bounds as points of a motion, seen from anywhere."""
+        return Stops([self], start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +145,39 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
     return _Stop(motion.q, motion.v, low, high, nothing)
 
 
+class Stops:
+    """Joint limits as points of a motion: one row a bound, none of them dear."""
+
+    group = "joint limits"
+
+    def __init__(self, limits: Sequence[JointLimit], start: State) -> None:
+        self.limits, robot = tuple(limits), start.robot
+        sides = [(limit, i) for limit in limits for i in (0, 1) if math.isfinite(limit.bounds(robot)[i])]
+        places = [limit._stop.of(limit, robot) for limit, _ in sides]
+        k = len(sides)
+        self.q, self.v = np.array([p.q for p in places], int), np.array([p.v for p in places], int)
+        self.sign = np.array([-1.0 if i else 1.0 for _, i in sides])
+        self.bound = np.array([p.upper if i else p.lower for p, (_, i) in zip(places, sides, strict=True)])
+        self.J = np.zeros((k, robot.nv))
+        self.J[np.arange(k), self.v] = self.sign
+        owners, numbers = tuple(limit.name for limit, _ in sides), tuple(i for _, i in sides)
+        self.structure = Structure(owners, numbers, (NonNegative(1),) * k)
+        self.nothing = np.zeros(k)
+
+    def together(self, sources: Sequence[Stops], start: State) -> Stops:
+        """All of them as one."""
+        return Stops([limit for source in sources for limit in source.limits], start)
+
+    def at(self, state: State, t: float) -> Measured:
+        """Distances to all bounds."""
+        gap = self.gaps(state, t)
+        return Measured(self.structure, self.J, self.sign * state.v[self.v], self.nothing, gap, self.nothing)
+
+    def gaps(self, state: State, t: float) -> Array:
+        """The distances alone."""
+        return self.sign * (state.q[self.q] - self.bound)
+
+
 @dataclass(frozen=True, eq=False)
 class JointLock:
     """A joint that is held: a brake, a pin, a joint taken out of the motion.
@@ -169,7 +208,7 @@ class JointLock:
     _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_any_motion), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         if self.position is not None:
             object.__setattr__(self, "position", _vector(self.name, "position", self.position))
 
@@ -180,7 +219,7 @@ class JointLock:
             JointNotFound: with the nearest names.
             InputError: a position of the wrong size, or off the unit sphere.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         motion = self._motion.of(self, state.robot)
         span = slice(motion.v, motion.v + motion.nv)
         J, bias, error, turns = np.zeros((motion.nv, state.robot.nv)), np.zeros(motion.nv), None, None
@@ -191,6 +230,19 @@ class JointLock:
             error, J[:, span], bias = motion.difference(target, state.q, state.v)
             turns = motion.period
         return Rows(self.name, J, bias, Free(motion.nv), J[:, span] @ state.v[span], error, period=turns)
+
+    def anchored(self, state: State) -> JointLock:
+        """The joint held where it is at this state."""
+        at = self._motion.of(self, state.robot)
+        return JointLock(self.name, self.joint, position=state.q[at.q : at.q + sum(p.nq for p in at.pieces)])
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without the joint.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        self._motion.of(self, robot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +274,7 @@ class JointCoupling:
     )
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint, to=self.to)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
         if self.joint == self.to:
             raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Hold it with rbd.JointLock.")
         _check_finite(self.name, "ratio", self.ratio)
@@ -235,7 +287,7 @@ class JointCoupling:
             JointNotFound: with the nearest names.
             InputError: a joint with several freedoms.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         one, other = self._motions.of(self, state.robot)
         J = np.zeros((1, state.robot.nv))
         J[0, one.v], J[0, other.v] = 1.0, -self.ratio
@@ -246,6 +298,15 @@ class JointCoupling:
         error = None if math.isnan(period) else np.array([missed])
         turns = np.array([period]) if period > 0.0 else None
         return Rows(self.name, J, np.zeros(1), Free(1), J @ state.v, error, period=turns)
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without these joints, or on which they have several degrees of freedom.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: a joint with several degrees of freedom.
+        """
+        self._motions.of(self, robot)
 
     def _period(self, *, turns: bool, to_turns: bool) -> float:
         """Up to what the error is known: 0 for exactly, NaN for not at all."""
@@ -281,7 +342,7 @@ class JointFriction:
     _cone: Box = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         _check_finite(self.name, "torque", self.torque, least=0.0)
         bound = np.array([float(self.torque)])
         object.__setattr__(self, "_cone", Box(-bound, bound))
@@ -293,7 +354,7 @@ class JointFriction:
             JointNotFound: with the nearest names.
             InputError: a joint with several freedoms.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         at = self._motion.of(self, state.robot).v
         J = np.zeros((1, state.robot.nv))
         J[0, at] = 1.0
@@ -310,17 +371,6 @@ def _one_motion(friction: JointFriction, robot: CheckedModel) -> JointPlace:
 
 def _both_motions(gear: JointCoupling, robot: CheckedModel) -> tuple[JointPlace, JointPlace]:
     return with_one_freedom(robot, gear.name, gear.joint), with_one_freedom(robot, gear.name, gear.to)
-
-
-def _check_names(name: str, **joints: str) -> None:
-    for what, value in {"name": name, **joints}.items():
-        if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of a constraint on a joint is {value!r:.80}; expected a word, e.g. 'left_knee'.")
-
-
-def _check_state(state: State, name: str) -> None:
-    if not isinstance(state, State):
-        raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
 
 
 def _check_finite(name: str, what: str, value: float, *, least: float = -math.inf) -> None:

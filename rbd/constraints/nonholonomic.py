@@ -10,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, cross_matrix, numbers, three
-from rbd.constraints.contact_geometry import check_state, unit_normal
+from rbd.constraints.contact_geometry import check_state, check_words
 from rbd.constraints.function import check_function, matrix_of, rate, vector_of
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Free
+from rbd.problem.ground import unit_normal
 from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER = np.zeros((1, 3))
@@ -128,12 +129,17 @@ class KnifeEdge:
     _X_FP: pin.SE3 = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_words(self.name, self.frame)
+        check_words("what rolls or glides", name=self.name, frame=self.frame)
         put = object.__setattr__
         put(self, "direction", unit_direction(f"direction of {self.name!r:.80}", self.direction))
-        put(self, "normal", unit_normal(self.name, self.normal))
+        put(self, "normal", unit_normal(f"normal of contact {self.name!r}", self.normal))
         put(self, "offset", three(f"offset of {self.name!r:.80}", self.offset))
         put(self, "_X_FP", pin.SE3(np.eye(3), np.asarray(self.offset)))
+
+    @property
+    def frames(self) -> tuple[str]:
+        """Its own frame."""
+        return (self.frame,)
 
     def rows(self, state: State) -> Rows:
         """One row: the point's velocity across the blade, in the plane.
@@ -165,17 +171,6 @@ class KnifeEdge:
             patch=patch,
             holonomic=_VELOCITY_ONLY,
         )
-
-
-def check_words(name: str, frame: str) -> None:
-    """Refuse names that are no words.
-
-    Raises:
-        InputError: naming which.
-    """
-    for what, value in (("name", name), ("frame", frame)):
-        if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of what rolls or glides is {value!r:.80}; expected a word, e.g. 'left_wheel'.")
 
 
 def unit_direction(what: str, given: Sequence[float] | Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, frames_of
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
@@ -92,6 +92,11 @@ class Stabilised:
     def name(self) -> str:
         """The constraint's own name."""
         return self.constraint.name
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that the constraint joins."""
+        return frames_of(self.constraint)
 
     def rows(self, state: State) -> Rows:
         """The constraint's rows, with feedback."""

@@ -18,8 +18,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, a_number
 from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.points import Source, Structure
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import Source, Structure, sources_of
 from rbd.control.gains import Gains, posture_gains
 from rbd.errors import InputError
 from rbd.model.state import State

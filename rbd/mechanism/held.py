@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number, largest
-from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.constraint import Constraint, anchored, rows_of
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_coordinates import Piece, joint_motion
@@ -271,8 +271,7 @@ def check_positive(what: str, value: float, most: float) -> float:
 
 def _anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
     """A contact that holds, held where it is: without an anchor its rows give no position."""
-    anchored = getattr(constraint, "anchored", None)
-    return anchored(state) if rows.error is None and callable(anchored) and _holds(rows) else constraint
+    return anchored(constraint, rows, state) if _holds(rows) else constraint
 
 
 def _holds(rows: Rows) -> bool:

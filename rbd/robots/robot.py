@@ -21,7 +21,7 @@ from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT, UrdfFile
 from rbd.model.xml import FileLimits, read_xml
-from rbd.problem.ground import On, grounds_of
+from rbd.problem.ground import On, surfaces_of
 from rbd.robots import catalogue
 from rbd.robots.diagnosis import Report, examine, refuse
 from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
@@ -168,7 +168,7 @@ class Robot(CheckedModel):
                 f"no feet are known for {self.name}: its file names none. Give your own: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
-        planes = grounds_of([foot.name for foot in self.source.feet], on)
+        planes = surfaces_of([foot.name for foot in self.source.feet], on)
         out: list[SurfaceContact | PointContact] = []
         for foot in self.source.feet:
             plane = planes[foot.name]
@@ -248,7 +248,7 @@ class Robot(CheckedModel):
         if not isinstance(at, State) or at.robot is not self:
             raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
         soles = [(frame, sole_of(self, self._collision, frame, at)) for frame in frames]
-        planes = grounds_of(list(frames), on)
+        planes = surfaces_of(list(frames), on)
         return [
             SurfaceContact(
                 frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets, on=planes[frame]

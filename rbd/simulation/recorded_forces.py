@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, largest
-from rbd.constraints.points import Measured, Structure
+from rbd.constraints.contact_points import Measured, Structure
 from rbd.problem.cones import Free
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows

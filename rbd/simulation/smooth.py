@@ -13,8 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, largest
-from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.joint import JointLock
+from rbd.constraints.constraint import Constraint, anchored, ground_of, is_carried, rows_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
 from rbd.least_constraint import OPEN
@@ -22,7 +21,6 @@ from rbd.mechanism.held_rows import HeldRows, holds, velocity_of
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
-from rbd.model.joint_coordinates import joint_motion
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem
@@ -95,7 +93,7 @@ class SmoothMotion:
         self._projection = by if isinstance(by, Projection) else None
         if isinstance(by, Baumgarte):
             self._given = self._anchored = tuple(by.of(c) for c in self._anchored)
-        self._carried = tuple(getattr(c, "velocity", None) is not None for c in motion.constraints)
+        self._carried = tuple(is_carried(c) for c in motion.constraints)
         self._open = 0.0
         self._solver = StageSolver()
 
@@ -258,8 +256,8 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}), and this integrator takes "
                 "constraints that hold. Use integrator=rbd.TimeStepping(), or friction=None for a contact that holds."
             )
-        speeding = getattr(constraint, "acceleration", None)
-        if speeding is not None and np.any(speeding):
+        ground = ground_of(constraint)
+        if ground is not None and ground.acceleration is not None and np.any(ground.acceleration):
             return (
                 f"the ground of {r.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
                 "without an acceleration."
@@ -283,10 +281,4 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
 
 def _anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
     """What holds and knows no place is put where it is; what is carried along by a ground that moves has no place."""
-    if rows.error is not None or getattr(constraint, "velocity", None) is not None:
-        return constraint
-    if isinstance(constraint, JointLock):
-        at = joint_motion(state.robot, constraint.joint)
-        return JointLock(constraint.name, constraint.joint, position=state.q[at.q : at.q + sum(p.nq for p in at.pieces)])
-    anchored = getattr(constraint, "anchored", None)
-    return anchored(state) if callable(anchored) else constraint
+    return constraint if is_carried(constraint) else anchored(constraint, rows, state)

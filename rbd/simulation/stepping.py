@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import sources_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
 from rbd.model.bases import Bases

@@ -33,7 +33,7 @@ def test_feet_of_the_catalogue_describe_their_motion(name, friction):
 def test_points_on_any_wall_describe_their_motion(talos, normal, friction):
     """Floor, ceiling, walls, slopes."""
     point = rbd.PointContact(
-        "toe", "left_sole_link", offset=(0.1, 0.02, -0.1), normal=np.array(normal, float), friction=friction
+        "toe", "left_sole_link", offset=(0.1, 0.02, -0.1), on=rbd.Ground(normal=np.array(normal, float)), friction=friction
     )
     report = check_constraint(point, _generic(talos, 2), draws=2)
     assert report.rows == (1 if friction == 0.0 else 3)
@@ -99,7 +99,8 @@ def test_a_sole_at_rest_on_a_slope_pushes_along_its_normal():
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=below, friction=0.0)
     points = [
-        rbd.PointContact(f"p{i}", "box", offset=below.act(c), normal=R[:, 2], friction=0.0) for i, c in enumerate(floor.corners)
+        rbd.PointContact(f"p{i}", "box", offset=below.act(c), on=rbd.Ground(normal=R[:, 2]), friction=0.0)
+        for i, c in enumerate(floor.corners)
     ]
     for contacts in ([floor], points):
         s = rbd.solve(state, np.zeros(0), contacts)
@@ -202,10 +203,6 @@ IDENTITY = pin.SE3.Identity()
         ("friction", {"friction": np.nan}),
         ("friction", {"friction": "0.7"}),
         ("facets", {"friction": 0.5, "facets": 2}),
-        ("length", {"normal": (0.0, 0.0, 2.0)}),
-        ("length", {"normal": (0.0, 0.0, 0.0)}),
-        ("normal", {"normal": (0.0, 1.0)}),
-        ("normal", {"normal": (0.0, np.nan, 1.0)}),
         ("offset", {"offset": (0.0, 0.0)}),
         ("offset", {"offset": (0.0, 0.0, np.inf)}),
         ("offset", {"offset": "here"}),
@@ -215,6 +212,17 @@ def test_a_point_that_means_nothing_is_refused(what, arguments):
     """By name, before any robot is involved."""
     with pytest.raises(rbd.InputError, match=what):
         rbd.PointContact("toe", "foot", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("what", "normal"),
+    [("length", (0.0, 0.0, 2.0)), ("length", (0.0, 0.0, 0.0)), ("normal", (0.0, 1.0)), ("normal", (0.0, np.nan, 1.0))],
+)
+def test_a_normal_that_means_nothing_is_refused(what, normal):
+    """Of ground and of a body, before any contact is involved."""
+    for make in (rbd.Ground, lambda **given: rbd.Body("table", **given)):
+        with pytest.raises(rbd.InputError, match=what):
+            make(normal=normal)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from flat_bodies import slider
 
 import rbd
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import sources_of
 from rbd.problem.parts import parts_of
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Points
