@@ -32,8 +32,8 @@ def main(show: bool = True) -> Result:
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
 
     def on_belt(speed: float, belt_gains: float = 0.0) -> rbd.Solution:
-        moves = {"velocity": (BELT_SPEED, 0.0, 0.0), "acceleration": (belt_gains, 0.0, 0.0)}
-        belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=below, friction=BELT_MU, **moves)
+        moves = rbd.Ground(velocity=(BELT_SPEED, 0.0, 0.0), acceleration=(belt_gains, 0.0, 0.0))
+        belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=below, friction=BELT_MU, on=moves)
         state = parcel.at(v=np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
         return rbd.solve(state, np.zeros(0), [belt], solver=rbd.ADMM())  # it may slip: Coulomb's law
 

@@ -93,6 +93,7 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import Rows as Rows
     from rbd.robots.checkup import doctor as doctor
     from rbd.robots.diagnosis import Finding as Finding, Report as Report
+    from rbd.robots.loop_file import register_constraint as register_constraint
     from rbd.robots.merge import Pair as Pair, combine as combine
     from rbd.robots.robot import Robot as Robot, load_robot as load_robot
     from rbd.simulation import (
@@ -141,6 +142,7 @@ _NAMES = {
     "rbd.problem.rows": "Rows",
     "rbd.robots.checkup": "doctor",
     "rbd.robots.diagnosis": "Finding Report",
+    "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.merge": "Pair combine",
     "rbd.robots.robot": "Robot load_robot",
     "rbd.simulation": "DormandPrince8 Event Projection RungeKutta4 TimeStepping Trajectory simulate",

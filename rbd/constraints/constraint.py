@@ -78,6 +78,19 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
         raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
 
 
+def made(constraint: Any) -> Constraint:
+    """What was made, if it is a constraint.
+
+    Raises:
+        InputError: it is none.
+    """
+    named = isinstance(getattr(constraint, "name", None), str) and callable(getattr(constraint, "rows", None))
+    if isinstance(constraint, type) or not named:
+        raise InputError(f"{constraint!r:.80} is no constraint: it wants a name and rows(state), as rbd.JointLock has.")
+    out: Constraint = constraint
+    return out
+
+
 def member(constraint: object, name: str) -> Any:
     """An optional member of a constraint; None where its kind has none."""
     return getattr(constraint, name, None)

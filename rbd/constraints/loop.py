@@ -74,7 +74,9 @@ class LoopClosure:
     def __post_init__(self) -> None:
         check_words("a loop closure", name=self.name, frame_a=self.frame_a, frame_b=self.frame_b)
         if self.frame_a == self.frame_b:
-            raise InputError(f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself; expected frames of two bodies.")
+            raise InputError(
+                f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself, on one body; expected frames of two bodies."
+            )
         if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
         axis = three(f"axis of loop {self.name!r:.80}", self.axis)

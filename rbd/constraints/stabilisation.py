@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, a_number, zeros
-from rbd.constraints.constraint import Constraint, frames_of
+from rbd.constraints.constraint import Constraint, frames_of, made
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
@@ -83,10 +83,7 @@ class Stabilised:
     by: Baumgarte
 
     def __post_init__(self) -> None:
-        given = self.constraint
-        named = isinstance(getattr(given, "name", None), str) and callable(getattr(given, "rows", None))
-        if isinstance(given, type) or not named:
-            raise InputError(f"{given!r:.80} is no constraint: it wants a name and rows(state), as rbd.JointLock has.")
+        made(self.constraint)
 
     @property
     def name(self) -> str:

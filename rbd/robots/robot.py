@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
@@ -25,7 +26,7 @@ from rbd.problem.ground import On, surfaces_of
 from rbd.robots import catalogue
 from rbd.robots.diagnosis import Report, examine, refuse
 from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
-from rbd.robots.loops import Loop, Mechanism, Rolling, mechanism
+from rbd.robots.loops import Mechanism, mechanism
 from rbd.robots.posture import configuration, semantic_postures, stand
 from rbd.robots.underside import sole_of
 
@@ -75,8 +76,8 @@ class Robot(CheckedModel):
             q.flags.writeable = False
         self.postures = MappingProxyType(found)
         self.mechanism = mechanism
-        self.loops: tuple[Loop, ...] = mechanism.loops(self)
-        self.wheels: tuple[Rolling, ...] = mechanism.wheels(self)
+        self.loops: tuple[Constraint, ...] = mechanism.loops(self)
+        self.wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
