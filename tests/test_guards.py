@@ -24,6 +24,7 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from matplotlib.figure import Figure
 
 import rbd
+from rbd.robots.loop_file import KINDS
 from rbd.visual import (
     Scene,
     contact_colors,
@@ -244,6 +245,17 @@ def of_state(name: str, **more: Any) -> Case:
     return Case(getattr(rbd.dynamics, name), {"state": MOVING, **more})
 
 
+def use_word(word: Any, kind: Any) -> Any:
+    """What a word of loop files stands for, while it is asked."""
+    before = dict(KINDS)
+    try:
+        rbd.register_constraint(word, kind)
+        return sorted(KINDS[word].keys)
+    finally:
+        KINDS.clear()
+        KINDS.update(before)
+
+
 def use_ground(on: Any) -> Any:
     """How far a point and a sole are from a plane."""
     contacts = rbd.PointContact("toe", "box", on=on), rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.05), on=on)
@@ -267,6 +279,7 @@ CASES: dict[str, Case] = {
     "LineContact": contact_case(
         rbd.LineContact, {"half_length": 0.1, "placement": np.eye(4), "normal": np.array([0.0, 0.0, 1.0])}
     ),
+    "register_constraint": Case(use_word, {"word": "pillar", "kind": rbd.RollingBall}, 20),
     "combine": Case(
         use_pair, {"first": BOX, "second": BOLT, "placement": np.eye(4), "names": ("a_", "b_"), "against": "b_FL_FOOT"}
     ),
