@@ -109,7 +109,7 @@ def is_carried(constraint: Constraint) -> bool:
 
 
 def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
-    """A constraint that knows no place is put where it is at a state; others are as they were.
+    """A constraint whose rows give no error is put where it is at a state, unless its ground carries it along; others stay.
 
     Args:
         constraint: Any.
@@ -117,7 +117,10 @@ def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
         state: Where.
     """
     put = member(constraint, "anchored")
-    return put(state) if rows.error is None and callable(put) else constraint
+    if rows.error is not None or is_carried(constraint) or not callable(put):
+        return constraint
+    out: Constraint = put(state)
+    return out
 
 
 def has_friction(constraint: Constraint) -> bool:

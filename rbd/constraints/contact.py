@@ -15,8 +15,11 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number, is_finite, numbers, three
-from rbd.constraints.contact_geometry import (
+from rbd.constraints.contact_points import ContactPoints
+from rbd.constraints.ground_points import OnGround
+from rbd.constraints.surface import (
     UP,
+    Counterpart,
     anchor_of,
     check_state,
     check_words,
@@ -26,9 +29,6 @@ from rbd.constraints.contact_geometry import (
     edge_axes,
     rigid_placement,
 )
-from rbd.constraints.contact_points import ContactPoints
-from rbd.constraints.ground_points import OnGround
-from rbd.constraints.surface import Counterpart
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, check_friction

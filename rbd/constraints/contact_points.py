@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint, anchored, is_carried, member, rows_of
+from rbd.constraints.constraint import Constraint, anchored, member, rows_of
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, HalfLine, Interval, Line, NonNegative, SecondOrderCone
@@ -168,7 +168,7 @@ def _source(constraint: Constraint, start: State) -> Source:
     if callable(points) and points(start, 0.0) is not None:
         return FromPoints(constraint.name, points)
     (rows,) = rows_of(start, (constraint,))
-    return FromRows(constraint if is_carried(constraint) else anchored(constraint, rows, start))
+    return FromRows(anchored(constraint, rows, start))
 
 
 class _Alone:

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, numbers
-from rbd.constraints.contact_geometry import check_state
 from rbd.constraints.differences import ROUGH, first_derivative, jacobian, second_derivative
+from rbd.constraints.surface import check_state
 from rbd.errors import InputError, RbdError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, NonNegative

@@ -9,9 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix
-from rbd.constraints.contact_geometry import contact_axes
 from rbd.constraints.contact_points import Measured, Structure
-from rbd.constraints.surface import motion_of
+from rbd.constraints.surface import contact_axes, motion_of
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative
 from rbd.problem.ground import Ground

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, a_number, check_finite, numbers
-from rbd.constraints.contact_geometry import check_state, check_words
 from rbd.constraints.contact_points import Measured, Structure
+from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_coordinates import JointPlace, PerRobot, joint_motion, with_one_freedom

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, three
-from rbd.constraints.contact_geometry import check_state, check_words, contact_axes
+from rbd.constraints.surface import check_state, check_words, contact_axes
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State

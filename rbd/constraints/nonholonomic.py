@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, cross_matrix, numbers, three
-from rbd.constraints.contact_geometry import check_state, check_words
 from rbd.constraints.function import check_function, matrix_of, rate, vector_of
+from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Free

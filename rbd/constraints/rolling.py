@@ -24,9 +24,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, a_number, cross_matrix
-from rbd.constraints.contact_geometry import UP, check_state, check_words, contact_axes
 from rbd.constraints.nonholonomic import unit_direction
-from rbd.constraints.surface import HERE, check_two_bodies, motion_of
+from rbd.constraints.surface import HERE, UP, check_state, check_two_bodies, check_words, contact_axes, motion_of
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction

@@ -24,7 +24,6 @@ from rbd.model.chart import Charts
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rows import Rows
 from rbd.simulation.events import HOLDS, Moment, Touch
 from rbd.simulation.motion import Motion
 from rbd.solution import Solution
@@ -88,7 +87,7 @@ class SmoothMotion:
         self.motion = motion
         self.charts = Charts(motion.robot)
         self._given = motion.constraints
-        self._anchored = tuple(_anchored(c, r, state) for c, r in zip(self._given, rows_of(state, self._given), strict=True))
+        self._anchored = tuple(anchored(c, r, state) for c, r in zip(self._given, rows_of(state, self._given), strict=True))
         by = motion.stabilisation
         self._projection = by if isinstance(by, Projection) else None
         if isinstance(by, Baumgarte):
@@ -277,8 +276,3 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
                 "whose velocity the constraints allow, or use integrator=rbd.TimeStepping()."
             )
     return None
-
-
-def _anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
-    """What holds and knows no place is put where it is; what is carried along by a ground that moves has no place."""
-    return constraint if is_carried(constraint) else anchored(constraint, rows, state)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.contact_geometry import contact_axes
+from rbd.constraints.surface import contact_axes
 from rbd.testing import box, check_constraint
 
 
