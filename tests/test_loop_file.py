@@ -19,7 +19,7 @@ import pytest
 import rbd
 from rbd.errors import InputError, JointNotFound, ModelError, ModelWarning
 from rbd.least_constraint import momentum_balance
-from rbd.robots.loop_file import LARGEST_FILE, LoopFile, Mark, read_loop_file
+from rbd.robots.loop_file import LARGEST_FILE, LoopFile, NamedFrame, read_loop_file
 
 TOP = Path(__file__).parents[1]
 FOUR_BAR = TOP / "urdf" / "four_bar.urdf"
@@ -112,7 +112,7 @@ def test_words_are_those_of_yaml_1_2(tmp_path: Path) -> None:
     """`no` and `on` are names, 1e-3 is a number, and nothing is a date, an octal or sixty-based number."""
     found = read(tmp_path, "passive: [no, on, yes, 12:30:45, 2020-01-01]\nframes: {off: {link: y, xyz: [1e-3, 010, +.5E1]}}")
     assert found.passive == ("no", "on", "yes", "12:30:45", "2020-01-01")
-    assert found.frames == (Mark("off", "y", (1e-3, 10.0, 5.0)),)
+    assert found.frames == (NamedFrame("off", "y", (1e-3, 10.0, 5.0)),)
 
 
 # ------------------------------------------------------------------------------------------------- where it is found
@@ -578,7 +578,7 @@ def test_joints_that_share_a_body_can_be_coupled(tmp_path: Path) -> None:
         .replace('<joint name="was_j1" axis="0 -1 0" ref="0.3"/>', "")
         .replace('joint1="j1"', 'joint1="j2"')
     )
-    with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several freedoms.*loops=None"):
+    with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several degrees of freedom.*loops=None"):
         rbd.load_robot(path)
     assert rbd.load_robot(path, loops=None).nv == 5
 

@@ -97,7 +97,9 @@ class CollisionContacts:
         if not isinstance(name, str) or not name:
             raise InputError(f"the name of CollisionContacts is {name!r:.80}; expected a word, e.g. 'ground'.")
         if friction is None:
-            raise InputError(f"friction of {name!r:.80} is None; expected a number >= 0: shapes that collide do not hold on.")
+            raise InputError(
+                f"friction of {name!r:.80} is None; expected a number >= 0: contacts found from shapes are unilateral."
+            )
         check_friction(friction, facets)
         put = object.__setattr__
         put(self, "name", name)
@@ -260,8 +262,8 @@ def _stacked(cone: Cone, k: int) -> Cone:
 
 
 @lru_cache(maxsize=256)
-def _normals(k: int, rubs: bool) -> Array:
-    out = np.tile([False, False, True], k) if rubs else np.ones(k, bool)
+def _normals(k: int, friction: bool) -> Array:
+    out = np.tile([False, False, True], k) if friction else np.ones(k, bool)
     out.flags.writeable = False
     return out
 

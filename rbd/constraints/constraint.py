@@ -9,7 +9,7 @@ it has something to say by, and everyone asks through the functions of this modu
     anchored(state)               the same constraint, its place put where it is: of kinds whose rows may have no `error`
     with_margin(margin)           the same, its points seen from farther away [m]: of points that come and go
     on                            what it touches, `rbd.Ground` or `rbd.Body`: a ground with a velocity carries it along
-    friction, with_friction(mu)   its coefficient, None where it holds; the same with another one
+    friction, with_friction(mu)   its coefficient, None where bilateral; the same with another one
     frames                        names of the frames that it joins: one on the ground, two between bodies
     loop_freedoms(state, normal)  of a joint that closes a loop: how many relative velocities it leaves, of six; or, where all
                                   moves across `normal`, of three. `rbd.solve` warns of one that is open

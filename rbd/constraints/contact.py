@@ -1,4 +1,4 @@
-"""Contacts at k corner points: held, with friction or without; on the ground, on moving ground, on another body.
+"""Contacts at k corner points, bilateral, with friction or without; on ground at rest, on moving ground, on another body.
 
 Rows are in contact axes (tangent, tangent, normal); the normal points out of what is touched, so that a positive normal
 force pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v
@@ -50,8 +50,9 @@ class Contact:
         2         velocity of the middle (3), angular velocity about y and z (2)    the same 5
         k         velocity of the centre (3), angular velocity (3)                  the same 6
 
-    `friction=None` holds: forces and moments of all kinds. `friction=mu` pushes and rubs at the corners, and so resists
-    torque: the rows take what corner forces in friction cones can make. `friction=0.0` only pushes at them.
+    `friction=None` is bilateral: forces and moments of all kinds. `friction=mu` is unilateral with Coulomb friction at the
+    corners, which resists torque too: the rows take what corner forces in friction cones can make. `friction=0.0` is
+    unilateral without friction.
 
     `PointContact`, `LineContact` and `SurfaceContact` are the three, by what one knows of each.
 
@@ -164,7 +165,7 @@ class Contact:
         return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints | None:
-        """Its corners on the ground as it stands at a state; None of what holds, or touches a body: there rows say it all.
+        """Its corners on the ground as it stands at a state; None if bilateral, or on a body: there the rows are used.
 
         Args:
             state: The robot.
@@ -174,7 +175,7 @@ class Contact:
         return None if source is None else ContactPoints.of(source.at(state, t))
 
     def source(self, start: State) -> OnGround | None:
-        """Its corners on the ground for a motion; None of what holds, or touches a body."""
+        """Its corners on the ground for a motion; None if bilateral, or on a body."""
         return None if self.friction is None or self._against is not None else OnGround(self, start)
 
     def anchored(self, state: State) -> Self:

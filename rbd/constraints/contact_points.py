@@ -1,8 +1,8 @@
-"""Constraints as points: what each of a motion's constraints says of velocity at a state, one entry a point of contact.
+"""Constraints as contact points: Jacobian, velocity, J_dot v and gap of each point that a motion's constraints have at a state.
 
 A point has a set of impulses (a cone, a half-line, an interval, or all there are), rows J, the velocity of those rows, their
-J_dot v, and a gap: how far it is from touching. What holds, and what rubs, has a gap of -infinity: it always acts. A sole is
-its corners here, each with the ground's normal, so that it may tip.
+J_dot v, and a gap: how far it is from touching. Bilateral constraints and joint friction have a gap of -infinity: they always
+act. A sole is its corners here, each with the ground's normal, so that it may tip.
 
 A kind says this itself, by `points(state, t)`; of any other its rows say it, with their `error` for the gap.
 """
@@ -26,7 +26,7 @@ from rbd.problem.rows import Rows
 
 ALWAYS = -np.inf
 """The gap of what always acts."""
-AFAR = 0.05
+MARGIN = 0.05
 """Margin of contacts that come and go [m]: what is nearer is watched."""
 
 
@@ -107,7 +107,7 @@ class Measured:
         velocity: J v less the surface's velocity, shape (p,).
         bias: J_dot v less the surface's acceleration, shape (p,).
         gap: Shape (k,) [m, rad]; -inf of what always acts.
-        error: Position errors of what holds, shape (p,); zero elsewhere.
+        error: Position errors of bilateral rows, shape (p,); zero elsewhere.
         to_world: Takes the p row forces to the resultant on the robot in world axes, shape (r, p); None: row forces themselves,
             or the sum of the points' forces, with their moments where there are arms.
         arms: From its contact's centre to each point in W, shape (k, 3) [m]; None where the resultant is a force alone.
@@ -161,9 +161,9 @@ def _source(constraint: Constraint, start: State) -> Source:
     source = prepared(start) if callable(prepared) else None
     if source is not None:
         return source
-    afar = member(constraint, "with_margin")
-    if callable(afar):  # points that come and go are seen from afar
-        constraint = afar(AFAR)
+    with_margin = member(constraint, "with_margin")
+    if callable(with_margin):  # points that come and go, within a margin
+        constraint = with_margin(MARGIN)
     points = member(constraint, "points")
     if callable(points) and points(start, 0.0) is not None:
         return FromPoints(constraint.name, points)

@@ -44,11 +44,12 @@ class LoopClosure:
     "revolute" is refused.
 
     "planar" is for mechanisms all of whose joints turn about parallel axes, or slide across them: there the other rows of a
-    closure hold by themselves, and as rows they would be spurious. It lets the frames differ along `axis`, as where links lie
-    on top of each other, and it carries no force along it and no moments; those of a real pin are in no equation of motion.
+    closure are satisfied by themselves, and as rows they would be redundant. It lets the frames differ along `axis`, as
+    where links lie on top of each other, and it carries no force along it and no moments; those of a real pin are in no
+    equation of motion.
 
-    Rows hold: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench (6,) of
-    the others, on the body of frame_b at its origin, in world axes; the body of frame_a feels the opposite at that same
+    Bilateral rows: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench
+    (6,) of the others, on the body of frame_b at its origin, in world axes; the body of frame_a feels the opposite at that same
     point. Where frame_b is on the ground it is the one on the body of frame_a: forces are on the robot.
 
     Attributes:
@@ -116,7 +117,7 @@ class LoopClosure:
         return 3 - {"point": 2, "rigid": 3, "revolute": 2 if along else 3, "planar": 2 if along else 1}[self.kind]
 
     def rows(self, state: State) -> Rows:
-        """Rows that hold, in the axes of frame_a; see the class.
+        """Bilateral rows in the axes of frame_a; see the class.
 
         Raises:
             FrameNotFound: with the nearest names.

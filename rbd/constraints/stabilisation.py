@@ -20,11 +20,11 @@ class Baumgarte:
 
         feedback = 2 zeta w velocity + w^2 error,      so that      error'' + 2 zeta w error' + w^2 error = 0
 
-    on rows that hold. It is no physics: `solution.accelerations` leave it out, and `solution.feedback_acceleration` tells
+    on bilateral rows. It is no physics: `solution.accelerations` leave it out, and `solution.feedback_acceleration` is
     what it does to the motion. A step of simulation must be short against 1 / w.
 
     Rows without an `error` (a contact without an anchor) get the velocity part alone, which stops their drift and does not
-    undo it; `Stabilised.acts_on` says which. Rows that hold and give no velocity get J v.
+    undo it; `Stabilised.acts_on` says which. Bilateral rows that give no velocity get J v.
 
     Rows that push (limits, normals of contacts that can break) are pushed out of what they have entered, and no more:
     feedback = min(0, 2 zeta w velocity + w^2 error) where error <= 0, or where there is none (there w^2 error is left out);

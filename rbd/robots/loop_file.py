@@ -3,7 +3,7 @@
 A URDF is a tree. `four_bar.loops.yaml` beside `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
 left out:
 
-    root: fixed                         # or planar, or free_flyer: what load_robot takes where it is not told
+    root: fixed                         # or planar, or free_flyer: what load_robot takes by default
     passive: [coupler_joint]            # joints that carry no motor
     frames:                             # more frames, on links of the robot [m, rad]
       coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
@@ -53,7 +53,7 @@ Triple = tuple[float, float, float]
 
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
-"""How a robot's root may move, and its freedoms."""
+"""How a robot's root may move, and its degrees of freedom."""
 PARTS = ("root", "passive", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
 """Bytes. The reader takes seconds for more, and no robot has so many loops."""
@@ -62,7 +62,7 @@ DEEPEST = 8
 
 
 @dataclass(frozen=True)
-class Mark:
+class NamedFrame:
     """A frame to be added: where on which link; rpy as in URDF [m, rad]."""
 
     name: str
@@ -88,7 +88,7 @@ class LoopFile:
     name: str = ""
     root: Root | None = None
     passive: tuple[str, ...] = ()
-    frames: tuple[Mark, ...] = ()
+    frames: tuple[NamedFrame, ...] = ()
     loops: tuple[Constraint, ...] = ()
     wheels: tuple[Constraint, ...] = ()
     postures: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
@@ -238,12 +238,12 @@ class _Reader:
         x, y, z = (self.number(f"{what}[{i}]", each, most) for i, each in enumerate(value))
         return x, y, z
 
-    def frame(self, name: str, value: object) -> Mark:
+    def frame(self, name: str, value: object) -> NamedFrame:
         what = f"frame {name!r:.80}"
         entry = self.mapping(what, value)
         self.keys(what, entry, ("link", "xyz", "rpy"), ("link",))
         places = {key: self.three(f"{key} of {what}", entry[key], FARTHEST) for key in ("xyz", "rpy") if key in entry}
-        return Mark(name, self.word(f"the link of {what}", entry["link"]), **places)
+        return NamedFrame(name, self.word(f"the link of {what}", entry["link"]), **places)
 
     def constraints(self, part: str, top: Mapping[str, object]) -> tuple[Constraint, ...]:
         """The entries of a list, as constraints; which keys each may have, its kind says."""
@@ -346,8 +346,8 @@ def _loaded(path: Path) -> object:
     except UnicodeDecodeError as error:
         raise ModelError(f"{name} cannot be read as YAML: byte {error.start} is not UTF-8.") from None
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        told = " ".join(str(error).split())
-        raise ModelError(f"{name} cannot be read as YAML: {told:.400}.") from None
+        message = " ".join(str(error).split())
+        raise ModelError(f"{name} cannot be read as YAML: {message:.400}.") from None
 
 
 def _shown(value: object) -> str:

@@ -18,7 +18,7 @@ from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_coordinates import joint_motion
 from rbd.model.mjcf.equality import WORLD, Equality
-from rbd.robots.loop_file import LoopFile, Mark
+from rbd.robots.loop_file import LoopFile, NamedFrame
 
 Made = TypeVar("Made")
 _MARKED = (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.OP_FRAME)
@@ -31,19 +31,19 @@ class Mechanism:
     Attributes:
         file: The loop file, or one that says nothing.
         equalities: Of an MJCF file.
-        told_as: Which file messages are about.
+        file_name: Which file messages are about.
     """
 
     file: LoopFile = LoopFile()
     equalities: tuple[Constraint, ...] = ()
-    told_as: str = ""
+    file_name: str = ""
 
     def loops(self, robot: CheckedModel) -> tuple[Constraint, ...]:
-        """Closures, gears and locks that this robot's tree is closed by.
+        """Closures, joint couplings and locks that close this robot's tree.
 
         Raises:
-            ModelError: an unknown frame or joint, with the nearest names; two frames of one body; a gear on a joint with
-                several freedoms.
+            ModelError: an unknown frame or joint, with the nearest names; two frames of one body; a coupling of a
+                joint with several degrees of freedom.
         """
         return self._checked("loop", robot, (*self.file.loops, *self.equalities))
 
@@ -57,7 +57,7 @@ class Mechanism:
 
     def _checked(self, what: str, robot: CheckedModel, constraints: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
         for constraint in constraints:
-            self._told(f"{what} {constraint.name!r:.80}", partial(check_on, constraint, robot))
+            self._in_file(f"{what} {constraint.name!r:.80}", partial(check_on, constraint, robot))
         return constraints
 
     def postures(self, robot: CheckedModel) -> dict[str, Array]:
@@ -70,15 +70,15 @@ class Mechanism:
         for name, angles in self.file.postures.items():
             out[name] = q = pin.neutral(robot.model)
             for joint, numbers in angles.items():
-                at, part = self._told(f"posture {name!r:.80}", partial(_part, robot, joint, numbers))
+                at, part = self._in_file(f"posture {name!r:.80}", partial(_part, robot, joint, numbers))
                 q[at : at + len(part)] = part
         return out
 
-    def _told(self, what: str, make: Callable[[], Made]) -> Made:
+    def _in_file(self, what: str, make: Callable[[], Made]) -> Made:
         try:
             return make()
         except InputError as error:
-            raise ModelError(f"{self.told_as}: {what}: {error}") from None
+            raise ModelError(f"{self.file_name}: {what}: {error}") from None
 
 
 def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: Iterable[Equality] = ()) -> Mechanism:
@@ -93,18 +93,18 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     Raises:
         ModelError: a link or a joint that is not there, a frame under a name that is taken, two constraints under one.
     """
-    file, told_as = (LoopFile(), name) if file is None else (file, file.name)
-    for mark in file.frames:
-        _add_mark(model, told_as, mark)
+    file, file_name = (LoopFile(), name) if file is None else (file, file.name)
+    for named in file.frames:
+        _add_named(model, file_name, named)
     joints = list(model.names)[1:]
     for joint in file.passive:
         if joint not in joints:
-            raise ModelError(f"{told_as}: passive names a joint {joint!r:.80}; {nearest(joint, joints)}.")
+            raise ModelError(f"{file_name}: passive names a joint {joint!r:.80}; {nearest(joint, joints)}.")
     read = tuple(_read(model, name, equality) for equality in equalities)
     own = {constraint.name for constraint in (*file.loops, *file.wheels)}
     if twice := [entry.name for entry in read if entry.name in own]:
-        raise ModelError(f"{told_as}: {twice[0]!r:.80} is the name of an equality of {name} too; give it another one.")
-    return Mechanism(file, read, told_as)
+        raise ModelError(f"{file_name}: {twice[0]!r:.80} is the name of an equality of {name} too; give it another one.")
+    return Mechanism(file, read, file_name)
 
 
 def _part(robot: CheckedModel, joint: str, numbers: tuple[float, ...]) -> tuple[int, Array]:
@@ -114,10 +114,10 @@ def _part(robot: CheckedModel, joint: str, numbers: tuple[float, ...]) -> tuple[
 
 
 def _read(model: pin.Model, file: str, equality: Equality) -> Constraint:
-    """An equality as a closure, its two frames added to the model; as a gear or a lock."""
+    """An equality as a closure, its two frames added to the model; as a joint coupling or a lock."""
     rest = _reference(model)
     if equality.kind == "joint":
-        return _gear(model, file, equality, rest)
+        return _coupling(model, file, equality, rest)
     kind = pin.FrameType.OP_FRAME if equality.sites else pin.FrameType.BODY
     at = {f.name: i for i, f in enumerate(model.frames) if f.type == kind}
     one, other = (0 if name == WORLD and not equality.sites else at[name] for name in equality.ends)
@@ -139,14 +139,14 @@ def _read(model: pin.Model, file: str, equality: Equality) -> Constraint:
 _OPEN = "load_robot(..., loops=None) leaves all loops open."
 
 
-def _gear(model: pin.Model, file: str, equality: Equality, rest: Array) -> JointCoupling | JointLock:
+def _coupling(model: pin.Model, file: str, equality: Equality, rest: Array) -> JointCoupling | JointLock:
     """MuJoCo's y - y0 = c + s (x - x0), with y0 and x0 the angles in which the file draws its bodies."""
     angles = []
     for name in equality.ends:
         if not model.existJointName(name) or model.joints[model.getJointId(name)].nv != 1:
             raise ModelError(
-                f"{file}: equality {equality.name!r:.80} ties joint {name!r:.80}, which has several freedoms; expected a hinge "
-                f"or a slide. {_OPEN}"
+                f"{file}: equality {equality.name!r:.80} ties joint {name!r:.80}, which has several degrees of freedom; "
+                f"expected a hinge or a slide. {_OPEN}"
             )
         angles.append(float(rest[model.joints[model.getJointId(name)].idx_q]))
     constant, slope = equality.polynomial
@@ -174,14 +174,14 @@ def _pose(numbers: tuple[float, ...]) -> pin.SE3:
     return pin.XYZQUATToSE3(np.array([*numbers[:3], x, y, z, w]))
 
 
-def _add_mark(model: pin.Model, file: str, mark: Mark) -> None:
-    link = _frame_id(model, mark.link, _MARKED)
+def _add_named(model: pin.Model, file: str, named: NamedFrame) -> None:
+    link = _frame_id(model, named.link, _MARKED)
     if link is None:
         links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-        raise ModelError(f"{file}: frame {mark.name!r:.80} is on a link {mark.link!r:.80}; {nearest(mark.link, links)}.")
-    if model.existFrame(mark.name):
-        raise ModelError(f"{file}: the robot has a frame {mark.name!r:.80} already; give the new one another name.")
-    _add(model, mark.name, link, pin.SE3(pin.rpy.rpyToMatrix(np.array(mark.rpy)), np.array(mark.xyz)))
+        raise ModelError(f"{file}: frame {named.name!r:.80} is on a link {named.link!r:.80}; {nearest(named.link, links)}.")
+    if model.existFrame(named.name):
+        raise ModelError(f"{file}: the robot has a frame {named.name!r:.80} already; give the new one another name.")
+    _add(model, named.name, link, pin.SE3(pin.rpy.rpyToMatrix(np.array(named.rpy)), np.array(named.xyz)))
 
 
 def _frame_id(model: pin.Model, name: str, kinds: Iterable[pin.FrameType]) -> int | None:

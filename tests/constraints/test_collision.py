@@ -412,7 +412,7 @@ def test_copies_and_threads_find_the_same(g1):
     ("given", "words"),
     [
         ({"friction": -0.1}, "friction is -0.1"),
-        ({"friction": None}, "do not hold on"),
+        ({"friction": None}, "are unilateral"),
         ({"ground": ["bax"]}, "nearest: 'box'"),
         ({"ground": "box"}, "expected a list"),
         ({"ground": 3}, "expected True or a list"),
