@@ -40,7 +40,7 @@ def main(show: bool = True) -> Result:
         left, right = talos.soles(friction)
         lifted = rbd.SurfaceContact(
             "right_sole", right.frame, corners=right.corners, placement=right.placement, friction=friction,
-            acceleration=(0.0, 0.0, LIFT, 0.0, 0.0, 0.0),
+            on=rbd.Ground(acceleration=(0.0, 0.0, LIFT, 0.0, 0.0, 0.0)),
         )  # fmt: skip
         return [left, lifted, *brakes]
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, listed, rows_of
-from rbd.constraints.loop import LoopClosure
+from rbd.constraints.constraint import Constraint, closes_loop, listed, rows_of
 from rbd.errors import (
     ContactMoves,
     DistantContactWarning,
@@ -238,7 +237,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
     for constraint, r in zip(constraints, rows, strict=True):
-        if type(constraint) is LoopClosure and r.error is not None and max_abs(r.error) > OPEN:
+        if closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN:
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
                 "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte pulls it together.",

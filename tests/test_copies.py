@@ -144,6 +144,9 @@ def more_constraints() -> Iterator[object]:
     yield rbd.RollingBall("ball", "box", radius=0.1)
     yield rbd.RollingDisk("disk", "box", radius=0.1)
     yield rbd.PointContact("tip", "box", friction=0.5)
+    yield rbd.SurfaceContact("palm", "box", half_lengths=(0.1, 0.1), on=rbd.Body("table", normal=(0.0, 0.6, 0.8)))
+    for corners in ([[0.1, 0.2]], [[0.1, 0.2], [0.3, 0.1]], [[0.1, 0.2], [0.3, 0.1], [0.0, 0.0]]):
+        yield rbd.constraints.Contact("corners", "box", corners=corners, friction=0.5)
     yield rbd.problem.NonNegative(3)
     yield rbd.problem.Product([rbd.problem.Free(1), rbd.problem.LineCone(0.1, 0.5)])
 

@@ -165,7 +165,7 @@ class TestIncline:
         assert threshold == pytest.approx(0.494872, abs=5e-7)
         normal = np.array([-np.sin(angle), 0.0, np.cos(angle)])
         touch = rbd.PointContact(
-            "slope", "ball", offset=-radius * normal, normal=normal, friction=threshold * (1 + sign * 1e-6)
+            "slope", "ball", offset=-radius * normal, on=rbd.Ground(normal=normal), friction=threshold * (1 + sign * 1e-6)
         )
         s = rbd.solve(_at(_ball(radius)), np.zeros(0), [touch], solver=COULOMB)
         slip = float(np.hypot(*s.accelerations["slope"][:2]))
@@ -226,7 +226,7 @@ class TestLadder:
         ladder = rbd.load_robot(URDF / "ladder.urdf")
         feet = [
             rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=floor),
-            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=wall),
+            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=wall),
         ]
 
         def lean(th) -> rbd.Solution:

@@ -24,6 +24,7 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from matplotlib.figure import Figure
 
 import rbd
+from rbd.robots.loop_file import KINDS
 from rbd.visual import (
     Scene,
     contact_colors,
@@ -189,8 +190,8 @@ def use_controller(controller: Any) -> Any:
 
 def use_collision(**given: Any) -> Any:
     """Rows and points of a robot's collision shapes."""
-    contacts = rbd.CollisionContacts(**given)
-    return contacts.rows(BOX.at()), contacts.points(BOX.at())[1:]
+    contacts = rbd.CollisionContacts(**grounded(given))
+    return contacts.rows(BOX.at()), contacts.points(BOX.at()).positions
 
 
 def use_plots(plot: Any, **given: Any) -> Any:
@@ -210,14 +211,24 @@ class Case:
 def contact_case(kind: Any, more: dict[str, Any]) -> Case:
     """A contact, made and used."""
     good = {"name": "floor", "frame": "box", "friction": 0.5, "facets": 4, **more}
-    return Case(lambda **given: use_contact(kind(**given)), good)
+    return Case(lambda **given: use_contact(kind(**grounded(given))), good)
+
+
+def grounded(given: dict[str, Any]) -> dict[str, Any]:
+    """What a contact is given, the arguments of a ground made one."""
+    of_ground = {key: value for key, value in given.items() if key in GROUND}
+    rest = {key: value for key, value in given.items() if key not in GROUND}
+    return rest | ({"on": rbd.Ground(**of_ground)} if of_ground else {})
+
+
+GROUND = ("normal", "point", "velocity", "acceleration", "about")
 
 
 def rolling_case(kind: Any, **more: Any) -> Case:
     """A ball, a disk or a wheel, made and used: at rest, and with a table that speeds up."""
     good = {"name": "it", "frame": "box", "radius": 0.1, "friction": 0.5, "facets": 4, **LIFT}
     good |= {"point": np.array([0.0, 0.0, -0.1]), "normal": np.array([0.0, 0.0, 1.0])}
-    return Case(lambda **given: use_contact(kind(**given)), good | more)
+    return Case(lambda **given: use_contact(kind(**grounded(given))), good | more)
 
 
 LIFT = {"velocity": np.zeros(6), "acceleration": np.array([0.0, 0.0, 1.0]), "about": np.array([1.0, 0.0, 0.0])}
@@ -226,13 +237,24 @@ LIFT = {"velocity": np.zeros(6), "acceleration": np.array([0.0, 0.0, 1.0]), "abo
 def use_pair(against: Any, **given: Any) -> Any:
     """Two robots in one model, and a contact between them."""
     pair = rbd.robots.merge_robots(**given)
-    contact = rbd.SurfaceContact("between", given["names"][0] + "box", half_lengths=(0.1, 0.1), against=against)
+    contact = rbd.SurfaceContact("between", given["names"][0] + "box", half_lengths=(0.1, 0.1), on=rbd.Body(against))
     return contact.rows(pair.at()), pair.mass, pair.at().M
 
 
 def of_state(name: str, **more: Any) -> Case:
     """A function of `rbd.dynamics`."""
     return Case(getattr(rbd.dynamics, name), {"state": MOVING, **more})
+
+
+def use_word(word: Any, kind: Any) -> Any:
+    """What a word of loop files stands for, while it is asked."""
+    before = dict(KINDS)
+    try:
+        rbd.register_constraint(word, kind)
+        return sorted(KINDS[word].keys)
+    finally:
+        KINDS.clear()
+        KINDS.update(before)
 
 
 def use_ground(on: Any) -> Any:
@@ -261,11 +283,16 @@ CASES: dict[str, Case] = {
     "LineContact": contact_case(
         rbd.LineContact, {"half_length": 0.1, "placement": np.eye(4), "normal": np.array([0.0, 0.0, 1.0])}
     ),
+    "register_constraint": Case(use_word, {"word": "pillar", "kind": rbd.RollingBall}, 20),
     "merge_robots": Case(
         use_pair, {"first": BOX, "second": BOLT, "placement": np.eye(4), "names": ("a_", "b_"), "against": "b_FL_FOOT"}
     ),
     "Ground": Case(
         lambda **given: use_ground(rbd.Ground(**given)), {"point": np.zeros(3), "normal": np.array([0.0, 0.0, 1.0])}
+    ),
+    "Body": Case(
+        lambda **given: rbd.PointContact("toe", FRAME, on=rbd.Body(**given)).rows(STATE),
+        {"frame": BOLT.frames()[-1], "normal": np.array([0.0, 0.6, 0.8])},
     ),
     "Ground, by its height": Case(use_ground, {"on": 0.25}),
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),

@@ -67,9 +67,9 @@ def contacts_on(rng: np.random.Generator, robot: rbd.Robot, held: bool) -> list[
         normal /= np.linalg.norm(normal)
         friction = None if held else rng.choice([0.0, 0.3, 0.7, 1.5]) if rng.random() < 0.9 else None
         where = dict(frame=str(rng.choice(frames)), offset=0.1 * rng.normal(size=3), friction=friction)
-        out.append(rbd.PointContact(f"c{i}", normal=normal, **where))
+        out.append(rbd.PointContact(f"c{i}", on=rbd.Ground(normal=normal), **where))
         if not held and friction is not None and rng.random() < 0.15:
-            out.append(rbd.PointContact(f"c{i}_opposed", normal=-normal, **where))
+            out.append(rbd.PointContact(f"c{i}_opposed", on=rbd.Ground(normal=-normal), **where))
     return out
 
 

@@ -196,7 +196,7 @@ class TestLadder:
         v = (np.array([-s, 0.0, -c]) * rate, np.array([0.0, rate, 0.0]))
         feet = [
             rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=floor),
-            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=wall),
+            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=wall),
         ]
         return rbd.solve(_at(ladder, (-c, 0.0, s), angle, v), np.zeros(0), feet)
 

@@ -145,13 +145,15 @@ def test_joints_that_are_held_coupled_and_pulled_back_agree_with_differences(sol
 @pytest.mark.parametrize(
     "contact",
     [
-        rbd.PointContact("tip", "panda_hand", offset=(0.1, 0.05, 0.2), normal=(0.0, 0.6, 0.8)),
+        rbd.PointContact("tip", "panda_hand", offset=(0.1, 0.05, 0.2), on=rbd.Ground(normal=(0.0, 0.6, 0.8))),
         rbd.constraints.Baumgarte(10.0).of(
             rbd.PointContact("tip", "panda_hand", offset=(0.1, 0.05, 0.2), anchor=(0.3, 0.1, 0.4))
         ),
-        rbd.PointContact("tip", "panda_hand", velocity=(0.1, 0.2, 0.3, 1, 2, 3), acceleration=(1, 2, 3), about=(0, 0, 0)),
+        rbd.PointContact(
+            "tip", "panda_hand", on=rbd.Ground(velocity=(0.1, 0.2, 0.3, 1, 2, 3), acceleration=(1, 2, 3), about=(0, 0, 0))
+        ),
         rbd.LineContact("edge", "panda_hand", half_length=0.1),
-        rbd.PointContact("pinch", "panda_hand", offset=(0.1, 0.0, 0.1), against="panda_link2"),
+        rbd.PointContact("pinch", "panda_hand", offset=(0.1, 0.0, 0.1), on=rbd.Body("panda_link2")),
     ],
     ids=["tilted ground", "anchored", "turntable", "line", "own arm"],
 )
@@ -440,7 +442,7 @@ class TestRefused:
 
     def test_what_is_no_answer(self) -> None:
         """Contradictory rows have a nearest motion, and no derivatives."""
-        locks = [rbd.PointContact("still", "box"), rbd.PointContact("lift", "box", acceleration=(0, 0, 1.0))]
+        locks = [rbd.PointContact("still", "box"), rbd.PointContact("lift", "box", on=rbd.Ground(acceleration=(0, 0, 1.0)))]
         state = rbd.State(BOX, pin.neutral(BOX.model))
         found = rbd.solve(state, np.zeros(0), locks, solver=rbd.KKT(), check=False)
         with pytest.raises(rbd.errors.NotDifferentiable, match="this is no answer"):

@@ -72,7 +72,9 @@ def contact(request: pytest.FixtureRequest, talos: rbd.Robot) -> rbd.PointContac
     if request.param == "surface":
         return rbd.SurfaceContact("sole", sole.frame, corners=sole.corners, placement=sole.placement, friction=0.5)
     friction = 0.0 if request.param == "smooth point" else 0.5
-    return rbd.PointContact("sole", sole.frame, offset=(0.1, 0.02, -0.1), normal=(0.6, 0.0, 0.8), friction=friction)
+    return rbd.PointContact(
+        "sole", sole.frame, offset=(0.1, 0.02, -0.1), on=rbd.Ground(normal=(0.6, 0.0, 0.8)), friction=friction
+    )
 
 
 def test_a_right_constraint_passes_and_is_measured_to_nine_digits(bent, contact):

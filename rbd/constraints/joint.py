@@ -14,6 +14,8 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.constraints.constraint import PerRobot
+from rbd.constraints.contact_points import Measured, Structure
+from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import UNLIMITED, Joint
@@ -55,7 +57,7 @@ class JointLimit:
     _stop: PerRobot[_Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         for side in ("lower", "upper"):
             value = getattr(self, side)
             if value is not None and math.isnan(as_float(value)):
@@ -78,7 +80,7 @@ class JointLimit:
 
     def side(self, state: State) -> str:
         """At which bound the joint is: "lower", "upper", "both", or "" for none."""
-        _check_state(state, self.name)
+        check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = state.q[stop.q]
         return _SIDES[bool(q - stop.lower <= self.margin), bool(stop.upper - q <= self.margin)]
@@ -90,7 +92,7 @@ class JointLimit:
             JointNotFound: with the nearest names.
             InputError: as `bounds`.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = float(state.q[stop.q])
         distances = q - stop.lower, stop.upper - q
@@ -102,6 +104,10 @@ class JointLimit:
         J[:, at] = signs
         error = np.array([d for d in distances if d <= self.margin])
         return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
+
+    def source(self, start: State) -> Stops:
+        """Its bounds as points of a motion, seen from anywhere."""
+        return Stops([self], start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +144,39 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
     return _Stop(found.q.start, found.v.start, low, high, nothing)
 
 
+class Stops:
+    """Joint limits as points of a motion: one row a bound, none of them dear."""
+
+    group = "joint limits"
+
+    def __init__(self, limits: Sequence[JointLimit], start: State) -> None:
+        self.limits, robot = tuple(limits), start.robot
+        sides = [(limit, i) for limit in limits for i in (0, 1) if math.isfinite(limit.bounds(robot)[i])]
+        places = [limit._stop.of(limit, robot) for limit, _ in sides]
+        k = len(sides)
+        self.q, self.v = np.array([p.q for p in places], int), np.array([p.v for p in places], int)
+        self.sign = np.array([-1.0 if i else 1.0 for _, i in sides])
+        self.bound = np.array([p.upper if i else p.lower for p, (_, i) in zip(places, sides, strict=True)])
+        self.J = np.zeros((k, robot.nv))
+        self.J[np.arange(k), self.v] = self.sign
+        owners, which = tuple(limit.name for limit, _ in sides), tuple(i for _, i in sides)
+        self.structure = Structure(owners, which, (NonNegative(1),) * k)
+        self.nothing = np.zeros(k)
+
+    def together(self, sources: Sequence[Stops], start: State) -> Stops:
+        """All of them as one."""
+        return Stops([limit for source in sources for limit in source.limits], start)
+
+    def at(self, state: State, t: float) -> Measured:
+        """Distances to all bounds."""
+        gap = self.gaps(state, t)
+        return Measured(self.structure, self.J, self.sign * state.v[self.v], self.nothing, gap, self.nothing)
+
+    def gaps(self, state: State, t: float) -> Array:
+        """The distances alone."""
+        return self.sign * (state.q[self.q] - self.bound)
+
+
 @dataclass(frozen=True, eq=False)
 class JointLock:
     """A joint that is held: a brake, a pin, a joint taken out of the motion.
@@ -168,13 +207,13 @@ class JointLock:
     _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_any_joint), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         if self.position is not None:
             object.__setattr__(self, "position", _vector(self.name, "position", self.position))
 
     def anchored(self, state: State) -> JointLock:
         """The same lock at the position that the joint has at a state."""
-        _check_state(state, self.name)
+        check_state(state, self.name)
         return JointLock(self.name, self.joint, position=state.q[state.robot.joints[self.joint].q])
 
     def rows(self, state: State) -> Rows:
@@ -184,7 +223,7 @@ class JointLock:
             JointNotFound: with the nearest names.
             InputError: a position of the wrong size, or off the unit sphere.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         joint = self._joint.of(self, state.robot)
         span = joint.v
         J, bias, error, turns = np.zeros((joint.nv, state.robot.nv)), np.zeros(joint.nv), None, None
@@ -195,6 +234,14 @@ class JointLock:
             error, J[:, span], bias = joint.difference(target, state.q, state.v)
             turns = joint.period
         return Rows(self.name, J, bias, Free(joint.nv), J[:, span] @ state.v[span], error, period=turns)
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without the joint.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        self._joint.of(self, robot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +271,7 @@ class JointCoupling:
     _joints: PerRobot[tuple[Joint, Joint]] = field(default_factory=lambda: PerRobot(_both_joints), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint, to=self.to)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
         if self.joint == self.to:
             raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Hold it with rbd.JointLock.")
         _check_finite(self.name, "ratio", self.ratio)
@@ -237,7 +284,7 @@ class JointCoupling:
             JointNotFound: with the nearest names.
             InputError: a joint with several freedoms.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         one, other = self._joints.of(self, state.robot)
         J = np.zeros((1, state.robot.nv))
         J[0, one.v], J[0, other.v] = 1.0, -self.ratio
@@ -248,6 +295,15 @@ class JointCoupling:
         error = None if math.isnan(period) else np.array([missed])
         turns = np.array([period]) if period > 0.0 else None
         return Rows(self.name, J, np.zeros(1), Free(1), J @ state.v, error, period=turns)
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without these joints, or on which they have several degrees of freedom.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: a joint with several degrees of freedom.
+        """
+        self._joints.of(self, robot)
 
     def _period(self, *, turns: bool, to_turns: bool) -> float:
         """Up to what the error is known: 0 for exactly, NaN for not at all."""
@@ -283,7 +339,7 @@ class JointFriction:
     _cone: Box = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         _check_finite(self.name, "torque", self.torque, least=0.0)
         bound = np.array([float(self.torque)])
         object.__setattr__(self, "_cone", Box(-bound, bound))
@@ -295,7 +351,7 @@ class JointFriction:
             JointNotFound: with the nearest names.
             InputError: a joint with several freedoms.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         at = self._joint.of(self, state.robot).v
         J = np.zeros((1, state.robot.nv))
         J[0, at] = 1.0
@@ -312,17 +368,6 @@ def _one_joint(friction: JointFriction, robot: CheckedModel) -> Joint:
 
 def _both_joints(gear: JointCoupling, robot: CheckedModel) -> tuple[Joint, Joint]:
     return robot.joints.with_one_freedom(gear.joint, gear.name), robot.joints.with_one_freedom(gear.to, gear.name)
-
-
-def _check_names(name: str, **joints: str) -> None:
-    for what, value in {"name": name, **joints}.items():
-        if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of a constraint on a joint is {value!r:.80}; expected a word, e.g. 'left_knee'.")
-
-
-def _check_state(state: State, name: str) -> None:
-    if not isinstance(state, State):
-        raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
 
 
 def _check_finite(name: str, what: str, value: float, *, least: float = -math.inf) -> None:

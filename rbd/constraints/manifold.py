@@ -15,7 +15,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
-from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.constraint import Constraint, anchored, listed, rows_of
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -176,7 +176,7 @@ class ConstraintManifold:
         at_rest = state.with_velocity(state.robot.zero_v)
         given = own_or(state.robot, constraints)
         rows = rows_of(at_rest, given)
-        kept = [anchored(c, r, at_rest) for c, r in zip(given, rows, strict=True) if len(r)]
+        kept = [anchored(c, r, at_rest) if is_bilateral(r) else c for c, r in zip(given, rows, strict=True) if len(r)]
         self._set(at_rest, kept, tolerance)
         _check(self._start.rows)
 
@@ -358,13 +358,6 @@ def is_bilateral(rows: Rows) -> bool:
     """Whether all forces are allowed: none is bounded, and none comes and goes (a stop that is not reached has no rows)."""
     parts = rows.cone.generators()[1]
     return all(isinstance(part, Line) for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
-
-
-def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
-    """What holds and knows no place, put where it is; what is carried along by a ground that moves has no place."""
-    put = getattr(constraint, "anchored", None)
-    fixed = getattr(constraint, "velocity", None) is None
-    return put(state) if rows.error is None and fixed and callable(put) and is_bilateral(rows) else constraint
 
 
 def velocity_of(rows: Rows, state: State) -> Array:

@@ -35,8 +35,7 @@ import scipy.linalg
 
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.points import Source, Structure
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import Source, Structure, sources_of
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State

@@ -10,8 +10,7 @@ import pinocchio as pin
 from scipy.linalg import qr
 
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint
-from rbd.constraints.loop import LoopClosure
+from rbd.constraints.constraint import Constraint, loop_dof
 from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, RowName, null_space
 from rbd.mechanism.arguments import check_positive, check_seed
 from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
@@ -265,14 +264,15 @@ def count(held: ConstraintManifold, state: State, seed: int) -> Count:
     first = 0
     for constraint in held.constraints:
         m = sum(name == constraint.name for name, _ in held.names)
-        if isinstance(constraint, LoopClosure):
-            closures.append(k - (m if normal is None else _rows_in_plane(constraint, state, normal)))
+        dof = loop_dof(constraint, state, normal)
+        if dof is not None:
+            closures.append(dof)
         else:
             others += m if normal is None else _generic_rank(held, slice(first, first + m), seed)
         first += m
-    freedoms = (*tree, *closures)
-    bodies, joints = len(tree) + 1, len(freedoms)
-    return Count(k * (bodies - 1 - joints) + sum(freedoms) - others, normal is not None, bodies, joints, freedoms, others)
+    each = (*tree, *closures)
+    bodies, joints = len(tree) + 1, len(each)
+    return Count(k * (bodies - 1 - joints) + sum(each) - others, normal is not None, bodies, joints, each, others)
 
 
 def plane_normal(state: State) -> Array | None:
@@ -296,20 +296,6 @@ def plane_normal(state: State) -> Array | None:
     if any(abs(float(c[:3] @ n)) > _PARALLEL * max(1.0, float(np.linalg.norm(c[:3]))) for c in columns):
         return None
     return n
-
-
-def _rows_in_plane(closure: LoopClosure, state: State, normal: Array) -> int:
-    """How many rows of a closure say something of motion in a plane."""
-    kind = closure.kind
-    if kind == "point":
-        return 2
-    if kind == "rigid":
-        return 3
-    axis = state.frame(closure.frame_a).X_WF.rotation @ closure.axis
-    along = np.linalg.norm(np.cross(axis, normal)) < 1e-6
-    if kind == "revolute":
-        return 2 if along else 3
-    return 2 if along else 1  # "planar" holds a point in the two directions across its axis
 
 
 def _generic_rank(held: ConstraintManifold, rows: slice, seed: int) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, frames_of
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
 from rbd.errors import InputError
 from rbd.mechanism.arguments import check_seed, check_state
@@ -267,13 +267,8 @@ def _way(
 
 def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] | None:
     """The two bodies that a constraint joins, 0 the ground; None of constraints on joints and functions."""
-    inner = getattr(constraint, "constraint", constraint)  # with Baumgarte's feedback
-    one, other = getattr(inner, "frame_a", None), getattr(inner, "frame_b", None)
-    if one is None:
-        one, other = getattr(inner, "frame", None), getattr(inner, "against", None)
-    if not isinstance(one, str):
-        return None
-    return robot.site(one)[0], robot.site(other)[0] if isinstance(other, str) else 0
+    bodies = [robot.site(frame)[0] for frame in frames_of(constraint)]
+    return (bodies[0], bodies[1] if len(bodies) > 1 else 0) if bodies else None
 
 
 def _configurations(held: ConstraintManifold, seed: int) -> list[Linearised]:

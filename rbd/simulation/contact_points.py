@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.points import Measured, Source, Structure
+from rbd.constraints.contact_points import Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone
 

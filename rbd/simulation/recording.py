@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.points import Measured, Structure
+from rbd.constraints.contact_points import Measured, Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
 from rbd.problem.cones import Free

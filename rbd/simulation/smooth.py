@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.constraint import rows_of
-from rbd.constraints.manifold import ConstraintManifold, StackedRows, anchored, is_bilateral, velocity_of
+from rbd.constraints.constraint import anchored, ground_of, is_carried, rows_of
+from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
 from rbd.least_constraint import OPEN
@@ -93,7 +93,7 @@ class SmoothMotion:
         self._projection = by if isinstance(by, Projection) else None
         if isinstance(by, Baumgarte):
             given = placed = tuple(by.of(c) for c in placed)
-        carried = [getattr(c, "velocity", None) is not None for c in motion.constraints]
+        carried = [is_carried(c) for c in motion.constraints]
         self._anchored = ConstraintManifold.unchecked(state, placed, carried)
         self._given = self._anchored if given == placed else ConstraintManifold.unchecked(state, given, carried)
         self._open = 0.0
@@ -264,8 +264,8 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}), and this integrator takes "
                 "constraints that hold. Use integrator=rbd.TimeStepping(), or friction=None for a contact that holds."
             )
-        speeding = getattr(constraint, "acceleration", None)
-        if speeding is not None and np.any(speeding):
+        ground = ground_of(constraint)
+        if ground is not None and ground.acceleration is not None and np.any(ground.acceleration):
             return (
                 f"the ground of {r.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
                 "without an acceleration."

@@ -31,7 +31,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import sources_of
 from rbd.model.chart import Bases
 from rbd.model.state import State
 from rbd.simulation.contact_gaps import BodySizes, Correction, GapTolerances, first_crossing

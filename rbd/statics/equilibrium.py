@@ -10,13 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, is_finite, lazy
-from rbd.constraints.collision import CollisionContacts
-from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
-from rbd.constraints.line_contact import LineContact
-from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
-from rbd.constraints.surface import changed
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.least_constraint import warn_of_distant
 from rbd.model.checked_model import CheckedModel
@@ -285,7 +280,7 @@ class _Statics:
 
     def _why_friction(self) -> str:
         """Whether more friction would do, and how much, under the circular cones themselves; empty where none would."""
-        if not any(_rubs(c) for c in self.contacts):
+        if not any(has_friction(c) for c in self.contacts):
             return ""
         try:
             return self._friction_words()
@@ -325,7 +320,7 @@ class _Statics:
         own, yields = P.mu.copy(), np.zeros(len(P.mu), bool)
         for c, span in zip(self.contacts, P.slices, strict=True):
             at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
-            if _rubs(c):
+            if has_friction(c):
                 own[at], yields[at] = 0.0 if from_zero else c.friction, not as_given  # type: ignore[attr-defined]
         limited = self.limited if limits else np.zeros_like(self.limited)
         T, t = per_weight[robot.actuated][limited], self.t[limited]
@@ -368,15 +363,9 @@ class _Statics:
         return over, answer.x[r + n : r + n + p] + answer.x[r + n + p :]
 
 
-def _rubs(contact: Constraint) -> bool:
-    """Whether a contact has a coefficient of friction, zero included."""
-    kinds = PointContact | SurfaceContact | LineContact | RollingBall | RollingDisk | RollingWheel | CollisionContacts
-    return isinstance(contact, kinds) and contact.friction is not None
-
-
 def _with_friction(contact: Constraint, mu: float) -> Constraint:
     """The contact with at least this coefficient, if it has one."""
-    return changed(contact, friction=max(mu, contact.friction)) if _rubs(contact) else contact  # type: ignore[attr-defined]
+    return contact.with_friction(max(mu, contact.friction)) if has_friction(contact) else contact  # type: ignore[attr-defined]
 
 
 def _indices(robot: CheckedModel, joints: Iterable[str]) -> Array:

@@ -330,7 +330,9 @@ def test_a_foot_held_by_the_floor_and_by_a_lift() -> None:
     """One patch of a box, held by the floor and by a lift that rises with 1 m/s2: normal against normal, 1/2 m/s2 each."""
     at = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=at)
-    lift = rbd.SurfaceContact("lift", "box", half_lengths=(0.1, 0.1), placement=at, acceleration=(0, 0, 1.0, 0, 0, 0))
+    lift = rbd.SurfaceContact(
+        "lift", "box", half_lengths=(0.1, 0.1), placement=at, on=rbd.Ground(acceleration=(0, 0, 1.0, 0, 0, 0))
+    )
     with pytest.raises(NoSolution, match=r"'floor' \(normal\) and 'lift' \(normal\) contradict each other") as caught:
         rbd.solve(box_state(0.0), [], [floor, lift])
     error = caught.value
@@ -349,7 +351,7 @@ def test_a_robots_soles_with_feedback_that_no_acceleration_satisfies(talos: rbd.
     state = talos.standing()
     found_rows = [c.rows(state) for c in talos.soles(0.7)]
     sole = talos.soles(0.7)[0]
-    above = rbd.PointContact("ceiling", sole.frame, normal=(0.0, 0.0, -1.0), friction=0.3).rows(state)
+    above = rbd.PointContact("ceiling", sole.frame, on=rbd.Ground(normal=(0.0, 0.0, -1.0)), friction=0.3).rows(state)
     P = rbd.GaussProblem(state.M, -state.h, [driven(found_rows[0], 2.0), driven(above, 2.0), found_rows[1]])
     for law in ("convex, 4 facets", "convex", "coulomb"):
         found = contradiction(P, law)
@@ -721,7 +723,9 @@ def test_unchecked_answers_of_contradictory_contacts_are_bounded(talos: rbd.Robo
     state = talos.standing()
     tau = rbd.hold(state, talos.soles()).tau + 0.3 * rng.uniform(-1.0, 1.0, talos.nu)
     below = talos.soles(0.7)[0].rows(state)
-    above = rbd.PointContact("ceiling", talos.soles()[0].frame, normal=(0.0, 0.0, -1.0), friction=0.3).rows(state)
+    above = rbd.PointContact("ceiling", talos.soles()[0].frame, on=rbd.Ground(normal=(0.0, 0.0, -1.0)), friction=0.3).rows(
+        state
+    )
     out = rng.uniform(0.5, 2.0, 2)
     pushed = [driven(r, x) for r, x in zip((below, above), out, strict=True)]
     P = rbd.GaussProblem(state.M, rbd.gauss_problem(state, tau, []).rhs, pushed)

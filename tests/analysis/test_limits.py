@@ -71,7 +71,7 @@ class TestLadder:
         th = math.atan((1.0 - floor * wall) / (2.0 * floor)) + beyond
         feet = [
             rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=floor),
-            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=wall),
+            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=wall),
         ]
         state = at(rbd.load_robot(URDF / "ladder.urdf"), (-math.cos(th), 0.0, math.sin(th)), th)
         s = rbd.solve(state, np.zeros(0), feet, solver=solver)

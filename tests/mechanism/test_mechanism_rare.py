@@ -255,7 +255,7 @@ def test_what_moves_by_itself_has_no_mobility():
     """A driven contact is no constraint at rest."""
     robot = rbd.load_robot("bolt")
     foot = robot.feet(friction=None)[0]
-    driven = rbd.PointContact(foot.name, foot.frame, velocity=(0.1, 0.0, 0.0))
+    driven = rbd.PointContact(foot.name, foot.frame, on=rbd.Ground(velocity=(0.1, 0.0, 0.0)))
     with pytest.raises(InputError, match="moves by itself"):
         mobility(robot.standing(), [driven])
 

@@ -180,7 +180,7 @@ def lift() -> tuple[CheckedModel, rbd.PointContact]:
     joint = model.addJoint(0, pin.JointModelTranslation(), IDENTITY, "point")
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), IDENTITY)
     model.addFrame(pin.Frame("tip", joint, 0, at(0.0), pin.FrameType.OP_FRAME))
-    contact = rbd.PointContact("lift", "tip", velocity=(0.0, 0.0, 0.5), acceleration=(0.0, 0.0, 0.2))
+    contact = rbd.PointContact("lift", "tip", on=rbd.Ground(velocity=(0.0, 0.0, 0.5), acceleration=(0.0, 0.0, 0.2)))
     return CheckedModel(model, name="point"), contact
 
 

@@ -5,7 +5,7 @@ import pytest
 from flat_bodies import slider
 
 import rbd
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import sources_of
 from rbd.problem.force_set import at_rest
 from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import solve_velocity

@@ -75,7 +75,7 @@ class TestTwoBodies:
         robot = chain(joints, names=[f"ball{i}" for i in range(n)], name="row")
         hits = [
             rbd.PointContact(
-                f"hit{i}", f"ball{i}", offset=(0.1, 0.0, 0.0), against=f"ball{i + 1}", normal=(-1.0, 0.0, 0.0),
+                f"hit{i}", f"ball{i}", offset=(0.1, 0.0, 0.0), on=rbd.Body(f"ball{i + 1}", normal=(-1.0, 0.0, 0.0)),
                 anchor=(-0.1, 0.0, 0.0), friction=0.0,
             )
             for i in range(n - 1)
@@ -341,7 +341,7 @@ class TestWhatHolds:
 
     def test_a_floor_that_rises_under_what_is_locked_has_no_motion(self):
         """Both are named."""
-        lift = floor_point("lift", (0.0, -0.1), friction=0.0, velocity=(0.0, 0.0, 0.5), anchor=(0.0, 0.0, -0.1))
+        lift = floor_point("lift", (0.0, -0.1), friction=0.0, on=rbd.Ground(velocity=(0.0, 0.0, 0.5)), anchor=(0.0, 0.0, -0.1))
         state = rbd.State(flat_body(1.0, 0.1), np.zeros(3))
         with pytest.raises(
             rbd.errors.SimulationStopped, match="no velocity satisfies the contact law together with lock, lift: "

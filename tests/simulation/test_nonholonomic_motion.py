@@ -64,7 +64,9 @@ def test_a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate(integrator
     """The centre's velocity turns at 2/7 W: a circle, wherever it was set off; it stays on the table."""
     robot = rbd.load_robot(URDF / "ball.urdf", root="free_flyer")
     W, R = 3.0, 0.1
-    table = rbd.RollingBall("ball", "ball", radius=R, velocity=(0.0, 0.0, 0.0, 0.0, 0.0, W))
+    table = rbd.RollingBall(
+        "ball", "ball", radius=R, on=rbd.Ground(point=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0, 0.0, 0.0, W))
+    )
     x, y, u, v = 0.5, 0.2, 0.3, -0.1
     q = np.array([x, y, R, 0.0, 0.0, 0.0, 1.0])
     start = rbd.State(robot, q, np.array([u, v, 0.0, (W * x - v) / R, (u + W * y) / R, 0.0]))

@@ -161,7 +161,9 @@ def test_a_lock_without_a_position_keeps_the_one_at_the_start(integrator):
 @pytest.mark.parametrize("anchor", [None, (0.0, 0.0, 0.0)])
 def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
     """A body pinned to a belt at 0.3 m/s: the pin goes 0.3 t, with an anchor or without, and the body swings about it."""
-    belt = rbd.PointContact("belt", "body", offset=(0.0, 0.0, 0.1), friction=None, velocity=(0.3, 0.0, 0.0), anchor=anchor)
+    belt = rbd.PointContact(
+        "belt", "body", offset=(0.0, 0.0, 0.1), friction=None, on=rbd.Ground(velocity=(0.3, 0.0, 0.0)), anchor=anchor
+    )
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]), np.array([0.3 - 0.2, 0.0, 2.0]))
     found = rbd.simulate(start, [belt], duration=1.0, step=2e-3, integrator=integrator, progress=False)
     pins = np.array([found.state(i).frame("body", (0.0, 0.0, 0.1)).X_WF.translation for i in range(0, 501, 50)])
@@ -175,7 +177,11 @@ def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
 def test_a_ground_that_accelerates_is_left_to_time_stepping():
     """How it moves later is not known."""
     pin_on = rbd.PointContact(
-        "lift", "body", offset=(0.0, 0.0, 0.1), friction=None, velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 1.0)
+        "lift",
+        "body",
+        offset=(0.0, 0.0, 0.1),
+        friction=None,
+        on=rbd.Ground(velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 1.0)),
     )
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]))
     with pytest.raises(rbd.errors.Unsupported, match="the ground of 'lift' accelerates, and how it moves is known at one"):

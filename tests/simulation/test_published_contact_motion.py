@@ -112,7 +112,7 @@ class TestBall:
         mu = 2.0 / 7.0 * math.tan(slope) * (1.0 + 1e-3 * sign)
         assert mu == pytest.approx(0.494872, rel=2e-3)
         out, down = np.array([math.sin(slope), 0.0, math.cos(slope)]), np.array([math.cos(slope), 0.0, -math.sin(slope)])
-        touch = rbd.RollingBall("ball", "body", radius=r, friction=mu, normal=out)
+        touch = rbd.RollingBall("ball", "body", radius=r, friction=mu, on=rbd.Ground(normal=out, point=(0.0, 0.0, 0.0)))
         trajectory = rbd.simulate(free_state(ball(2.0, r), r * out), [touch], duration=0.2, step=4e-3, progress=False)
         X, v, w = free_motion(trajectory.state(-1))
         a = 5.0 / 7.0 * G * math.sin(slope) if sign > 0 else G * (math.sin(slope) - mu * math.cos(slope))
@@ -231,7 +231,9 @@ class TestRimlessWheel:
         start = free_state(robot, (hub[0], 0.0, hub[1]), (0.0, slope, 0.0), (rate[0], 0.0, rate[1]), (0.0, rate[2], 0.0))
         out = (math.sin(slope), 0.0, math.cos(slope))
         feet = [
-            floor_point(f"foot{k} {y}", (math.sin(at), y, -math.cos(at)), friction=1.0, frame="wheel", normal=out)
+            floor_point(
+                f"foot{k} {y}", (math.sin(at), y, -math.cos(at)), friction=1.0, frame="wheel", on=rbd.Ground(normal=out)
+            )
             for k, at in enumerate((a, 3.0 * a))
             for y in (0.2, -0.2)
         ]

@@ -68,9 +68,9 @@ def hands_and_feet(robot, mu):
     tilted = np.array([0.6, 0.0, 0.8])
     return [
         *robot.soles(mu, on=None),
-        rbd.PointContact("left_hand", "gripper_left_base_link", normal=(0.0, -1.0, 0.0), friction=mu),
-        rbd.PointContact("right_hand", "gripper_right_base_link", normal=(0.0, 1.0, 0.0), friction=mu),
-        rbd.PointContact("elbow", "arm_left_4_link", normal=tilted, friction=mu),
+        rbd.PointContact("left_hand", "gripper_left_base_link", on=rbd.Ground(normal=(0.0, -1.0, 0.0)), friction=mu),
+        rbd.PointContact("right_hand", "gripper_right_base_link", on=rbd.Ground(normal=(0.0, 1.0, 0.0)), friction=mu),
+        rbd.PointContact("elbow", "arm_left_4_link", on=rbd.Ground(normal=tilted), friction=mu),
     ]
 
 
@@ -89,7 +89,7 @@ def mixed(robot, mu):
     return [
         robot.soles(mu, on=None)[0],
         rbd.PointContact("toe", toe.frame, offset=toe.placement.translation, friction=0.0),
-        rbd.PointContact("hand", "gripper_left_base_link", normal=(1.0, 0.0, 0.0)),
+        rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Ground(normal=(1.0, 0.0, 0.0))),
     ]
 
 

@@ -145,7 +145,7 @@ def test_mixed_kinds_in_one_problem(talos, rng):
     contacts = [
         talos.soles(0.5)[0],
         rbd.PointContact("toe", talos.soles()[1].frame, offset=talos.soles()[1].placement.translation, friction=0.0),
-        rbd.PointContact("hand", "gripper_left_base_link", normal=(1.0, 0.0, 0.0)),
+        rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Ground(normal=(1.0, 0.0, 0.0))),
     ]
     for _ in range(10):
         s = rbd.solve(state, 20.0 * rng.normal(size=talos.nu), contacts)

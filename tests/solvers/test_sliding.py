@@ -334,7 +334,7 @@ class TestSlidingBox:
         X = pin.SE3(np.eye(3), np.array([0, 0, -0.05]))
         floor = rbd.SurfaceContact("slope", "box", half_lengths=(0.2, 0.2), placement=X, friction=mu)
         points = [
-            rbd.PointContact(f"p{i}", "box", offset=(0.2 * x, 0.2 * y, -0.05), normal=R[:, 2], friction=mu)
+            rbd.PointContact(f"p{i}", "box", offset=(0.2 * x, 0.2 * y, -0.05), on=rbd.Ground(normal=R[:, 2]), friction=mu)
             for i, (x, y) in enumerate([(1, 1), (1, -1), (-1, -1), (-1, 1)])
         ]
         expected = np.array([-np.sin(slope), 0, 0]) * G - mu * G * np.cos(slope) * np.array(d)
@@ -346,7 +346,9 @@ class TestSlidingBox:
     def test_a_belt_takes_along_what_is_dropped_on_it(self):
         """At rest on a belt that runs at 2 m/s: +mu g along the belt. Running with it: nothing rubs."""
         X = pin.SE3(np.eye(3), np.array([0, 0, -0.5]))
-        belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=X, friction=0.25, velocity=(2.0, 0.0, 0.0))
+        belt = rbd.SurfaceContact(
+            "belt", "box", half_lengths=(0.2, 0.2), placement=X, friction=0.25, on=rbd.Ground(velocity=(2.0, 0.0, 0.0))
+        )
         for v, expected in (((0.0, 0.0, 0.0), 0.25 * G), ((2.0, 0.0, 0.0), 0.0), ((5.0, 0.0, 0.0), -0.25 * G)):
             s = rbd.solve(self.state(v), np.zeros(0), [belt], solver=COULOMB)
             assert s.a == pytest.approx([expected, 0, 0, 0, 0, 0], abs=1e-11)
