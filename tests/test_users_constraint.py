@@ -181,7 +181,7 @@ def test_between_two_cranks_it_is_a_couplers_four_bar():
     found = mobility(state, [COUPLER])
     assert (found.count.value, found.count.joint_dof, found.finite) == (1, (1, 1, 2), 1) and found.count.planar
     kind = classify(state, [COUPLER])
-    assert (kind.loops(), kind.mobility) == (1, 1)
+    assert (kind.loops, kind.mobility) == (1, 1)
 
     def apart(q: np.ndarray) -> float:
         x1, x2 = (np.array([x + l * np.cos(t), -l * np.sin(t)]) for x, l, t in ((0.0, 0.3, q[0]), (0.6, 0.5, q[1])))
