@@ -294,14 +294,15 @@ class TestSeveralMotions:
 
     @pytest.mark.parametrize("kind", ["two", "eight", "faces"])
     @pytest.mark.parametrize("friction", [0.3, 1.0])
-    def test_a_box_between_two_walls_falls_or_is_jammed(self, kind, friction):
+    @pytest.mark.parametrize("solver", [None, rbd.ADMM()], ids=["default", "cones"])
+    def test_a_box_between_two_walls_falls_or_is_jammed(self, kind, friction, solver):
         """It falls at 9.81 with no force, or stays with as much as the walls like: both satisfy Coulomb's law."""
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         contacts = walls(friction, kind)
         with pytest.warns(NonUniqueMotionWarning, match=r"no one motion: Coulomb's law admits 2 motions .* jammed") as seen:
-            s = rbd.solve(state, np.zeros(0), contacts, solver=rbd.ADMM())
-        assert seen[0].filename == __file__
+            s = rbd.solve(state, np.zeros(0), contacts, solver=solver)
+        assert seen[0].filename == __file__ and (s.method == "QP") == (solver is None)
         motions = sorted([s.a[2], *(o.a[2] for o in s.others)])
         assert motions == pytest.approx([-G, 0.0], abs=1e-9)
         for each in (s, *s.others):

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.separable import Separable
 from rbd.arrays import Array, lazy
 from rbd.problem.parts import project_cones
 from rbd.problem.problem import GaussProblem
+from rbd.problem.separable import Separable
 
 NULL = 1e-9
 """Singular values below this, times the largest, count as zero; as in `Answer.rank`."""

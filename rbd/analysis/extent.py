@@ -1,7 +1,7 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.analysis.separable` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not come
+`rbd.problem.separable` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not come
 so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a barrier's
 path. What is reached is attained.
 
@@ -18,11 +18,11 @@ from scipy.sparse import csr_array, hstack, identity
 
 from rbd.analysis.admissible import Admissible, null_space
 from rbd.analysis.barrier import ConeSet, interior, least
-from rbd.analysis.separable import Separable, least_squares
 from rbd.arrays import Array, largest, lazy
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import Work
 from rbd.problem.programs import LinearAnswer, linear_program
+from rbd.problem.separable import Separable, least_squares
 
 EXACT = 1e-10
 """How near an end is come to, over the size of the forces."""

@@ -4,7 +4,7 @@
 
 with T the identity or the user's weights. The least is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-Newton's method on its dual (`rbd.analysis.separable`), exact too, and where that does not end, as of sets without an inside or
+Newton's method on its dual (`rbd.problem.separable`), exact too, and where that does not end, as of sets without an inside or
 weights that mix the corners, a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
 """
 
@@ -20,13 +20,13 @@ from rbd.analysis.admissible import Admissible
 from rbd.analysis.barrier import ConeSet, least
 from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
-from rbd.analysis.separable import least_squares
 from rbd.arrays import Array, block_diagonal, is_finite, numbers
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.problem.law import Law
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem
 from rbd.problem.programs import nonnegative
+from rbd.problem.separable import least_squares
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"

@@ -65,6 +65,7 @@ class StandReport:
             "status": str(s.status),
             "law": str(s.law),
             "solver": s.solver,
+            "method": s.method,
             "rows": s.problem.m,
             "rank": s.rank,
             "contacts": {name: self._contact(name, c) for name, c in s.contacts.items()},
@@ -138,7 +139,7 @@ class StandReport:
         table = Table("motion and proof", headings=False)
         table.add_column("what")
         table.add_column("value")
-        table.add_row("status", f"{s.status} by {s.solver}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")
+        table.add_row("status", f"{s.status} by {s.method}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")
         table.add_row("centre of mass", f"({rounded(self.held.state.com, 3)}) m")
         table.add_row("its acceleration", f"({rounded(with_contacts, 3)}) m/s2")
         table.add_row("without contacts", f"({rounded(without, 3)}) m/s2")

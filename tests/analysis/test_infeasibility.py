@@ -459,7 +459,7 @@ def test_the_violation_is_the_least(seed: int) -> None:
     cones = [rbd.FrictionCone(0.6), rbd.NonNegative(2), rbd.Free(nv + 1), rbd.FrictionCone(1.2), RUB]
     P = problem(*[rows(str(i), rng.normal(size=(c.dim, nv)), 3.0 * rng.normal(size=c.dim), c) for i, c in enumerate(cones)])
     assert contradiction(P, "convex, 4 facets") is not None
-    near = rbd.nearest_motion(P)
+    near = rbd.nearest_motion(P, solver=rbd.ProxQP())
     assert_least(P, near)
     assert near.solution.status is rbd.Status.SOLVED and near.optimality < 1e-9
     s = stacked(P, dict(near.violation))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd.analysis.separable import Separable, least_squares
 from rbd.problem.limits import Work
 from rbd.problem.parts import project_cones
+from rbd.problem.separable import Separable, least_squares
 
 
 def cones(k: int, mu: float | np.ndarray, R: np.ndarray, b: np.ndarray, target: np.ndarray) -> Separable:
