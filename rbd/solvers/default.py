@@ -139,6 +139,8 @@ def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
         if (np.abs(w[moves]) > SOLVED * push[moves]).any():
             return None, False
         w[moves] = 0.0
+    if not convex.redundant and _inside(T, w):
+        return _answer(convex, w, start), False
     forces, inside = _least_forces(convex, w, still)
     return None if forces is None else _answer(convex, forces, start), convex.redundant and not inside
 
@@ -175,9 +177,8 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         out[columns] = 0.0
         left, G = felt @ (convex.multipliers - T.G @ out), felt @ T.G[:, columns]
         out[columns] = np.linalg.lstsq(G, left, rcond=1e-12)[0]
-    inside = T.project(out)
-    if largest(inside - out) <= _ROUNDING * largest(out):
-        return inside, True
+    if _inside(T, out):
+        return T.project(out), True
     size = max(1.0, largest(convex.multipliers))
     n, free = len(columns), np.full(len(columns), np.inf)
     cones = np.arange(3 * int(still.sum())).reshape(-1, 3)
@@ -186,6 +187,10 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         return None, False
     out[columns] = size * found[0]
     return out, False
+
+
+def _inside(T: Parts, w: Array) -> bool:
+    return largest(T.project(w) - w) <= _ROUNDING * largest(w)
 
 
 @lru_cache(maxsize=256)
