@@ -20,10 +20,10 @@ from rbd.errors import InputError, NoSolution, Unsupported
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
 from rbd.problem.contact_force import corner_split
+from rbd.problem.contact_motion import opening_words
+from rbd.problem.force_set import at_rest
 from rbd.problem.law import Law
-from rbd.problem.openings import opening_words
 from rbd.problem.problem import GaussProblem, checked
-from rbd.problem.rays import rays_of
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers import Solver
@@ -196,11 +196,10 @@ class Solution(Answer):
 
     def _corners(self, i: int, rows: Rows) -> Array:
         P = self.problem
-        if self.weights is not None and len(rows) and not self.law.facets and not rays_of(rows.cone).all_lines:
+        if self.weights is not None and len(rows) and not at_rest(rows.cone).bilateral:
             assert rows.patch is not None
-            return P.parts.at_points(self.weights, P.parts.slices[i]) @ rows.patch.axes.T
-        weights = None if self.weights is None else self.weights[P.ray_slices[i]]
-        return corner_split(rows, self.multipliers[P.slices[rows.name]], weights)
+            return P.force_set_of(self.law).at_points(self.weights, i) @ rows.patch.axes.T
+        return corner_split(rows, self.multipliers[P.slices[rows.name]])
 
     @lazy
     def feedback_acceleration(self) -> Array:

@@ -176,7 +176,7 @@ class TestTable:
         for friction in (0.0, 0.5):
             pushed = self.solve((0.45, 0.2), friction, rbd.ProxQP())
             normal = np.array([pushed.forces[f"leg{i}"][2] for i in range(4)])
-            assert np.abs(pushed.a).max() < STILL and normal.min() >= 0.0
+            assert np.abs(pushed.a).max() < STILL and normal.min() > -1e-13  # rounding of 250 N
             assert normal.sum() == pytest.approx(400.0) and normal @ [0.6, 0.6, -0.6, -0.6] == pytest.approx(180.0)
 
     def test_a_table_whose_mass_is_beyond_its_feet_falls(self):

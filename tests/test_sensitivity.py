@@ -304,7 +304,7 @@ class TestRedundantRows:
     def test_a_sticking_pyramid_with_idle_rays_is_no_change_of_mode(self) -> None:
         """Sixteen rays for six components: whichever carry, the wrench is unique and its derivatives are a held patch's."""
         found = resting_box((10.0, 5.0, -3.0), [PATCH], rbd.ProxQP())
-        basic = replace(found, weights=nnls(found.problem.rays.G, found.multipliers)[0])
+        basic = replace(found, weights=nnls(found.problem.force_set.pyramids.G, found.multipliers)[0])
         assert (basic.weights == 0.0).sum() >= 10 and basic.status is rbd.Status.SOLVED
         d, expected = basic.derivatives(), resting_box((10.0, 5.0, -3.0), [PATCH_HELD], rbd.KKT()).derivatives()
         assert d.active == {"floor": ("sticks",) * 4}
@@ -316,7 +316,7 @@ class TestRedundantRows:
     def test_corner_forces_at_the_edge_of_their_cones_can_be_shared_otherwise(self) -> None:
         """A split with a corner at its edge is no edge of the sole: another split of the same wrench has room."""
         found = resting_box((10.0, 5.0, -3.0), [PATCH], rbd.ADMM())
-        T = found.problem.parts
+        T = found.problem.force_set
         w = found.weights.copy()
         G = T.G
         kernel = np.linalg.svd(G)[2][np.linalg.matrix_rank(G) :]
@@ -369,7 +369,7 @@ class TestRefused:
         with pytest.raises(rbd.NotDifferentiable, match="how the points that slip share the load is not unique"):
             found.derivatives()
         problem = rbd.gauss_problem(state, np.zeros(0), [PATCH], external=push)
-        T = problem.parts
+        T = problem.force_set
         D = T.H.T @ problem.J @ np.linalg.solve(problem.M, problem.J.T @ T.G)
         free = T.H.T @ problem.free_row_acceleration + T.offset
         one = np.linalg.lstsq(D, -free, rcond=1e-12)[0]

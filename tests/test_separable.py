@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rbd.problem.force_set import project_cones
 from rbd.problem.limits import Work
-from rbd.problem.parts import project_cones
 from rbd.problem.separable import Separable, least_squares
 
 

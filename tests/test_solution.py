@@ -56,7 +56,7 @@ def test_gauss_is_the_distance_from_free_motion_and_the_sum_of_its_shares(pushed
 def test_no_other_admissible_acceleration_is_nearer_to_free_motion(pushed, rng):
     """Gauss: the answer minimises 1/2 |a - a_free|_M^2 over all a whose contacts neither pierce nor leave K*."""
     P = pushed.problem
-    solve_J, G = np.linalg.pinv(P.J), P.rays.G
+    solve_J, G = np.linalg.pinv(P.J), P.force_set.pyramids.G
     free = np.eye(P.nv) - solve_J @ P.J
     tried = 0
     for size in (1e-3, 1e-1, 1.0, 10.0):
@@ -78,7 +78,7 @@ def test_accelerations_are_those_of_the_contacts(pushed, talos, turning):
     for rows in pushed.problem.rows:
         c = pushed.accelerations[rows.name]
         assert c == pytest.approx(rows.J @ pushed.a + rows.bias, abs=1e-9)
-        assert (rbd.problem.rays.rays_of(rows.cone).G.T @ c).min() > -1e-9
+        assert (rbd.problem.force_set.at_rest(rows.cone).pyramids.G.T @ c).min() > -1e-9
     assert max(np.abs(c).max() for c in pushed.accelerations.values()) > 0.1
 
 

@@ -205,7 +205,7 @@ class TestOtherDoors:
                            velocity=[0, 0, 0, 0, 0, 0.01])  # fmt: skip
         slides = rbd.Rows("toe", np.eye(6)[:3], np.zeros(3), rbd.FrictionCone(0.5), velocity=[1.0, 0, 0])
         P = rbd.GaussProblem(np.eye(6), np.zeros(6), [turning, slides], rest_speed=0.1)
-        assert not P.parts.offset.any() and [r.name for r in P.slipping] == ["toe"]
+        assert not P.force_set.offset.any() and [P.rows[i].name for i in P.force_set.slipping] == ["toe"]
 
     @pytest.mark.parametrize("wrong", [-1e-6, np.nan, np.inf, "fast", None, True])
     def test_a_limit_that_is_no_speed_is_refused(self, talos, wrong):

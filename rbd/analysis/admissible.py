@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.problem.parts import project_cones
+from rbd.problem.cones import project_cones
 from rbd.problem.problem import GaussProblem
 from rbd.problem.separable import Separable
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.arrays import Array
+from rbd.problem.force_set import ForceSet
 from rbd.problem.law import Law
-from rbd.problem.parts import Parts
 from rbd.problem.problem import GaussProblem
 
 CARRIES = 1e-9
@@ -26,7 +26,7 @@ def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law
 
     Args:
         problem: What was solved.
-        weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; None where all rows hold.
+        weights: As `Answer.weights`; None where all rows hold.
         law: The law of the answer.
     """
     P = problem
@@ -50,11 +50,7 @@ def _active(P: GaussProblem, weights: Array | None, law: Law) -> tuple[Array, Ar
         one = np.eye(P.m)
         return one, one
     small = CARRIES * max(1.0, float(np.abs(weights).max(initial=0.0)))
-    if law.facets:
-        R = P.rays
-        G = R.G[:, (weights > R.lower + small) & (weights < R.upper - small)]
-        return G, G
-    T = P.parts
+    T = P.force_set_of(law)
     alone = (weights > T.lower + small) & (weights < T.upper - small)
     alone[T.cone_columns.ravel()] = False
     found = [(T.G[:, alone], T.H[:, alone])]
@@ -64,7 +60,7 @@ def _active(P: GaussProblem, weights: Array | None, law: Law) -> tuple[Array, Ar
     return G, G if T.H is T.G and law.kind != "coulomb" else np.hstack([h for _, h in found])
 
 
-def _cone_columns(T: Parts, i: int, weights: Array, small: float, *, coulomb: bool) -> list[tuple[Array, Array]]:
+def _cone_columns(T: ForceSet, i: int, weights: Array, small: float, *, coulomb: bool) -> list[tuple[Array, Array]]:
     """Of one second-order cone: all three columns where it sticks, one along its force where it slips, else none."""
     columns, mu = T.cone_columns[i], float(T.mu[i])
     w = weights[columns]

@@ -21,11 +21,11 @@ import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
 from rbd.arrays import Array, largest
+from rbd.problem.force_set import at_rest
 from rbd.problem.law import CONVEX, Law
 from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import linear_program
-from rbd.problem.rays import rays_of
 
 CONTRADICTS = 1e-8
 """Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
@@ -150,7 +150,7 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
 
     By least squares over all rows that hold, in their own units. Shapes (m,) each; met + unmet = -offset.
     """
-    held = [r for r in problem.rows if rays_of(r.cone).all_lines and len(r)]
+    held = [r for r in problem.rows if at_rest(r.cone).bilateral and len(r)]
     if not held:
         return {}, {}
     at = np.concatenate([np.arange(problem.m)[problem.slices[r.name]] for r in held])

@@ -339,8 +339,8 @@ def motion_freedom(answer: Answer) -> int:
     P, modes = answer.problem, modes_of(answer)
     if not modes.phi:
         return 0
-    C = modes.generators
-    return _rank(P.factor, P.J.T @ (C.G @ np.array(modes.phi).T)) - _rank(P.factor, P.J.T @ (C.H @ np.array(modes.psi).T))
+    T = modes.sets
+    return _rank(P.factor, P.J.T @ (T.G @ np.array(modes.phi).T)) - _rank(P.factor, P.J.T @ (T.H @ np.array(modes.psi).T))
 
 
 def _rank(L: Array, X: Array) -> int:

@@ -17,7 +17,7 @@ from rbd.constraints.line_contact import LineContact
 from rbd.constraints.points import ALWAYS, Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, HalfLine, Interval, Line, NonNegative, SecondOrderCone
-from rbd.problem.parts import centripetal
+from rbd.problem.contact_motion import centripetal
 from rbd.problem.rows import Rows
 
 

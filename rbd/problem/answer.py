@@ -61,8 +61,7 @@ class Answer:
         problem: What was solved.
         a: Acceleration, shape (nv,) [m/s2, rad/s2]; on a floating base, linear then angular in the base's axes.
         multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
-        weights: What adds up to f: of the rays (`problem.rays`) where the law speaks of facets, else of the true parts
-            (`problem.parts`), shape (r,); None where all rows hold.
+        weights: What adds up to f, of the columns of `problem.force_set_of(law)`, shape (p,); None where all rows hold.
         law: The law whose residuals are given; a solver may give it as it prints, e.g. "convex, 4 facets".
         solver: Name of the solver.
         iterations: What the solver needed.
@@ -153,7 +152,7 @@ class Answer:
     @property
     def impact(self) -> str:
         """Which contact approaches, in words: no acceleration answers that. Empty where none does; `rbd.solve` refuses it."""
-        return self.problem.parts.impact if self.problem.moving else ""
+        return self.problem.force_set.impact
 
     @lazy
     def gauss(self) -> Gauss:

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, largest
+from rbd.problem.cones import project_cones
 from rbd.problem.limits import Work
-from rbd.problem.parts import project_cones
 
 _STEPS = 60
 _DONE = 1e-13

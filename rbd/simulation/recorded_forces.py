@@ -122,15 +122,15 @@ def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
     """The long way: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
-    index, groups, parts = chosen_rows(at.layout, active)
+    index, groups, T = chosen_rows(at.layout, active)
     f, J, M = force[index], at.J[index], at.state.M
     u = np.where(at.layout.held, 0.0, velocity)[index]
     P = GaussProblem(M, M @ v - J.T @ f, [Rows(name, J[s], u[s] - J[s] @ v, cone) for name, s, cone in groups], from_state=True)
-    found = Solution(P, v, f, parts.project(parts.H.T @ f), Law(law), "TimeStepping", 1, 0.0).settled()
+    found = Solution(P, v, f, T.project(T.H.T @ f), Law(law), "TimeStepping", 1, 0.0).settled()
     out = np.zeros(len(force))
     out[index] = found.multipliers
     if found.weights is not None and np.isfinite(found.weights).all():
-        out[index] = parts.G @ found.weights
+        out[index] = T.G @ found.weights
     return out
 
 

@@ -191,7 +191,7 @@ class SmoothMotion:
             points = pushes = None
             if r.patch is not None and r.resultant is not None:
                 points = r.patch.point + r.patch.corners @ r.patch.axes.T
-                pushes = corner_split(r, f[P.slices[r.name]], None) if unique else found.corner_forces[r.name]
+                pushes = corner_split(r, f[P.slices[r.name]]) if unique else found.corner_forces[r.name]
             out[r.name] = Touch(found.forces[r.name], HOLDS, points, pushes)
         return out
 

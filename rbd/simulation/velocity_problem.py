@@ -25,7 +25,7 @@ from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
 from rbd.problem.cones import Box, Cone, Product
-from rbd.problem.parts import Parts, parts_of
+from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
@@ -75,16 +75,14 @@ class _Chosen:
     Attributes:
         index: Which rows.
         groups: (constraint, its rows among them, their set).
-        parts: Their sets as weights, which are the row impulses themselves: each set is one point's own.
-        bilateral: Whether all hold, whatever it takes.
+        sets: Their sets as weights, which are the row impulses themselves: each set is one point's own.
         held: Which of the rows hold, whatever it takes; indices.
-        stillness: Of the parts, if there are any.
+        stillness: Of the sets, if there are any.
     """
 
     index: Array | slice
     groups: tuple[tuple[str, slice, Cone], ...]
-    parts: Parts
-    bilateral: bool
+    sets: ForceSet
     held: Array
     stillness: Stillness | None
 
@@ -124,7 +122,7 @@ class VelocitySolver:
         if not is_finite(y):
             raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")
         merit, least = 0.0, False
-        if chosen.parts.size:
+        if chosen.sets.size:
             J, c, left_out = at.J[index], offset[index], 0.0
             W = blas.dtrsm(1.0, L, J.T, lower=1)
             if len(chosen.held):
@@ -174,7 +172,7 @@ class VelocitySolver:
         problem: Callable[[], GaussProblem],
     ) -> tuple[Array, float, bool]:
         """(row impulses, how far they are from the law, whether they are known to be the shortest)."""
-        if chosen.bilateral:
+        if chosen.sets.bilateral:
             return *_held(D, u, max(h, largest(u)) or 1.0, problem), False
         if shift is None and chosen.stillness is not None:
             shortest = chosen.stillness.impulses(D, u, np.zeros(len(u)), STILL, others=False)
@@ -183,7 +181,7 @@ class VelocitySolver:
             still = chosen.stillness.impulses(D, u, guess, STILL)
             if still is not None:
                 return *still, False
-        T = chosen.parts
+        T = chosen.sets
         if shift is not None:
             x, merit, S = self._tried(D, u + shift, T, guess)
             if merit <= _exact(S):
@@ -199,7 +197,7 @@ class VelocitySolver:
             return T.project(S.weights(x)), merit, False
         return *self._searched(problem()), False
 
-    def _tried(self, D: Array, u: Array, T: Parts, guess: Array) -> tuple[Array, float, Scaled]:
+    def _tried(self, D: Array, u: Array, T: ForceSet, guess: Array) -> tuple[Array, float, Scaled]:
         """(scaled weights, merit, the scaled problem) from a guess."""
         S = scaled(D, u, T)
         x, merit, _ = steps_from(S, S.guess(guess), coulomb=self.coulomb, iterations=_QUICK)
@@ -289,10 +287,10 @@ def _exact(S: Scaled) -> float:
     return max(EXACT, _ROUNDING / S.rate)
 
 
-def chosen_rows(layout: Layout, active: Array) -> tuple[Array | slice, tuple[tuple[str, slice, Cone], ...], Parts]:
+def chosen_rows(layout: Layout, active: Array) -> tuple[Array | slice, tuple[tuple[str, slice, Cone], ...], ForceSet]:
     """(rows of the points that act, (constraint, its rows among them, set of its forces), these sets as weights)."""
     chosen = _choose(layout, active, 1.0)
-    return chosen.index, chosen.groups, chosen.parts
+    return chosen.index, chosen.groups, chosen.sets
 
 
 def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
@@ -308,11 +306,8 @@ def _choose(layout: Layout, active: Array, h: float) -> _Chosen:
         cone = members[0] if len(members) == 1 else Product(members)
         groups.append((owner, slice(at, at + cone.dim), cone))
         at += cone.dim
-    # Sets alone matter here: rows of zeros stand in for those of a state.
-    parts = parts_of([Rows(name, np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone) for name, _, cone in groups])
-    bilateral = bool(len(parts.mu) == 0 and np.isneginf(parts.lower).all() and np.isposinf(parts.upper).all())
-    held = np.flatnonzero(layout.held[index])
-    return _Chosen(index, tuple(groups), parts, bilateral, held, Stillness(parts) if parts.size else None)
+    sets, held = at_rest(*[cone for _, _, cone in groups]), np.flatnonzero(layout.held[index])
+    return _Chosen(index, tuple(groups), sets, held, Stillness(sets) if sets.size else None)
 
 
 def _held(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:

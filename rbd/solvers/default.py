@@ -17,12 +17,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, block_diagonal, largest
 from rbd.errors import InputError
 from rbd.problem.answer import RANK_TOLERANCE, Answer
-from rbd.problem.cones import Cone, SecondOrderCone, pyramid
+from rbd.problem.cones import pyramid
+from rbd.problem.force_set import ForceSet
 from rbd.problem.law import CONVEX, COULOMB, Law
-from rbd.problem.parts import Parts
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.separable import Separable, least_squares
@@ -92,7 +92,7 @@ class GaussFirst:
         P = checked(problem)
         if P.bilateral:
             return KKT().solve(P)
-        if P.slipping:
+        if P.force_set.slipping:
             return ADMM().solve(P)
         convex = ProxQP().solve(P)
         if not convex.residuals.within(USABLE):
@@ -101,7 +101,7 @@ class GaussFirst:
             convex = eased(convex)
         found, jammed = coulombs(convex)
         if found is None:
-            return ADMM().solve_from(P, to_parts(P) @ convex.weights, start)
+            return ADMM().solve_from(P, _from_pyramids(P.force_set) @ convex.weights, start)
         if found.residuals.within(SOLVED):
             return _with_others(found, ADMM().solve(P)) if jammed else found
         other = ADMM().solve_from(P, found.weights, start)
@@ -126,14 +126,14 @@ def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
         convex: Of `ProxQP`, for a problem without points that slide already.
     """
     start, P = time.perf_counter(), convex.problem
-    T = P.parts
-    w = to_parts(P) @ convex.weights
+    T = P.force_set
+    w = _from_pyramids(T) @ convex.weights
     if not len(T.mu):
         return _answer(convex, w, start), False
-    y = T.accelerations(P.J @ convex.a + P.offset, coulomb=False)
-    still = np.abs(y[T.cone_columns]).max(axis=1) <= SOLVED * T.reach[0]
+    y = T.accelerations(P.J @ convex.a + P.offset)
+    still = np.abs(y[T.cone_columns]).max(axis=1) <= SOLVED * T.reach
     if not still.all():
-        along, push = convex.residuals.scales.of_parts(T, w)
+        along, push = convex.residuals.scales.of_set(T, w)
         still |= (np.abs(y) <= SOLVED * along)[T.cone_columns].all(axis=1)
         moves = T.cone_columns[~still].ravel()
         if (np.abs(w[moves]) > SOLVED * push[moves]).any():
@@ -148,7 +148,7 @@ def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
 def _answer(convex: Answer, w: Array, start: float) -> Answer:
     P, f, a = convex.problem, convex.multipliers, convex.a
     if convex.redundant:
-        f = P.parts.G @ w
+        f = P.force_set.G @ w
         a = constrained(P, f)
     seconds = convex.seconds + time.perf_counter() - start
     return replace(convex, a=a, multipliers=f, weights=w, law=COULOMB, seconds=seconds)
@@ -163,7 +163,7 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
     Returns:
         The weights, shape (p,), None where there are none; whether they are the shortest without regard to the cones, too.
     """
-    P, T = convex.problem, convex.problem.parts
+    P, T = convex.problem, convex.problem.force_set
     columns, out = T.cone_columns[still].ravel(), w.copy()
     if not convex.redundant:
         out[columns] = 0.0
@@ -171,7 +171,7 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         out[columns] = _minimum_norm(T, still.tobytes()) @ left
         G = T.G[:, columns]
     else:
-        columns = np.concatenate([columns, np.flatnonzero(~np.isfinite(T.lower) & ~np.isfinite(T.upper) & _singles(T))])
+        columns = np.concatenate([columns, np.setdiff1d(np.flatnonzero(T.is_line), T.cone_columns)])
         _, s, Vt = np.linalg.svd(P.whitened, full_matrices=False)
         felt = Vt[s > RANK_TOLERANCE * s[0]]
         out[columns] = 0.0
@@ -189,40 +189,17 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
     return out, False
 
 
-def _inside(T: Parts, w: Array) -> bool:
+def _inside(T: ForceSet, w: Array) -> bool:
     return largest(T.project(w) - w) <= _ROUNDING * largest(w)
 
 
 @lru_cache(maxsize=256)
-def _minimum_norm(T: Parts, still: bytes) -> Array:
+def _minimum_norm(T: ForceSet, still: bytes) -> Array:
     """Minimum-norm weights of the points that keep still, for row forces."""
     return np.asarray(np.linalg.pinv(T.G[:, T.cone_columns[np.frombuffer(still, bool)].ravel()]))
 
 
 @lru_cache(maxsize=256)
-def _singles(T: Parts) -> Array:
-    """Which columns are no cones', shape (p,)."""
-    out = np.ones(T.size, bool)
-    out[T.cone_columns.ravel()] = False
-    return out
-
-
-def to_parts(P: GaussProblem) -> Array:
-    """What makes weights of `problem.parts` of those of `problem.rays`, with the same forces, shape (p, r); without sliding."""
-    return _to_parts(P.parts, tuple([r.cone for r in P.rows]))
-
-
-@lru_cache(maxsize=256)
-def _to_parts(T: Parts, cones: tuple[Cone, ...]) -> Array:
-    blocks = []
-    for cone, columns in zip(cones, T.slices, strict=True):
-        for i, part in enumerate(cone.generators()[1]):
-            width = int((T.point[columns] == i).sum())
-            rays = pyramid(part.mu, part.facets) if isinstance(part, SecondOrderCone) else np.eye(3)[:, 2:]
-            blocks.append(rays[3 - width :])
-    p, r = sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)
-    out, i, j = np.zeros((p, r)), 0, 0
-    for b in blocks:
-        out[i : i + b.shape[0], j : j + b.shape[1]] = b
-        i, j = i + b.shape[0], j + b.shape[1]
-    return out
+def _from_pyramids(T: ForceSet) -> Array:
+    """What makes weights of a force set of those of its pyramids, with the same forces, shape (p, r)."""
+    return block_diagonal([pyramid(e.mu, e.facets) if e.facets else np.ones((1, 1)) for e in T.pyramids.elements])

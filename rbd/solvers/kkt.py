@@ -10,9 +10,9 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
 from rbd.problem.answer import RANK_TOLERANCE, Answer
+from rbd.problem.force_set import at_rest
 from rbd.problem.law import BILATERAL, Law
 from rbd.problem.problem import GaussProblem, checked
-from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.refinement import refined
 
@@ -33,7 +33,7 @@ class KKT:
         """Names the first constraint that can break or slip."""
         if checked(problem).bilateral:
             return None
-        bad = next(r for r in problem.rows if not rays_of(r.cone).all_lines)
+        bad = next(r for r in problem.rows if not at_rest(r.cone).bilateral)
         return (
             f"KKT takes constraints that hold, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
             "Leave out solver=, or take friction=None for a contact that holds."

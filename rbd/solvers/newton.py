@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, largest
-from rbd.problem.parts import Parts
+from rbd.problem.force_set import ForceSet
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
@@ -30,10 +30,10 @@ EXACT = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """How the columns of `Parts` stand for Newton: lines and intervals first, then the cones, three columns each.
+    """How the columns of `ForceSet` stand for Newton: lines and intervals first, then the cones, three columns each.
 
     Attributes:
-        columns: Number in `Parts` of each column, shape (p,); None where nothing moves.
+        columns: Number in `ForceSet` of each column, shape (p,); None where nothing moves.
         singles: Number of lines, half-lines and intervals.
         lower: Their bounds, shape (singles,).
         upper: Likewise.
@@ -54,7 +54,7 @@ class Order:
 
 
 @lru_cache(maxsize=256)  # parts at rest are kept by their rows' sets; those of moving rows come and go
-def order_of(parts: Parts) -> Order:
+def order_of(parts: ForceSet) -> Order:
     """The order of a problem's columns."""
     in_cones = parts.cone_columns.ravel()
     alone = np.setdiff1d(np.arange(parts.size), in_cones)
@@ -89,7 +89,7 @@ class Scaled:
     rate: float
 
     def weights(self, w: Array) -> Array:
-        """Weights as `Parts` has them, of scaled ones."""
+        """Weights as `ForceSet` has them, of scaled ones."""
         out = self.unit * w
         if self.order.columns is None:
             return out
@@ -98,11 +98,11 @@ class Scaled:
         return back
 
     def guess(self, weights: Array) -> Array:
-        """Scaled weights, of those of `Parts`."""
+        """Scaled weights, of those of `ForceSet`."""
         return (weights if self.order.columns is None else weights[self.order.columns]) / self.unit
 
 
-def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
+def scaled(D: Array, y_free: Array, parts: ForceSet) -> Scaled:
     """The problem D, y_free in units of its own."""
     order = order_of(parts)
     if order.columns is not None:
@@ -124,7 +124,7 @@ def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
 
 
 def solve_newton(
-    D: Array, y_free: Array, parts: Parts, w0: Array, *, coulomb: bool, iterations: int = 50
+    D: Array, y_free: Array, parts: ForceSet, w0: Array, *, coulomb: bool, iterations: int = 50
 ) -> tuple[Array, float, int]:
     """Weights that answer y = D w + y_free, by damped semismooth Newton steps from a guess.
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from rbd.arrays import Array, identity, largest
 from rbd.problem.answer import Answer
+from rbd.problem.contact_motion import Sliding
 from rbd.problem.law import COULOMB
-from rbd.problem.parts import Sliding
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
@@ -41,7 +41,7 @@ class SlidingAnswers:
 
     Attributes:
         found: (a, f, w) with different motions, of shapes (nv,), (m,), (p,): acceleration, row forces, weights of
-            `problem.parts`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions of one point that
+            `problem.force_set`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions of one point that
             puts leaving before pressing, as does ground that yields ever so little: where pressing lets a point sink, a
             pressed ground has no stable equilibrium. Where the friction depends on how a patch shares its load, and
             nothing decides that, a whole family of motions is met by the one of least norm of the weights; the ends of
@@ -68,8 +68,8 @@ def sliding_answers(problem: GaussProblem) -> SlidingAnswers:
         InputError: if it is no GaussProblem.
     """
     P = checked(problem)
-    if P.parts.impact:
-        return SlidingAnswers((), True, P.parts.impact)
+    if P.force_set.impact:
+        return SlidingAnswers((), True, P.force_set.impact)
     return _Search(P).answers()
 
 
@@ -77,7 +77,7 @@ class _Search:
     """One problem y = A w + b, and how far its weights move it: |V dw| is the change of a in the metric of inertia."""
 
     def __init__(self, P: GaussProblem) -> None:
-        T = P.parts
+        T = P.force_set
         self.P, self.T = P, T
         A, b = T.H.T @ P.delassus @ T.G, T.H.T @ P.free_row_acceleration + T.offset
         # Columns of cones at rest have no bounds: to begin with they are lines, contacts that stick.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal, is_finite, lazy
+from rbd.arrays import Array, is_finite, lazy
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.contact import PointContact, SurfaceContact
@@ -24,10 +24,9 @@ from rbd.model.dynamics import checked, free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.contact_force import ContactForce, corner_split
+from rbd.problem.force_set import at_rest
 from rbd.problem.limits import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS
-from rbd.problem.parts import parts_of
 from rbd.problem.programs import Outcome, linear_program
-from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows
 from rbd.solvers import qp
@@ -146,13 +145,14 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     load = -statics.rhs - statics.J.T @ f  # what is left for the motors
     tau = load[robot.actuated]
     load[robot.actuated] = 0.0
-    forces, corners, at, ray = {}, {}, 0, 0
-    for r, R in zip(rows, statics.rays, strict=True):
-        part, own = f[at : at + len(r)], w[ray : ray + R.G.shape[1]]
-        at, ray = at + len(r), ray + R.G.shape[1]
+    forces, corners, at = {}, {}, 0
+    for i, r in enumerate(rows):
+        part = f[at : at + len(r)]
+        at += len(r)
         forces[r.name] = part.copy() if r.resultant is None else r.resultant @ part
         if r.patch is not None:
-            corners[r.name] = corner_split(r, part, own, inscribed=True)
+            held = not len(r) or at_rest(r.cone).bilateral
+            corners[r.name] = corner_split(r, part) if held else statics.sets.at_points(w, i) @ r.patch.axes.T
     return Hold(state, tau, forces, corners, float(np.abs(load).max()), rows)
 
 
@@ -162,14 +162,11 @@ class _Statics:
     def __init__(self, state: State, contacts: Sequence[Constraint], rows: tuple[Rows, ...], rhs: Array) -> None:
         robot = state.robot
         self.state, self.contacts, self.rows, self.rhs = state, contacts, rows, rhs
-        self.rays = [rays_of(r.cone, inscribed=True) for r in rows]
+        self.sets = at_rest(*[r.cone for r in rows]).with_pyramids(inscribed=True)
         self.J = np.concatenate([r.J for r in rows]) if rows else np.zeros((0, robot.nv))
-        self.G = block_diagonal([R.G for R in self.rays])
-        none = np.zeros(0)
-        lower = np.concatenate([R.lower for R in self.rays] or [none])
-        upper = np.concatenate([R.upper for R in self.rays] or [none])
+        self.G = self.sets.G
         self.unit = robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
-        self.low, self.high = lower / self.unit, upper / self.unit
+        self.low, self.high = self.sets.lower / self.unit, self.sets.upper / self.unit
         self.limit = robot.effort_limit
         self.limited = np.isfinite(self.limit)
         idle = _indices(robot, robot.passive)
@@ -322,7 +319,7 @@ class _Statics:
         """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
         rough = self.contacts if as_given else tuple(_with_friction(c, 1.0) for c in self.contacts)
         rows = rows_of(self.state, rough)
-        P, robot = parts_of(rows), self.state.robot
+        P, robot = at_rest(*[r.cone for r in rows]), self.state.robot
         J = np.concatenate([r.J for r in rows])
         per_weight = J.T @ P.G * self.unit
         own, yields = P.mu.copy(), np.zeros(len(P.mu), bool)

@@ -15,10 +15,10 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.cones import NonNegative
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import at_rest
 from rbd.problem.law import Law
-from rbd.problem.parts import REST_SPEED
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
@@ -132,7 +132,7 @@ def agree(
         ("ADMM, convex", ADMM(law="convex"), problem),
         ("ADMM, coulomb", ADMM(law="coulomb"), problem),
     ]
-    if problem.rays.facets and ProxQP().reason_unsupported(problem) is None:
+    if problem.force_set.facets and ProxQP().reason_unsupported(problem) is None:
         asked.insert(2, ("ADMM on pyramids", ADMM(law="convex"), _pyramidal(problem)))
     answers, refused = [], {}
     unique = _projector(problem)
@@ -177,14 +177,23 @@ def _pyramidal(problem: GaussProblem) -> GaussProblem:
     Rays of points that move away are left out, as they carry nothing.
     """
     rows = []
-    for r, at in zip(problem.rows, problem.ray_slices, strict=True):
-        R = rays_of(r.cone)
-        if R.facets and not (R.has_lines or R.has_intervals):
-            G = R.G[:, problem.rays.upper[at] > 0.0]
+    for i, r in enumerate(problem.rows):
+        G = _bent(problem, i)
+        if G is not None:
             bent = None if r.resultant is None else r.resultant @ G
             r = Rows(r.name, G.T @ r.J, G.T @ r.bias, NonNegative(G.shape[1]), feedback=G.T @ r.feedback, resultant=bent)
         rows.append(r)
     return replace(problem, rows=rows, balance=None)
+
+
+def _bent(problem: GaussProblem, i: int) -> Array | None:
+    """The rays of a constraint that push, as columns; None where it has other sets than cones and half-lines."""
+    r, T = problem.rows[i], problem.force_set.pyramids
+    own = at_rest(r.cone).pyramids
+    if not own.facets or own.has_lines or own.has_intervals:
+        return None
+    at = T.slices[i]
+    return T.G[problem.slices[r.name], at][:, T.upper[at] > 0.0]
 
 
 def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array) -> SolverAnswer:
@@ -192,9 +201,6 @@ def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array)
     law = solution.law
     if solution.problem is not problem:
         P = solution.problem
-        kept = [
-            f[part] if posed is own else rays_of(own.cone).G[:, problem.rays.upper[at] > 0.0] @ f[part]
-            for posed, own, part, at in zip(P.rows, problem.rows, P.slices.values(), problem.ray_slices, strict=True)
-        ]
+        kept = [f[part] if (G := _bent(problem, i)) is None else G @ f[part] for i, part in enumerate(P.slices.values())]
         f, law = np.concatenate(kept), pyramidal_law(problem)
     return SolverAnswer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rbd.analysis.barrier import ConeSet, interior, least
-from rbd.problem.parts import project_cones
+from rbd.problem.force_set import project_cones
 
 MU = 0.6
 CONE = ConeSet(np.zeros((0, 3)), np.zeros(0), np.eye(3)[None], np.zeros((1, 3)), np.array([MU]))

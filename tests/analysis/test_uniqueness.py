@@ -186,7 +186,7 @@ def test_circular_cones_lie_between_pyramids_inside_and_around_them():
 def _walk(s, steps: int, rng):
     """Random forces by hit and run in the null space of J^T G, circular cones; yields weights."""
     P = s.problem
-    T = P.parts
+    T = P.force_set
     A = P.J.T @ T.G
     _, sv, Vt = np.linalg.svd(A)
     N = Vt[int((sv > 1e-9 * sv[0]).sum()) :].T
@@ -229,7 +229,7 @@ def test_random_forces_stay_inside_and_nearly_reach_the_ends(contacts, rng):
     u = s.uniqueness()
     ranges = [r for c in u.contacts.values() for r in c.corners]
     seen = np.array([w[2::3] for w in _walk(s, 6000, rng)])
-    assert np.abs(s.problem.J.T @ (s.problem.parts.G @ next(_walk(s, 1, rng)) - s.multipliers)).max() < 1e-9
+    assert np.abs(s.problem.J.T @ (s.problem.force_set.G @ next(_walk(s, 1, rng)) - s.multipliers)).max() < 1e-9
     for normal, r in zip(seen.T, ranges, strict=True):
         width = r.highest - r.lowest
         assert normal.min() >= r.lowest - 1e-6 and normal.max() <= r.highest + 1e-6

@@ -151,7 +151,7 @@ def test_a_contact_that_leaves_splits_nothing():
     corners = np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]])
     patch = Patch(np.zeros(3), np.eye(3), corners, 0.5)
     gone = Rows("gone", np.zeros((0, 3)), np.zeros(0), rbd.NonNegative(0), patch=patch)
-    assert np.array_equal(corner_split(gone, np.zeros(0), None), np.zeros((2, 3)))
+    assert np.array_equal(corner_split(gone, np.zeros(0)), np.zeros((2, 3)))
 
 
 # ----------------------------------------------------------------------------------------------------------------- sets

@@ -6,8 +6,7 @@ from flat_bodies import slider
 
 import rbd
 from rbd.constraints.sources import sources_of
-from rbd.problem.parts import parts_of
-from rbd.problem.rows import Rows
+from rbd.problem.force_set import at_rest
 from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import VelocitySolver
 from rbd.solvers.contact_solve import Stillness
@@ -19,7 +18,7 @@ EXACT = 1e-13
 def corners(mu: float, k: int) -> Stillness:
     """Of k points with friction."""
     cone = rbd.FrictionCone(mu, 4)
-    return Stillness(parts_of([Rows(str(i), np.zeros((3, 1)), np.zeros(3), cone) for i in range(k)]))
+    return Stillness(at_rest(*[cone] * k))
 
 
 def four_points(rng: np.random.Generator) -> Array:

@@ -199,7 +199,7 @@ def test_how_corners_share_a_load_does_not_depend_on_their_order(talos, rng):
         many = rbd.ADMM(starts=6).solve(P)
         assert not many.others and np.abs(many.a - s.a).max() < 1e-6 * max(1.0, np.abs(s.a).max())
         # Newton alone, from another start, shows that there was something to choose.
-        T, W = P.parts, P.whitened @ P.parts.G
+        T, W = P.force_set, P.whitened @ P.force_set.G
         S = scaled(W.T @ W, T.G.T @ P.free_row_acceleration, T)
         w, merit, _ = steps_from(S, np.zeros(T.size), coulomb=True)
         if merit < 1e-12 and np.abs(W @ (T.project(S.weights(w)) - s.weights)).max() > 1e-3:
@@ -211,7 +211,7 @@ def test_how_corners_share_a_load_does_not_depend_on_their_order(talos, rng):
 def test_the_choice_is_the_limit_of_yielding_corners(talos):
     """With compliance in the corners the answer is unique; as it vanishes, linearly, it tends to ours."""
     P = next(iter(pushed_states("talos", 1, 3)))
-    s, T, W = rbd.ADMM().solve(P), P.parts, P.whitened @ P.parts.G
+    s, T, W = rbd.ADMM().solve(P), P.force_set, P.whitened @ P.force_set.G
     D, gaps = W.T @ W, []
     for compliance in (1e-2, 1e-3, 1e-4):
         S = scaled(D + compliance * D.diagonal().max() * np.eye(T.size), T.G.T @ P.free_row_acceleration, T)
@@ -389,7 +389,7 @@ def test_pinocchios_admm_answers_most_states_and_newton_makes_it_exact():
     close = exact = 0
     problems = list(pushed_states("talos", 40, 5))
     for P in problems:
-        T, W = P.parts, P.whitened @ P.parts.G
+        T, W = P.force_set, P.whitened @ P.force_set.G
         S = scaled(W.T @ W, T.G.T @ P.free_row_acceleration, T)
         w, iterations = admm(S, np.zeros(T.size), coulomb=True, iterations=500, tolerance=1e-9)
         assert iterations <= 501
@@ -430,7 +430,7 @@ def methods(name: str, law: str, count: int) -> str:
         return w
 
     for P in pushed_states(name, count, 1):
-        T, W = P.parts, P.whitened @ P.parts.G
+        T, W = P.force_set, P.whitened @ P.force_set.G
         S = scaled(W.T @ W, T.G.T @ P.free_row_acceleration, T)
         first = S.guess(T.project(holding(P)))
         take("Newton, from holding", S, first, lambda S, w: steps_from(S, w, coulomb=coulomb)[0])

@@ -84,7 +84,7 @@ def test_a_centre_of_pressure_near_an_edge_is_no_reason_to_go_on():
         forces = each.corner_forces["floor"]
         assert forces[:, 2].min() >= -1e-12
         assert (np.hypot(forces[:, 0], forces[:, 1]) <= 0.6 * forces[:, 2] + 1e-9).all()
-    naive = np.linalg.pinv(leaning.problem.parts.G) @ leaning.multipliers
+    naive = np.linalg.pinv(leaning.problem.force_set.G) @ leaning.multipliers
     assert naive[2::3].min() < -1e-3
     found, jammed = coulombs(rbd.ProxQP().solve(leaning.problem))
     assert found is not None and not jammed and found.residuals.within(1e-9)
