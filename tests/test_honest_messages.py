@@ -317,7 +317,10 @@ class TestSeveralMotions:
         with pytest.warns(NonUniqueMotionWarning):
             both = rbd.compare_laws(state, np.zeros(0), walls(0.5, "two"))
         assert not both.agree and len(both.coulomb.others) == 1
-        assert np.abs(both.coulomb.others[0].a - both.convex.a).max() < 1e-9
+        motions = [both.coulomb, *both.coulomb.others]
+        assert min(np.abs(each.a - both.convex.a).max() for each in motions) < 1e-9
+        assert sorted(each.a[2] for each in motions) == pytest.approx([-G, 0.0], abs=1e-9)
+        assert "Coulomb's law has 2 motions" in str(both)
 
     def test_one_motion_is_one(self, talos):
         """A slipping box, a box that falls past one wall, and a robot that is pushed: nothing is said."""

@@ -146,12 +146,13 @@ def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
 
 
 def _answer(convex: Answer, w: Array, start: float) -> Answer:
-    P, f, a = convex.problem, convex.multipliers, convex.a
+    P, seconds = convex.problem, convex.seconds + time.perf_counter() - start
     if convex.redundant:
         f = P.force_set.G @ w
-        a = constrained(P, f)
-    seconds = convex.seconds + time.perf_counter() - start
-    return replace(convex, a=a, multipliers=f, weights=w, law=COULOMB, seconds=seconds)
+        return replace(convex, a=constrained(P, f), multipliers=f, weights=w, law=COULOMB, seconds=seconds)
+    out = replace(convex, weights=w, law=COULOMB, seconds=seconds)
+    out.__dict__["residuals"] = convex.residuals.under(COULOMB, w)
+    return out
 
 
 def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None, bool]:
