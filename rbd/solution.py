@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.analysis.admissible import Admissible
-from rbd.analysis.complementary import admissible
+from rbd.analysis.admissible_forces import Admissible, admissible
 from rbd.analysis.feedback import feedback_acceleration
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.analysis.infeasibility import Contradiction, contradiction

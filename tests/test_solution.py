@@ -10,8 +10,9 @@ import pytest
 
 import rbd
 from rbd.errors import InaccurateWarning, NoSolution
-from rbd.problem.answer import RANK_TOLERANCE, Status
+from rbd.problem.answer import Status
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import RANK
 from rbd.solution import Solution
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
@@ -133,7 +134,7 @@ def test_forces_are_copies(pushed):
 def test_the_rank_is_stated_with_its_tolerance(talos):
     """Four held corners of a sole: 12 rows of rank 6, at singular values above 1e-9 of the largest."""
     s = rbd.solve(talos.standing(), np.zeros(talos.nu), _four_points(talos), solver=rbd.KKT())
-    assert s.problem.m == 12 and s.rank == 6 and RANK_TOLERANCE == 1e-9
+    assert s.problem.m == 12 and s.rank == 6 and RANK == 1e-9
     assert "12 rows of rank 6" in str(s)
     assert rbd.solve(talos.standing(), np.zeros(talos.nu), []).rank == 0
 

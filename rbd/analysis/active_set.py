@@ -23,9 +23,8 @@ from rbd.problem.answer import Answer
 from rbd.problem.contact_motion import centripetal
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import RANK
 
-RANK_TOLERANCE = 1e-9
-"""Singular values up to this, of columns of unit length, count as zero."""
 CONSISTENT = 1e-6
 """Largest part of a change, over its largest entry, that may be left over by rows that repeat each other."""
 
@@ -57,7 +56,7 @@ class ActiveSet:
         self._factorise()
         _check_room(answer, self._modes, self._kernel)
         forces = T.G @ self._Phi @ self._kernel
-        self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK_TOLERANCE] if P.m else forces
+        self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK] if P.m else forces
 
     def _factorise(self) -> None:
         """L L^T = M+, and bases of what the active columns push on and answer to, in the metric of inertia."""
@@ -80,7 +79,7 @@ class ActiveSet:
                 "of a patch that slips on more than three corners. Use fewer corners, or the convex law."
             )
         meeting = self._V.T @ self._U
-        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK_TOLERANCE:
+        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK:
             raise NotDifferentiable(
                 "friction and what slides lock each other (Painleve): near this answer there is no motion, or more than one."
             )
@@ -174,7 +173,7 @@ def _bases(X: Array) -> tuple[Array, Array, Array]:
     length = np.linalg.norm(X, axis=0)
     length[length == 0.0] = 1.0
     U, s, Vt = np.linalg.svd(X / length, full_matrices=True)
-    rank = int((s > RANK_TOLERANCE).sum())
+    rank = int((s > RANK).sum())
     N = Vt[rank:].T / length[:, None]
     return U[:, :rank], Vt[:rank].T / s[:rank] / length[:, None], N / np.linalg.norm(N, axis=0)
 

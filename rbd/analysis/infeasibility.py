@@ -26,13 +26,13 @@ from rbd.problem.law import CONVEX, Law
 from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import linear_program
+from rbd.problem.subspaces import RANK, null_space, range_of
 
 CONTRADICTS = 1e-8
 """Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
 BALANCED = 1e-12
 """Largest |J^T f| of a certificate, over sum |f_i| times the longest row of J."""
 _NAMED = 8  # constraints named in a message
-_DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +154,7 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
     if not held:
         return {}, {}
     at = np.concatenate([np.arange(problem.m)[problem.slices[r.name]] for r in held])
-    U, s, _ = np.linalg.svd(problem.J[at], full_matrices=False)
-    U = U[:, s > _DEPENDENT * max(s[0], 1e-300)]
+    U = range_of(problem.J[at])
     required = -problem.offset[at]
     met = U @ (U.T @ required)
     ends = np.cumsum([len(r) for r in held])[:-1]
@@ -239,7 +238,7 @@ class _Search:
         if not len(stacked):
             return True
         length = np.linalg.norm(stacked, axis=1)
-        if len(stacked) > stacked.shape[1] or length.min() <= _DEPENDENT * self.longest:
+        if len(stacked) > stacked.shape[1] or length.min() <= RANK * self.longest:
             return False
         return float(np.linalg.svd(stacked / length[:, None], compute_uv=False)[-1]) > 1e-6
 
@@ -294,7 +293,7 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
         return np.zeros(k), np.zeros(nv)
     # Rows of unit length, so that HiGHS's tolerances mean the same to all; lines as the difference of two.
     length = np.linalg.norm(C.A, axis=1)
-    length[length <= _DEPENDENT * longest] = longest or 1.0
+    length[length <= RANK * longest] = longest or 1.0
     A, b, size = C.A / length[:, None], C.b / (rate * length), length.min() / length
     A, b, size = np.vstack([A, -A[C.holds]]), np.r_[b, -b[C.holds]], np.r_[size, size[C.holds]]
     answer = linear_program(
@@ -310,14 +309,13 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
 def _polished(C: Conditions, z: Array, longest: float) -> Array:
     """The nearest z with A^T z = 0 on the same support; what changes sign on the way is left out."""
     length = np.linalg.norm(C.A, axis=1)
-    length[length <= _DEPENDENT * longest] = longest or 1.0
+    length[length <= RANK * longest] = longest or 1.0
     x = z * length
     some = np.abs(x) > 1e-7 * largest(x)
     while some.any():
         out = np.zeros(len(z))
         U = (C.A[some] / length[some, None]).T
-        _, s, Vt = np.linalg.svd(U, full_matrices=True)
-        N = Vt[int((s > _DEPENDENT).sum()) :].T
+        N = null_space(U, unit=True)
         for _ in range(2):  # twice is exact to rounding
             out[some] = N @ (N.T @ x[some])
         out[np.abs(out) <= 1e-12 * largest(out)] = 0.0

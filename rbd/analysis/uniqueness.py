@@ -1,8 +1,8 @@
 """What is unique of the forces of one motion, and how far the rest could go.
 
-The same acceleration under the same law leaves the forces a convex set (`rbd.analysis.admissible`). Over it each normal force
-has a smallest and a largest value, both attained: by linear programs where all is flat, along a barrier's path where cones are
-circular (`rbd.analysis.extent`). A resultant is unique where no direction of the set changes it.
+The same acceleration under the same law leaves the forces a convex set (`rbd.analysis.admissible_forces`). Over it each normal
+force has a smallest and a largest value, both attained: by linear programs where all is flat, along a barrier's path where
+cones are circular (`rbd.analysis.extent`). A resultant is unique where no direction of the set changes it.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import blas
 
-from rbd.analysis.active_set import RANK_TOLERANCE
-from rbd.analysis.admissible import Admissible
+from rbd.analysis.admissible_forces import Admissible
 from rbd.analysis.extent import End, Reach
 from rbd.analysis.modes import modes_of
 from rbd.arrays import Array
@@ -25,6 +24,7 @@ from rbd.problem.law import Law
 from rbd.problem.limits import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
+from rbd.problem.subspaces import rank_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +219,7 @@ class _Asker:
             if name not in adm.has_corners and span.stop > span.start
         }
         changes = adm.rows @ self.reach.directions
-        row_freedom = int(np.linalg.matrix_rank(changes, tol=1e-9)) if changes.size else 0
+        row_freedom = rank_of(changes, unit=True)
         found = self.reach.known and all(end.found for end in self.ends.values())
         return Uniqueness(
             self.law, P.m, adm.rank, adm.active_rank, row_freedom, self.reach.dimension, choice, contacts, others,
@@ -346,7 +346,7 @@ def motion_freedom(answer: Answer) -> int:
 def _rank(L: Array, X: Array) -> int:
     X = blas.dtrsm(1.0, L, X, lower=1)
     length = np.linalg.norm(X, axis=0)
-    return int((np.linalg.svd(X / np.where(length > 0.0, length, 1.0), compute_uv=False) > RANK_TOLERANCE).sum())
+    return rank_of(X / np.where(length > 0.0, length, 1.0), unit=True)
 
 
 def _short(value: float, digits: int = 2) -> str:

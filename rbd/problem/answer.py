@@ -9,16 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-
 from rbd.arrays import Array, lazy
 from rbd.problem.contact_force import ContactForce
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
-
-RANK_TOLERANCE = 1e-9
-"""Singular values of J below this, times the largest, count as zero in `Answer.rank`."""
+from rbd.problem.subspaces import rank_of
 
 
 class Status(StrEnum):
@@ -165,11 +161,8 @@ class Answer:
 
     @lazy
     def rank(self) -> int:
-        """Rank of J, at singular values above `RANK_TOLERANCE` times the largest."""
-        if not self.problem.m:
-            return 0
-        s = np.linalg.svd(self.problem.J, compute_uv=False)
-        return int((s > RANK_TOLERANCE * s[0]).sum())
+        """Rank of J, at singular values above `rbd.problem.subspaces.RANK` times the largest."""
+        return rank_of(self.problem.J)
 
     def __repr__(self) -> str:
         kind = type(self).__name__

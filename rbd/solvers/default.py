@@ -19,13 +19,14 @@ import numpy as np
 
 from rbd.arrays import Array, block_diagonal, largest
 from rbd.errors import InputError
-from rbd.problem.answer import RANK_TOLERANCE, Answer
+from rbd.problem.answer import Answer
+from rbd.problem.cone_programs import Separable, least_squares
 from rbd.problem.cones import pyramid
 from rbd.problem.force_set import ForceSet
 from rbd.problem.law import CONVEX, COULOMB, Law
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
-from rbd.problem.separable import Separable, least_squares
+from rbd.problem.subspaces import range_of
 from rbd.solvers import Solver, checked_solver
 from rbd.solvers.admm import ADMM
 from rbd.solvers.kkt import KKT, constrained
@@ -173,8 +174,7 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         G = T.G[:, columns]
     else:
         columns = np.concatenate([columns, np.setdiff1d(np.flatnonzero(T.is_line), T.cone_columns)])
-        _, s, Vt = np.linalg.svd(P.whitened, full_matrices=False)
-        felt = Vt[s > RANK_TOLERANCE * s[0]]
+        felt = range_of(P.whitened.T).T
         out[columns] = 0.0
         left, G = felt @ (convex.multipliers - T.G @ out), felt @ T.G[:, columns]
         out[columns] = np.linalg.lstsq(G, left, rcond=1e-12)[0]

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
-from rbd.problem.answer import RANK_TOLERANCE, Answer
+from rbd.problem.answer import Answer
 from rbd.problem.force_set import at_rest
 from rbd.problem.law import BILATERAL, Law
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
+from rbd.problem.subspaces import RANK
 from rbd.solvers.refinement import refined
 
 
@@ -91,7 +92,7 @@ def independent_factor(delassus: Array) -> Array | None:
 def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
     """(f, missed): minimum-norm f with W^T W f = -c as nearly as can be, and how much of c no f reaches."""
     _, s, Vt = np.linalg.svd(W, full_matrices=False)
-    kept = s > RANK_TOLERANCE * s[0]
+    kept = s > RANK * s[0]
     Vt, s = Vt[kept], s[kept]
     along = Vt @ c
     return -Vt.T @ (along / s**2), float(np.abs(c - Vt.T @ along).max())

@@ -21,6 +21,7 @@ from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, largest
 from rbd.problem.force_set import ForceSet
+from rbd.problem.subspaces import null_space
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
@@ -219,9 +220,8 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
     pressed = w.copy()
     pressed[at] = np.maximum(pressed[at], _TOUCHES)  # one that touches and carries nothing may carry something
     _, edges = _gap(problem, pressed, y, coulomb=True)
-    _, sizes, directions = np.linalg.svd(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True))
-    null = directions[sizes <= 1e-8 * sizes[0]]
-    return bool(np.abs(null @ problem.D).max(initial=0.0) > 1e-8)
+    N = null_space(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True), _OPEN)
+    return bool(np.abs(N.T @ problem.D).max(initial=0.0) > 1e-8)
 
 
 def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
@@ -251,6 +251,8 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
 
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
+_OPEN = 1e-8
+"""The same where directions that move nothing are looked for: answers are good to a merit of 1e-10."""
 _YIELDS = 1e-5
 """Compliance of the proximal-point rounds, over the points' own mobility."""
 _STALLS = 1e-11

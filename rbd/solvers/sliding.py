@@ -20,6 +20,7 @@ from rbd.problem.contact_motion import Sliding
 from rbd.problem.law import COULOMB
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
+from rbd.problem.subspaces import SQUARED, null_space
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
 from rbd.solvers.newton import scaled, solve_newton, steps_from
@@ -169,8 +170,7 @@ class _Search:
                 K[at, at] += scale * np.eye(2)
                 K[at, i + 2] += scale * mu * d
                 K[at] /= 1.0 + scale * mu * n / rate
-        _, s, Vt = np.linalg.svd(K)
-        N = Vt[s <= 1e-11 * s[0]].T
+        N = null_space(K, SQUARED)
         _, moved, turned = np.linalg.svd(M.V @ N, full_matrices=False)
         changes = N @ turned[moved > 1e-5 * np.sqrt(scale)].T
         return [r.name for r, c in zip(self.P.rows, T.slices, strict=True) if largest(changes[c].ravel()) > 1e-6]

@@ -20,6 +20,7 @@ from rbd.problem.force_set import at_rest
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import range_of
 from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.admm import ADMM
@@ -166,8 +167,7 @@ def _relative(x: Array, y: Array) -> float:
 
 def _projector(problem: GaussProblem) -> Array:
     """Onto the range of J, shape (m, m): the forces that J^T does not send to zero."""
-    U, s, _ = np.linalg.svd(problem.J, full_matrices=False)
-    U = U[:, s > 1e-9 * s.max(initial=0.0)]
+    U = range_of(problem.J)
     return U @ U.T
 
 

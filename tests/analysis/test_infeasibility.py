@@ -592,7 +592,7 @@ def test_a_violation_is_judged_by_its_own_conditions(monkeypatch: pytest.MonkeyP
     if way == "cuts":
         monkeypatch.setattr("rbd.analysis.violation.VIOLATION_CUTS", 1)
     else:
-        monkeypatch.setattr("rbd.analysis.violation.nonnegative", lambda *_: None)
+        monkeypatch.setattr("rbd.analysis.violation.least_distance", lambda *_: None)
     if way == "nothing":
         monkeypatch.setattr("rbd.analysis.violation.qp.attempts", lambda *_, **__: iter(()))
     elif way == "zeros":
