@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.cone_programs import Separable
 from rbd.arrays import Array, lazy
+from rbd.problem.cone_programs import Separable
 from rbd.problem.cones import LineCone, NonNegative, Product, WrenchCone, project_cones
 from rbd.problem.contact_force import corner_map
 from rbd.problem.force_set import Element, at_rest

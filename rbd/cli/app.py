@@ -62,6 +62,7 @@ def stand(
     robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
     friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
+    law: Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")] = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
@@ -72,14 +73,15 @@ def stand(
 ) -> None:
     """Stand a robot on its feet: holding torques, contact forces, the proof, and a picture.
 
-    Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
-    and prints what each foot carries.
+    Finds the motor torques that hold it still, applies the push if there is one, finds the motion and the contact forces under
+    the contact law, and prints what each foot carries.
     """
     from rbd.cli.robot_reports import StandReport
     from rbd.least_constraint import solve
     from rbd.model.external_force import ExternalForce
     from rbd.problem.cones import check_friction
     from rbd.robots.robot import load_robot
+    from rbd.solvers.default import slip_law
     from rbd.statics.equilibrium import hold
 
     console = open_console()
@@ -87,6 +89,7 @@ def stand(
         force = _push(push, at)
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
         check_friction(friction, facets)
+        slip_law(law)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or ())
@@ -102,7 +105,7 @@ def stand(
         with _timed(seconds, "hold"):
             held = hold(state, feet)
         with _timed(seconds, "solve"):
-            solution = solve(state, held.tau, feet, external=external)
+            solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
         report = StandReport(held, solution, force, at, seconds)
         if html is not None or show:
@@ -233,6 +236,7 @@ def simulate(
     from rbd.control.schedules import Pushes
     from rbd.problem.cones import check_friction
     from rbd.simulation.run import simulate as run
+    from rbd.solvers.default import slip_law
 
     console = open_console()
     with answering(simulate):
@@ -241,6 +245,7 @@ def simulate(
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
         check_outputs(files, beside=robot)
         check_friction(friction, 4)
+        slip_law(law)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):
             found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
