@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -110,16 +111,12 @@ def active_rows(layout: Layout, active: bytes, h: float) -> ActiveRows:
         h: Length of the step [s]; 1 for sets of forces.
     """
     chosen = np.frombuffer(active, bool)
-    points = np.flatnonzero(chosen)
     index = slice(None) if chosen.all() else np.flatnonzero(np.repeat(chosen, layout.widths))
     groups: list[tuple[str, slice, Cone]] = []
-    at, i = 0, 0
-    while i < len(points):
-        owner, members = layout.owners[points[i]], []
-        while i < len(points) and layout.owners[points[i]] == owner:
-            members.append(_impulses_over(layout.cones[points[i]], h))
-            i += 1
-        cone = members[0] if len(members) == 1 else Product(members)
+    at = 0
+    for owner, members in groupby(np.flatnonzero(chosen).tolist(), key=layout.owners.__getitem__):
+        cones = [_impulses_over(layout.cones[i], h) for i in members]
+        cone = cones[0] if len(cones) == 1 else Product(cones)
         groups.append((owner, slice(at, at + cone.dim), cone))
         at += cone.dim
     # Sets alone matter here: rows of zeros stand in for those of a state.
