@@ -223,14 +223,14 @@ def _shortest(G: Array, g: Array) -> Array | None:
 
 def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
     """Whether forces are in their cones, and within bounds."""
-    rows = active_rows(at.layout, active.tobytes(), 1.0)
+    rows = active_rows(at.layout, active, 1.0)
     f = force[rows.index]
     return largest(rows.parts.project(f) - f) <= 1e-12 * max(1.0, largest(f))
 
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
     """Where that fails: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
-    rows = active_rows(at.layout, active.tobytes(), 1.0)
+    rows = active_rows(at.layout, active, 1.0)
     index, groups, parts = rows.index, rows.groups, rows.parts
     f, J, M = force[index], at.J[index], at.state.M
     u = np.where(at.layout.held, 0.0, velocity)[index]
