@@ -70,7 +70,8 @@ def solve(
             slip.
         external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
         solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for constraints that hold;
-            `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be the same.
+            `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
+            the same.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
         rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
             carries nothing; one that slides faster rubs against its motion.

@@ -77,8 +77,8 @@ class GaussFirst:
     """Coulomb's law: the answer of Gauss's least-constraint QP where that is Coulomb's, else that of circular cones.
 
     What is tried, in order: the closed form where all rows hold; `ProxQP`; `ConeSolver(law="coulomb")`, from the QP's forces.
-    The answer's `method` says which it was. Where Coulomb's law has several motions it is one of them. Where redundant points hold
-    only by pressing against each other, jammed, the cones are asked for another, which then stands in `others`.
+    The answer's `method` says which it was. Where Coulomb's law has several motions it is one of them. Where redundant points
+    hold only by pressing against each other, jammed, the cones are asked for another, which then stands in `others`.
     """
 
     law: Law = COULOMB
