@@ -49,7 +49,7 @@ class Rod:
         """Of six relative velocities it takes one; of three in a plane too."""
         return 5 if normal is None else 2
 
-    def renamed(self, prefix: str, placement: pin.SE3 | None) -> "Rod":
+    def renamed(self, prefix: str, placement: pin.SE3 | None) -> Rod:
         """The same between the frames of a robot in a pair."""
         a, b = (frame if frame == "universe" else prefix + frame for frame in self.frames)
         return Rod(prefix + self.name, a, b, self.length)

@@ -1,7 +1,7 @@
 """What a constraint is: a name, and rows at a state; and what else a kind may say of itself.
 
-`name` and `rows(state)` are all that `rbd.solve` and smooth motion need. The members below are optional; the rest of the package
-asks for them through the functions of this module, which know the default where one is absent.
+`name` and `rows(state)` are all that `rbd.solve` and smooth motion need. The members below are optional; the rest of the
+package asks for them through the functions of this module, which know the default where one is absent.
 
     points(state, t)              its points of contact, a `ContactPoints`; t: seconds since a ground that moves was given.
                                   Absent: simulation takes its rows, and their `error` for the gap
