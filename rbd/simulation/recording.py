@@ -226,7 +226,7 @@ def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
     """Whether forces are in their cones, and within bounds."""
     rows = active_rows(at.layout, active, 1.0)
     f = force[rows.index]
-    return max_abs(rows.parts.project(f) - f) <= 1e-12 * max(1.0, max_abs(f))
+    return max_abs(rows.sets.project(f) - f) <= 1e-12 * max(1.0, max_abs(f))
 
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
