@@ -142,11 +142,11 @@ class TestTheJointTable:
 
     def test_a_name_that_is_none_is_answered_with_the_nearest(self, talos: rbd.Robot) -> None:
         """Of joints, and where a part of a joint may be meant of these too."""
-        with pytest.raises(rbd.JointNotFound, match="no joint 'leg_left_4' in talos; nearest: 'leg_left_4_joint'"):
+        with pytest.raises(rbd.errors.JointNotFound, match="no joint 'leg_left_4' in talos; nearest: 'leg_left_4_joint'"):
             talos.joints["leg_left_4"]
-        with pytest.raises(rbd.JointNotFound, match="'root_joint.wz'"):
+        with pytest.raises(rbd.errors.JointNotFound, match="'root_joint.wz'"):
             talos.joints.velocity("root_joint.ww")
-        with pytest.raises(rbd.JointNotFound, match=r"no joint \[\]"):
+        with pytest.raises(rbd.errors.JointNotFound, match=r"no joint \[\]"):
             talos.joints[[]]  # type: ignore[index]
 
     def test_it_is_printed_as_a_table(self) -> None:
@@ -311,5 +311,5 @@ def test_joints_that_are_not_depth_first_are_refused():
     hand = model.addJoint(arm, pin.JointModelRX(), pin.SE3.Identity(), "hand")
     for joint in (arm, other, hand):
         model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
-    with pytest.raises(rbd.ModelError, match=r"depth-first: below 'arm' stand the numbers \[1, 3\]"):
+    with pytest.raises(rbd.errors.ModelError, match=r"depth-first: below 'arm' stand the numbers \[1, 3\]"):
         CheckedModel(model)

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, inertia_factor, largest, lazy, zeros
+from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
@@ -89,12 +89,12 @@ class StackedRows:
     @property
     def drift(self) -> float:
         """Largest position error [m, rad]."""
-        return largest(self.error)
+        return max_abs(self.error)
 
     @property
     def drift_rate(self) -> float:
         """Largest velocity error [m/s, rad/s]."""
-        return largest(self.velocity)
+        return max_abs(self.velocity)
 
     @property
     def names(self) -> list[RowName]:
@@ -282,7 +282,7 @@ class ConstraintManifold:
         here = self.placed
         cut = 1e-12 if self.tolerance <= CLOSED else self.zero
         for _ in range(iterations):
-            size = largest(at.error)
+            size = max_abs(at.error)
             if size <= within:
                 break
             U, s, Vt = np.linalg.svd(at.J[here], full_matrices=False)
@@ -293,7 +293,7 @@ class ConstraintManifold:
                 nearer = self.at(self.move(at.q, z if step <= 0.5 else z * (0.5 / step)))
             except InputError:  # a constraint that is not defined there
                 break
-            if largest(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
+            if max_abs(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
                 break
             at = nearer
         return at
@@ -305,7 +305,7 @@ class ConstraintManifold:
             InputError: if it is off the constraints, with the worst row and its distance.
         """
         at = self.at(self.q)
-        if largest(at.error) > self.tolerance:
+        if max_abs(at.error) > self.tolerance:
             worst = int(np.argmax(np.abs(at.error)))
             name, row = self.names[worst]
             off = abs(float(at.error[worst])) / float(self.weights[worst])
@@ -323,7 +323,7 @@ def own_or(robot: CheckedModel, constraints: Sequence[Constraint] | None) -> tup
         InputError: if it is no list.
     """
     if constraints is None:
-        return (*getattr(robot, "loops", ()), *getattr(robot, "wheels", ()))
+        return (*robot.loops(), *robot.wheels())
     return listed(constraints)
 
 
@@ -382,7 +382,7 @@ def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
     if rows.holonomic is None:
         return np.zeros(len(rows), bool)
     surface = rows.J @ state.v - rows.velocity
-    return rows.holonomic & (np.abs(surface) <= 1e-12 * max(1.0, largest(surface)))
+    return rows.holonomic & (np.abs(surface) <= 1e-12 * max(1.0, max_abs(surface)))
 
 
 def _check(rows: Sequence[Rows]) -> None:
@@ -396,5 +396,5 @@ def _check(rows: Sequence[Rows]) -> None:
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}); mobility is that of "
                 "constraints that hold. Leave it out, or give it friction=None."
             )
-        if largest(r.velocity) > 1e-12:
+        if max_abs(r.velocity) > 1e-12:
             raise InputError(f"{r.name!r:.80} moves by itself; mobility wants constraints at rest.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.errors import InputError
 from rbd.model.state import State
 
@@ -37,7 +37,7 @@ def check_positive(what: str, value: float, most: float) -> float:
     Raises:
         InputError: it is none.
     """
-    found = a_number(value)
+    found = as_float(value)
     if not 0.0 < found <= most:
         raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}.")
     return found
@@ -60,7 +60,7 @@ def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterat
     Raises:
         InputError: with what was expected.
     """
-    if not 0.0 < a_number(tolerance) <= 1e-3:
+    if not 0.0 < as_float(tolerance) <= 1e-3:
         raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
     check_whole(what, max_iterations, 100_000)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, largest
+from rbd.arrays import Array, as_float, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_state, check_whole
@@ -94,7 +94,7 @@ def assemble(
 
     >>> found = rbd.mechanism.assemble(robot.at(q0), fixed={"crank": 0.7})
     """
-    if not a_number(within) > 0.0:
+    if not as_float(within) > 0.0:
         raise InputError(f"within is {within!r:.80}; expected a number > 0 [rad, m], or inf.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
@@ -157,7 +157,7 @@ def distances(at: ConstraintResidual, tolerance: float) -> dict[str, float]:
     out = {}
     for r in at.rows:
         error, _ = position_residual(r)
-        if largest(error) > tolerance:
+        if max_abs(error) > tolerance:
             out[r.name] = float(np.linalg.norm(error))
     return dict(sorted(out.items(), key=lambda item: -item[1]))
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
 from rbd.constraints.manifold import own_or, rank_of as rank_at
@@ -61,7 +61,7 @@ class ConstraintResidual:
     @property
     def residual(self) -> float:
         """Largest entry of the error [m, rad]."""
-        return largest(self.error)
+        return max_abs(self.error)
 
     @lazy
     def svd(self) -> tuple[Array, Array, Array]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, check_finite, largest, lazy, numbers
+from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
@@ -187,10 +187,10 @@ def acceleration_partition(
     """
     held = BilateralVelocities(state, constraints)
     off = held.J @ state.v - held.u
-    if largest(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
+    if max_abs(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
         worst = held.row_names[int(np.argmax(np.abs(off)))]
         raise InputError(
-            f"the velocity of {state.robot.name} breaks {worst!r:.80} by {largest(off):.3g} m/s (or rad/s); accelerations want "
+            f"the velocity of {state.robot.name} breaks {worst!r:.80} by {max_abs(off):.3g} m/s (or rad/s); accelerations want "
             "one that the constraints allow: state.with_velocity(velocity_partition(state, constraints, known).v)."
         )
     a, columns, residual = _solved(held, {} if known is None else known, -held.rows(state).bias, "acceleration")
@@ -210,7 +210,7 @@ def _solved(held: BilateralVelocities, known: Rates, rhs: Array, what: str) -> t
     columns = Columns(tuple(names[mask]), tuple(names[~mask]), held.J[:, mask], held.J[:, ~mask], s)
     if columns.rank < len(columns.unknown):
         raise _undecided(held, columns, Vt[columns.rank :], what)
-    residual = largest(held.J @ x - rhs)
+    residual = max_abs(held.J @ x - rhs)
     if residual > _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
         raise _contradicted(held, known, rhs, residual, what)
     return x, columns, residual
@@ -261,7 +261,7 @@ def _contradicted(held: BilateralVelocities, known: Rates, rhs: Array, residual:
     for name in known:
         mask, x = held.values({key: value for key, value in known.items() if key != name}, what)
         s, _ = _filled(held, mask, x, rhs)
-        if rank_of(s) == (~mask).sum() and largest(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
+        if rank_of(s) == (~mask).sum() and max_abs(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
             found = np.array2string(x[held.joints.velocity(name)], precision=6)[1:-1].strip()
             helps.append(f"{name!r:.80} at {found} (not {known[name]!r:.40})")
     say = f" They agree with {' or '.join(helps[:6])}." if helps else ""
@@ -284,7 +284,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _terms(J: Array, x: Array, rhs: Array) -> float:
     """Largest sum of the sizes of the terms in a row of J x - rhs."""
-    return largest(np.abs(J) @ np.abs(x) + np.abs(rhs))
+    return max_abs(np.abs(J) @ np.abs(x) + np.abs(rhs))
 
 
 def _table(what: str, columns: Columns, x: Array, unknown: Mapping[str, float]) -> str:
@@ -365,9 +365,9 @@ class BilateralVelocities:
                     "Give it friction=None to hold it."
                 )
             error, _ = position_residual(r)
-            if largest(error) > CLOSED * max(1.0, self.joints.reach):
+            if max_abs(error) > CLOSED * max(1.0, self.joints.reach):
                 raise InputError(
-                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {largest(error):.3g} m (or rad). "
+                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {max_abs(error):.3g} m (or rad). "
                     "Close it first, with rbd.mechanism.assemble."
                 )
             out.append(r)
@@ -380,7 +380,7 @@ class BilateralVelocities:
         mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
         for name, value in known.items():
             at = self.joints.velocity(name)
-            given = np.atleast_1d(numbers(f"known {what} of {name!r:.80}", value))
+            given = np.atleast_1d(as_array(f"known {what} of {name!r:.80}", value))
             if given.shape != (at.stop - at.start,):
                 raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")
             check_finite(f"known {what} of {name!r:.80}", given)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, largest, numbers
+from rbd.arrays import Array, as_array, check_finite, max_abs
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import Piece
@@ -47,7 +47,7 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object]) -> 
     out = q.copy()
     for name, value in values.items():
         joint, what = robot.joints[name], f"fixed value of joint {name!r:.80}"
-        given = np.atleast_1d(numbers(what, value))
+        given = np.atleast_1d(as_array(what, value))
         check_finite(what, given)
         if given.ndim != 1:
             raise InputError(f"{what} has shape {given.shape}; expected a number, or its part of q.")
@@ -66,7 +66,7 @@ def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:
 
 def distance(robot: CheckedModel, q: Array, to: Array) -> float:
     """Largest entry of `displacement`: zero for one pose written in two ways [rad, m]."""
-    return largest(displacement(robot, q, to))
+    return max_abs(displacement(robot, q, to))
 
 
 def canonical(robot: CheckedModel, q: Array, keep: Array) -> Array:

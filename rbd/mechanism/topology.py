@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
 from rbd.errors import InputError
@@ -279,11 +279,11 @@ def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] |
 def _configurations(held: ConstraintManifold, seed: int) -> list[Linearised]:
     """A configuration on the constraints, and some nearby."""
     rng, here = np.random.default_rng(seed), held.at(held.q)
-    if largest(here.error) > held.tolerance:
+    if max_abs(here.error) > held.tolerance:
         for draw in range(20):
             z = rng.uniform(-1.0, 1.0, size=held.n) * (draw > 0)
             here = held.project(held.move(held.q, z))
-            if largest(here.error) <= 1e-10:
+            if max_abs(here.error) <= 1e-10:
                 break
         else:
             return []
