@@ -9,6 +9,7 @@ from rbd.arrays import Array
 from rbd.problem.force_set import ForceSet
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
+from rbd.problem.subspaces import RANK
 
 CARRIES = 1e-9
 """A weight is active above this, times the largest weight (at least 1 N)."""
@@ -38,9 +39,9 @@ def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law
     G, H = _active(P, weights, law)
     B = P.whitened @ G
     if H is G:  # least squares in the inertia metric, where feedback contradicts itself
-        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=1e-9)[0]
+        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=RANK)[0]
     else:
-        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=1e-9)[0]
+        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=RANK)[0]
     return np.asarray(blas.dtrsv(P.factor, moved, lower=1, trans=1))
 
 
