@@ -1,10 +1,10 @@
 """What decides the motor torques and the pushes over time: controllers, schedules and pushes."""
 
 from rbd.control.posture import HoldPosture
-from rbd.control.schedules import Push, Pushes, Sampled, TorqueScript
+from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
 from rbd.modules import submodule as _submodule
 
-__all__ = ["HoldPosture", "Push", "Pushes", "Sampled", "TorqueScript"]
+__all__ = ["HoldPosture", "Push", "Pushes", "ZeroOrderHold", "TorqueSchedule"]
 
 
 def __getattr__(name: str) -> object:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, check_finite, numbers
+from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.errors import InputError
 from rbd.model.external_force import External, ExternalForce
 from rbd.model.state import State
@@ -36,7 +36,7 @@ def asked(what: str, given: Callable[[State, float], Any], state: State, t: floa
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueScript:
+class TorqueSchedule:
     """Torques of a table of times, whatever the robot does.
 
     Attributes:
@@ -48,7 +48,7 @@ class TorqueScript:
     Raises:
         InputError: times that do not increase, sizes that do not fit, numbers that are not finite.
 
-    >>> script = rbd.TorqueScript([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
+    >>> script = rbd.control.TorqueSchedule([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
     """
 
     times: Sequence[float] | Array
@@ -59,7 +59,7 @@ class TorqueScript:
     def __post_init__(self) -> None:
         if not isinstance(self.held, bool):
             raise InputError(f"held of TorqueScript is {self.held!r:.80}; expected True or False.")
-        times, torques = numbers("times of TorqueScript", self.times), numbers("torques of TorqueScript", self.torques)
+        times, torques = as_array("times of TorqueScript", self.times), as_array("torques of TorqueScript", self.torques)
         check_finite("times of TorqueScript", times)
         check_finite("torques of TorqueScript", torques)
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0.0).any():
@@ -89,7 +89,7 @@ class TorqueScript:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class ZeroOrderHold:
     """A controller that is asked once a period, its torques standing in between: a zero-order hold, as in a real robot.
 
     It answers with the torques of the first state that it sees in a period; so the period should be a whole number of steps of
@@ -103,7 +103,7 @@ class Sampled:
     Raises:
         InputError: a controller that cannot be called, a period that is not above zero.
 
-    >>> slow = rbd.Sampled(rbd.HoldPosture(state, robot.feet(0.7)), period=5e-3)
+    >>> slow = rbd.control.ZeroOrderHold(rbd.control.HoldPosture(state, robot.feet(0.7)), period=5e-3)
     """
 
     controller: Controller
@@ -113,7 +113,7 @@ class Sampled:
     def __post_init__(self) -> None:
         if isinstance(self.controller, type) or not callable(self.controller):
             raise InputError(f"controller is {self.controller!r:.80}; expected a function of (state, t), e.g. a TorqueScript.")
-        if not 2.0 * INSTANT < a_number(self.period) < math.inf:
+        if not 2.0 * INSTANT < as_float(self.period) < math.inf:
             raise InputError(f"period of Sampled is {self.period!r:.80}; expected a time above 0 [s].")
 
     def __call__(self, state: State, t: float) -> Array:
@@ -122,7 +122,11 @@ class Sampled:
         known = self._last.get("sample")
         # At its first time a sample is taken again: integrators guess the end of a step before they reach it.
         if known is None or known[0] != sample or t <= known[1] + INSTANT:
-            known = sample, t, numbers("torques of a sampled controller", asked("controller", self.controller, state, t)).copy()
+            known = (
+                sample,
+                t,
+                as_array("torques of a sampled controller", asked("controller", self.controller, state, t)).copy(),
+            )
             self._last["sample"] = known
         return known[2]
 
@@ -145,7 +149,7 @@ class Push:
     Raises:
         InputError: vectors that are not three finite numbers, a time that is not finite, a duration that is not above zero.
 
-    >>> push = rbd.Push("torso_2_link", (0.0, 20.0, 0.0), start=1.0, duration=0.1)
+    >>> push = rbd.control.Push("torso_2_link", (0.0, 20.0, 0.0), start=1.0, duration=0.1)
     """
 
     frame: str
@@ -158,9 +162,9 @@ class Push:
     _force: ExternalForce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not abs(a_number(self.start)) < 1e9:
+        if not abs(as_float(self.start)) < 1e9:
             raise InputError(f"start of the push at {self.frame!r:.80} is {self.start!r:.80}; expected a time [s].")
-        if not 0.0 < a_number(self.duration) < 1e9:
+        if not 0.0 < as_float(self.duration) < 1e9:
             raise InputError(f"duration of the push at {self.frame!r:.80} is {self.duration!r:.80}; expected more than 0 s.")
         given = ExternalForce(self.frame, self.force, self.moment, self.offset)
         for what in ("force", "moment", "offset"):
@@ -206,10 +210,10 @@ class Pushes:
     def __post_init__(self) -> None:
         given = self.pushes
         if isinstance(given, str | bytes) or not isinstance(given, Sequence):
-            raise InputError(f"pushes is {given!r:.80}; expected a list of rbd.Push and rbd.ExternalForce.")
+            raise InputError(f"pushes is {given!r:.80}; expected a list of rbd.control.Push and rbd.ExternalForce.")
         for push in given:
             if not isinstance(push, Push | ExternalForce):
-                raise InputError(f"pushes hold {push!r:.80}; expected rbd.Push or rbd.ExternalForce.")
+                raise InputError(f"pushes hold {push!r:.80}; expected rbd.control.Push or rbd.ExternalForce.")
         object.__setattr__(self, "pushes", tuple(given))
 
     def __call__(self, state: State, t: float) -> tuple[ExternalForce, ...]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, inertia_factor, largest
+from rbd.arrays import Array, inertia_factor, max_abs
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
 from rbd.mechanism.stage_solver import OWED
@@ -64,7 +64,7 @@ class BodySizes:
     @classmethod
     def of(cls, start: State) -> BodySizes:
         """Of the robot of a state."""
-        return cls(_sizes(start), _prismatic(start), largest(start.q))
+        return cls(_sizes(start), _prismatic(start), max_abs(start.q))
 
     def tolerances(self, at: Snapshot, known: GapTolerances | None = None) -> GapTolerances:
         """Of the points of a snapshot: `known`, if that is of the same layout."""
@@ -76,7 +76,7 @@ class BodySizes:
         size = np.where(moves, self.sizes, 1.0).min(axis=1, initial=1.0)
         # The gap of what has no place is a length only where a prismatic joint alone moves it; else it may be an angle.
         size = np.where(placed | ((moves.sum(axis=1) == 1) & (moves & self.prismatic).any(axis=1)), size, 1.0)
-        tight = TIGHT * size + _ROUNDING * (size + max(self.far, largest(at.state.q)))
+        tight = TIGHT * size + _ROUNDING * (size + max(self.far, max_abs(at.state.q)))
         return GapTolerances(layout, np.maximum(LOOSE * size, tight), tight, size)
 
 
@@ -156,7 +156,7 @@ class Correction:
         held = layout.held if self.bilateral else np.zeros(len(at.error), bool)
         pressed = layout.pushes & (closed | (at.gap < -CLOSED * size))
         size = size[pressed]
-        if largest(at.error[held]) <= self.projection.tolerance and largest(at.gap[pressed] / size) <= CLOSED:
+        if max_abs(at.error[held]) <= self.projection.tolerance and max_abs(at.gap[pressed] / size) <= CLOSED:
             return at
         rows = np.concatenate([np.flatnonzero(held), layout.normals[pressed]])
         units = np.concatenate([np.ones(int(held.sum())), size])
@@ -177,7 +177,7 @@ class Correction:
         """
         held = at.layout.held
         rate = at.velocity[held]
-        if largest(rate) <= self.projection.tolerance:
+        if max_abs(rate) <= self.projection.tolerance:
             return at
         state, zero = at.state, max(ZERO, OWED * at.drift)
         less = correction(inertia_factor(state.M), at.J[held], rate, zero=zero)

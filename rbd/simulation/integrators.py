@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import DOP853
 
-from rbd.arrays import Array, a_number, zeros
+from rbd.arrays import Array, as_float, zeros
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
@@ -36,7 +36,7 @@ class RungeKutta4:
     compare two steps, or `rbd.DormandPrince8`. A step must be short against the fastest oscillation w: beyond 2.8 / w it is
     unstable.
 
-    >>> trajectory = rbd.simulate(state, robot.loops, duration=10.0, step=1e-3, integrator=rbd.RungeKutta4())
+    >>> trajectory = rbd.simulate(state, robot.loops(), duration=10.0, step=1e-3, integrator=rbd.RungeKutta4())
     """
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
@@ -94,11 +94,11 @@ class DormandPrince8:
     longest: float = 0.05
 
     def __post_init__(self) -> None:
-        if not 1e-13 <= a_number(self.rtol) <= 1e-2:
+        if not 1e-13 <= as_float(self.rtol) <= 1e-2:
             raise InputError(f"rtol of DormandPrince8 is {self.rtol!r:.80}; expected a number from 1e-13 to 1e-2.")
-        if not 1e-18 <= a_number(self.atol) <= 1e-2:
+        if not 1e-18 <= as_float(self.atol) <= 1e-2:
             raise InputError(f"atol of DormandPrince8 is {self.atol!r:.80}; expected a number from 1e-18 to 1e-2.")
-        if not a_number(self.longest) > 0.0:
+        if not as_float(self.longest) > 0.0:
             raise InputError(f"longest of DormandPrince8 is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
@@ -207,7 +207,7 @@ class TimeStepping:
     extrapolate: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 < a_number(self.impact_speed) <= 1e3:
+        if not 0.0 < as_float(self.impact_speed) <= 1e3:
             raise InputError(f"impact_speed is {self.impact_speed!r:.80}; expected a speed above 0 [m/s].")
         if isinstance(self.impacts, bool) or not isinstance(self.impacts, int | np.integer) or not 0 <= self.impacts <= 10_000:
             raise InputError(f"impacts is {self.impacts!r:.80}; expected a whole number from 0.")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, is_finite, largest
+from rbd.arrays import Array, is_finite, max_abs
 from rbd.constraints.points import Measured, Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
@@ -211,12 +211,12 @@ def _shortest(G: Array, g: Array) -> Array | None:
         return None
     L, pivots = np.tril(L[:, :rank]), pivots - 1
     R = lapack.dpotrf(L.T @ L, lower=0, clean=0)[0]  # its columns are independent: they have pivots
-    L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * largest(g)
+    L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * max_abs(g)
     for _ in range(_ROUNDS):  # y = L z is in the range of G G^T, and so the shortest
         z = lapack.dpotrs(R, blas.dtrsv(L11, (G @ missed)[pivots[:rank]], lower=1))[0]
         y[pivots] += L @ z
         missed = g - G.T @ y
-        if largest(missed) <= enough:
+        if max_abs(missed) <= enough:
             return y
     return None
 
@@ -225,7 +225,7 @@ def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
     """Whether forces are in their cones, and within bounds."""
     rows = active_rows(at.layout, active, 1.0)
     f = force[rows.index]
-    return largest(rows.parts.project(f) - f) <= 1e-12 * max(1.0, largest(f))
+    return max_abs(rows.parts.project(f) - f) <= 1e-12 * max(1.0, max_abs(f))
 
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast, overload
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.control.schedules import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -182,7 +182,7 @@ class Trajectory:
         Raises:
             InputError: a time outside the trajectory.
         """
-        if not self.t[0] <= a_number(t) <= self.t[-1]:
+        if not self.t[0] <= as_float(t) <= self.t[-1]:
             raise InputError(f"t is {t!r:.80}; expected a time from {self.t[0]:g} to {self.t[-1]:g} s.")
         i = int(np.searchsorted(self.t, t, side="right")) - 1
         if self.t[i] == t:

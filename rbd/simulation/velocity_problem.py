@@ -9,7 +9,7 @@ M = L L^T, W = L^-1 J^T and y = L^-1 (M v + h (...)),
     u+ = W^T W p + W^T y + offset,        v+ = L^-T (y + W p)
 
 It is solved by the first of these that succeeds: impulses of sticking contacts (the least-norm ones, then those nearest to the
-guess); Newton's method; the solvers of `rbd.ADMM`, one after another. A `GaussProblem` is made for the last only.
+guess); Newton's method; the solvers of `rbd.ConeSolver`, one after another. A `GaussProblem` is made for the last only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from itertools import groupby
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, inertia_factor, is_finite, largest
+from rbd.arrays import Array, inertia_factor, is_finite, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
@@ -32,7 +32,7 @@ from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
-from rbd.solvers.admm import ADMM, holding
+from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.contact_solve import StickingSolver
 from rbd.solvers.kkt import independent_factor
 from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
@@ -188,7 +188,7 @@ def solve_velocity(
         D, u = W.T @ W, W.T @ y + c
         if not is_finite(u):
             raise NoSolution(f"the velocity of {rows.names} is not finite at this state.")
-        if largest(u) < _NOTHING:
+        if max_abs(u) < _NOTHING:
             u = np.zeros(len(u))
 
         def problem() -> GaussProblem:
@@ -197,7 +197,7 @@ def solve_velocity(
         given = None if shift is None else shift[index]
         f, merit, least = _impulses(rows, D, u, guess[index], given, h, law, problem)
         if left_out:
-            merit = max(merit, _contradiction(rows, at, left_out / (max(h, largest(u)) or 1.0)))
+            merit = max(merit, _contradiction(rows, at, left_out / (max(h, max_abs(u)) or 1.0)))
         impulse[index] = f
         y = y + W @ f
     v = blas.dtrsv(L, y, lower=1, trans=1)
@@ -230,7 +230,7 @@ def _impulses(
 ) -> tuple[Array, float, bool]:
     """(row impulses, residual of the law, whether they are known to be of least norm)."""
     if rows.bilateral:
-        return *_bilateral(D, u, max(h, largest(u)) or 1.0, problem), False
+        return *_bilateral(D, u, max(h, max_abs(u)) or 1.0, problem), False
     if shift is None and rows.sticking is not None:
         shortest = rows.sticking.impulses(D, u, np.zeros(len(u)), STILL, others=False)
         if shortest is not None:
@@ -268,8 +268,8 @@ def _newton(D: Array, u: Array, T: Parts, guess: Array, coulomb: bool) -> tuple[
 
 
 def _portfolio(P: GaussProblem, law: str) -> tuple[Array, float]:
-    """(row impulses, residual) by the solvers of `rbd.ADMM`, one after another."""
-    found = Solution.of(ADMM(law=law).solve(P))
+    """(row impulses, residual) by the solvers of `rbd.ConeSolver`, one after another."""
+    found = Solution.of(ConeSolver(law=law).solve(P))
     if not found.residuals.within(USABLE):
         names = ", ".join(r.name for r in P.rows)
         raise NoSolution(
@@ -316,7 +316,7 @@ def independent_rows(
     within = Vt.T @ (Vt @ given)
     W, c = W.copy(), c.copy()
     W[:, held], c[held] = (U * s) @ Vt * lengths, within * lengths
-    return W, c, largest((given - within) * lengths), lengths, True
+    return W, c, max_abs((given - within) * lengths), lengths, True
 
 
 def _exact(S: Scaled) -> float:
@@ -332,4 +332,4 @@ def _bilateral(D: Array, u: Array, size: float, problem: Callable[[], GaussProbl
     else:
         W = problem().whitened
         f = np.linalg.lstsq(W, -np.linalg.lstsq(W.T, u, rcond=1e-10)[0], rcond=1e-10)[0]
-    return f, largest(D @ f + u) / size
+    return f, max_abs(D @ f + u) / size

@@ -23,14 +23,14 @@ def tumbling() -> tuple[Motion, rbd.State]:
     q[3:] /= np.linalg.norm(q[3:])
     state = rbd.State(box, q, np.array([0.5, -0.2, 0.0, 3.0, -2.0, 1.0]))
     floor = rbd.CollisionContacts("floor", box, friction=0.5)
-    return Motion(box, (floor,), restitution={"floor": 0.4}, stabilisation=rbd.Projection()), state
+    return Motion(box, (floor,), restitution={"floor": 0.4}, stabilisation=rbd.simulation.Projection()), state
 
 
 def looped() -> tuple[Motion, rbd.State]:
     """Bricard's mechanism, whose rows are linearly dependent: their norms are handed from step to step."""
     robot = bricard()
     ring = rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0, 0.0))
-    return Motion(robot, (ring,), stabilisation=rbd.Projection()), rbd.State(robot, np.zeros(5))
+    return Motion(robot, (ring,), stabilisation=rbd.simulation.Projection()), rbd.State(robot, np.zeros(5))
 
 
 def bits(step: Step) -> bytes:
