@@ -1,7 +1,7 @@
 """Smooth motion: the acceleration on constraints that hold, and the way back onto them; what all its integrators share.
 
 Where the rows J v = u hold, a is Gauss's: the nearest to the free acceleration, in |.|_M, with J a + J_dot v = 0. It is that of
-`rbd.solve` with `KKT()`, without the certificate, which is made of the moments that are recorded.
+`rbd.solve` with `KKT()`, without the certificate, which is made of the samples that are recorded.
 """
 
 from __future__ import annotations
