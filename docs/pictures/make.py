@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import rbd
-from rbd.cli.mechanism_report import mechanism_report
+from rbd.cli.mechanism_report import report_mechanism
 from rbd.visual import Scene, contact_sheet, motion_sheet, screenshot
 
 PICTURES = Path(__file__).resolve().parent
@@ -94,7 +94,7 @@ def mechanisms() -> Path:
         for i, name in enumerate(MECHANISMS):
             robot = rbd.load_robot(TOP / "urdf" / f"{name}.urdf")
             posture = next(iter(robot.postures), None)
-            report = mechanism_report(robot, robot.at().q if posture is None else robot.at(posture).q)
+            report = report_mechanism(robot, robot.at().q if posture is None else robot.at(posture).q)
             with Scene(robot, legend=False) as scene:
                 scene.show(report.state)
                 scene.beside(report.poses())
