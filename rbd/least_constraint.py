@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.loop import LoopClosure
 from rbd.errors import (
@@ -70,7 +70,7 @@ def solve(
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
         external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
-        solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for constraints that hold; `ADMM(law=...)`,
+        solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for constraints that hold; `ConeSolver(law=...)`,
             circular cones alone; or your own. It has its law; if `law` is given too, it must be the same.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
         rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
@@ -249,10 +249,10 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
     for constraint, r in zip(constraints, rows, strict=True):
-        if type(constraint) is LoopClosure and r.error is not None and largest(r.error) > OPEN:
+        if type(constraint) is LoopClosure and r.error is not None and max_abs(r.error) > OPEN:
             warnings.warn(
-                f"loop {r.name!r} is open by {largest(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
-                "rbd.mechanism.assemble(robot, robot.loops, q) closes it; rbd.Baumgarte pulls it together.",
+                f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
+                "rbd.mechanism.assemble(robot, robot.loops(), q) closes it; rbd.constraints.Baumgarte pulls it together.",
                 LoopNotClosedWarning,
                 stacklevel=4,
             )
@@ -260,7 +260,7 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None
 
 def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
     used = tau / robot.effort_limit
-    if largest(used) > 1.0:
+    if max_abs(used) > 1.0:
         worst, beyond = int(np.argmax(np.abs(used))), int((np.abs(used) > 1.0).sum())
         warnings.warn(
             f"tau of {robot.actuated_names[worst]} is {tau[worst]:.4g}, beyond its effort limit of "

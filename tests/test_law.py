@@ -33,7 +33,7 @@ def test_what_is_no_law_is_refused(wrong):
 def test_a_solver_may_say_its_law_as_it_prints():
     """Text in an `Answer` becomes the record."""
     P = rbd.GaussProblem(np.eye(1), np.ones(1))
-    assert rbd.Answer(P, np.ones(1), np.zeros(0), None, "convex, 4 facets", "mine", 1, 0.0).law == Law("convex", (4,))
+    assert rbd.problem.Answer(P, np.ones(1), np.zeros(0), None, "convex, 4 facets", "mine", 1, 0.0).law == Law("convex", (4,))
     with pytest.raises(InputError, match="law is"):
-        rbd.Answer(P, np.ones(1), np.zeros(0), None, "true cones", "mine", 1, 0.0)
-    assert rbd.ADMM(law="convex").law == rbd.ADMM(law=CONVEX).law == CONVEX and rbd.ADMM().law == COULOMB
+        rbd.problem.Answer(P, np.ones(1), np.zeros(0), None, "true cones", "mine", 1, 0.0)
+    assert rbd.ConeSolver(law="convex").law == rbd.ConeSolver(law=CONVEX).law == CONVEX and rbd.ConeSolver().law == COULOMB

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
@@ -47,7 +47,7 @@ _FIXED_POINT_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class ADMM:
+class ConeSolver:
     """Contact forces in true cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
     Weights w in the product of the sets (`problem.force_set`) with
@@ -106,7 +106,7 @@ class ADMM:
             point = T.sliding[0]
             return (
                 f"{point.rows!r} slides at {point.speed:.3g} m/s: its friction follows its motion, which the convex law does "
-                "not know. Use rbd.ADMM(law='coulomb')."
+                "not know. Use rbd.ConeSolver(law='coulomb')."
             )
         return None
 
@@ -128,7 +128,7 @@ class ADMM:
         start = time.perf_counter() if since is None else since
         P = checked(problem)
         if P.bilateral:
-            return replace(KKT().solve(P), solver="ADMM")
+            return replace(KKT().solve(P), solver="ConeSolver")
         if P.force_set.sliding:
             return _of_sliding(P, start)
         return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights)
@@ -142,7 +142,7 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
     found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.force_set.size)),)
     seconds = time.perf_counter() - start
     solutions = [
-        Answer(P, a, f, w, COULOMB, "ADMM", 1, seconds, reason=answers.reason, method="modes of sliding points")
+        Answer(P, a, f, w, COULOMB, "ConeSolver", 1, seconds, reason=answers.reason, method="modes of sliding points")
         for a, f, w in found
     ]
     return replace(solutions[0], others=tuple(solutions[1:]))
@@ -167,7 +167,7 @@ class _Search:
         T = self.P.force_set
         w = holding(self.P)
         first = T.project(w)
-        holds = wanted == 1 and largest(first - w) <= 1e-13 * largest(w)
+        holds = wanted == 1 and max_abs(first - w) <= 1e-13 * max_abs(w)
         if holds and (self._judge(first) or self._judge(self._firmer(first))):
             return self.answers[0]
         S, W = self.S, self.W
@@ -304,7 +304,7 @@ class _Search:
         a = constrained(self.P, f)
         seconds = time.perf_counter() - self.start
         found = Answer(
-            self.P, a, f, w, self.law, "ADMM", self.iterations, seconds,
+            self.P, a, f, w, self.law, "ConeSolver", self.iterations, seconds,
             reason=reason, redundant=self.redundant, method=self.method,
         )  # fmt: skip
         if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
@@ -313,7 +313,7 @@ class _Search:
             if self.best is None or found.residuals.less_than(self.best.residuals):
                 self.best = found
             return False
-        if all(largest(found.a - other.a) > 1e-6 * max(1.0, largest(found.a)) for other in self.answers):
+        if all(max_abs(found.a - other.a) > 1e-6 * max(1.0, max_abs(found.a)) for other in self.answers):
             self.answers.append(found)
         return True
 

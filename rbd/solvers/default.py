@@ -17,7 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal, largest
+from rbd.arrays import Array, block_diagonal, max_abs
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cone_programs import Separable, least_squares
@@ -28,7 +28,7 @@ from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.subspaces import range_of
 from rbd.solvers import Solver, checked_solver
-from rbd.solvers.admm import ADMM
+from rbd.solvers.admm import ConeSolver
 from rbd.solvers.kkt import KKT, constrained
 from rbd.solvers.proxqp import ProxQP, eased
 
@@ -62,7 +62,7 @@ def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
     """
     asked = None if law is None else slip_law(law)
     if solver is None:
-        return ADMM(law=CONVEX) if asked == CONVEX else GaussFirst()
+        return ConeSolver(law=CONVEX) if asked == CONVEX else GaussFirst()
     told = Law.of(checked_solver(solver).law)
     if asked is not None and told.kind not in (asked.kind, "bilateral"):
         raise InputError(
@@ -76,7 +76,7 @@ def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
 class GaussFirst:
     """Coulomb's law: the answer of Gauss's least-constraint QP where that is Coulomb's, else that of circular cones.
 
-    What is tried, in order: the closed form where all rows hold; `ProxQP`; `ADMM(law="coulomb")`, from the QP's forces. The
+    What is tried, in order: the closed form where all rows hold; `ProxQP`; `ConeSolver(law="coulomb")`, from the QP's forces. The
     answer's `method` says which it was. Where Coulomb's law has several motions it is one of them. Where redundant points hold
     only by pressing against each other, jammed, the cones are asked for another, which then stands in `others`.
     """
@@ -85,7 +85,7 @@ class GaussFirst:
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names a contact that approaches."""
-        return ADMM().reason_unsupported(problem)
+        return ConeSolver().reason_unsupported(problem)
 
     def solve(self, problem: GaussProblem) -> Answer:
         """The first answer whose residuals under Coulomb's law are `solved`, else the best that was found."""
@@ -94,18 +94,18 @@ class GaussFirst:
         if P.bilateral:
             return KKT().solve(P)
         if P.force_set.slipping:
-            return ADMM().solve(P)
+            return ConeSolver().solve(P)
         convex = ProxQP().solve(P)
         if not (convex.residuals.within(SOLVED) or convex.residuals.within(USABLE)):
-            return ADMM().solve_from(P, None, start)
+            return ConeSolver().solve_from(P, None, start)
         if convex.redundant and not convex.residuals.within(ENOUGH):
             convex = eased(convex)
         found, jammed = coulombs(convex)
         if found is None:
-            return ADMM().solve_from(P, _from_pyramids(P.force_set) @ convex.weights, start)
+            return ConeSolver().solve_from(P, _from_pyramids(P.force_set) @ convex.weights, start)
         if found.residuals.within(SOLVED):
-            return _with_others(found, ADMM().solve(P)) if jammed else found
-        other = ADMM().solve_from(P, found.weights, start)
+            return _with_others(found, ConeSolver().solve(P)) if jammed else found
+        other = ConeSolver().solve_from(P, found.weights, start)
         return other if other.residuals.less_than(found.residuals) else found
 
 
@@ -113,8 +113,8 @@ def _with_others(found: Answer, other: Answer) -> Answer:
     """An answer with the motions of another that are not its own."""
     if not other.residuals.within(SOLVED):
         return found
-    least = _OTHER * max(1.0, largest(found.a))
-    others = tuple([x for x in (replace(other, others=()), *other.others) if largest(x.a - found.a) > least])
+    least = _OTHER * max(1.0, max_abs(found.a))
+    others = tuple([x for x in (replace(other, others=()), *other.others) if max_abs(x.a - found.a) > least])
     return replace(found, others=others, reason=SEVERAL.format(n=1 + len(others))) if others else found
 
 
@@ -181,9 +181,9 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         left, G = felt @ (convex.multipliers - T.G @ out), felt @ T.G[:, columns]
         out[columns] = np.linalg.lstsq(G, left, rcond=1e-12)[0]
     inside = T.project(out)
-    if largest(inside - out) <= _ROUNDING * largest(out):
+    if max_abs(inside - out) <= _ROUNDING * max_abs(out):
         return inside, True
-    size = max(1.0, largest(convex.multipliers))
+    size = max(1.0, max_abs(convex.multipliers))
     n, free = len(columns), np.full(len(columns), np.inf)
     cones = np.arange(3 * int(still.sum())).reshape(-1, 3)
     found = least_squares(Separable(np.ones(n), np.zeros(n), G, left / size, -free, free, cones, T.mu[still]))
