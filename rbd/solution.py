@@ -38,7 +38,8 @@ class Solution(Answer):
     `multipliers`, `weights`, `law`, `solver`, `method`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
 
     Attributes:
-        others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
+        others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox, jammed
+            points).
         chosen_corners: Corner forces that were chosen together with the multipliers; None: chosen when asked for.
         choice: What they are, `force_choice`, where they were chosen.
     """

@@ -56,6 +56,22 @@ def test_the_file_of_numbers_agrees_with_the_library(tmp_path):
     assert all(r["scaled"] <= 1e-9 for r in data["residuals"].values())
 
 
+def test_the_law_is_chosen_by_its_word(tmp_path):
+    """On ice, pushed: Coulomb's law keeps on the ground what the convex law lifts. Another word is bad input, said at once."""
+    normal = {}
+    for law in ("coulomb", "convex"):
+        code, out, _ = run("stand", "g1", "--push", "0,90,0", "--at", "torso_link", "--friction", "0.02", "--law", law,
+                           "--json", str(tmp_path / f"{law}.json"))  # fmt: skip
+        assert code == 0 and f"law: {law}" in out
+        data = json.loads((tmp_path / f"{law}.json").read_text())
+        assert data["law"] == law and data["status"] == "solved"
+        normal[law] = sum(c["normal"] for c in data["contacts"].values())
+    assert normal["convex"] != pytest.approx(normal["coulomb"], rel=1e-6)
+    for verb in ("stand", "simulate"):
+        code, _, err = run(verb, "g1", "--law", "hooke")
+        assert code == 2 and "expected 'coulomb' or 'convex'" in " ".join(err.split())
+
+
 def test_the_page_is_written(tmp_path):
     """--html writes one file with the robot's name in it."""
     code, out, _ = run("stand", "bolt", "--html", str(tmp_path / "bolt.html"))

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.solvers.default import GaussFirst
 
 SCRIPT = Path(fuzz.__file__)
 
@@ -55,6 +56,13 @@ def test_what_has_failed_once_is_right(seed: int, i: int, outcome: str) -> None:
     """Each for a reason of its own, mended."""
     found = fuzz.judge(seed, i)
     assert found.outcome == outcome, found
+
+
+def test_what_solve_takes_by_default_is_judged_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gauss's QP first, circular cones after it, in place of the solvers that are drawn: solved or refused, never wrong."""
+    monkeypatch.setattr(fuzz, "_solver", lambda rng, bilateral: GaussFirst())
+    outcomes = [fuzz.judge(3, i) for i in range(45) if fuzz.told(3, i)[0] in ("arrays", "robot")]
+    assert len(outcomes) > 10 and {found.outcome for found in outcomes} <= {"solved", "inaccurate", "refused"}, outcomes
 
 
 def test_a_problem_is_always_the_same() -> None:

@@ -64,7 +64,8 @@ class Answer:
         seconds: Time in the solver [s].
         infeasible: Whether the solver knows that no acceleration satisfies the rows; see `Solution.contradiction` for the
             proof.
-        others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
+        others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox, jammed
+            points).
         reason: Why there is no answer, or what the several are, in the solver's words; else empty.
         redundant: Whether rows depend on each other, so that the solver's f is one of many; a `Solution` takes the shortest.
         method: Which of the solver's ways found it, e.g. "closed form", "QP" or "cones: Newton"; empty where it has but one.

@@ -96,7 +96,7 @@ class GaussFirst:
         if P.force_set.slipping:
             return ConeSolver().solve(P)
         convex = ProxQP().solve(P)
-        if not convex.residuals.within(USABLE):
+        if not (convex.residuals.within(SOLVED) or convex.residuals.within(USABLE)):
             return ConeSolver().solve_from(P, None, start)
         if convex.redundant and not convex.residuals.within(ENOUGH):
             convex = eased(convex)
@@ -140,8 +140,10 @@ def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
         if (np.abs(w[moves]) > SOLVED * push[moves]).any():
             return None, False
         w[moves] = 0.0
-    if not convex.redundant and _inside(T, w):
-        return _answer(convex, w, start), False
+    if not convex.redundant:
+        own = _answer(convex, w, start)
+        if own.residuals.within(SOLVED):  # its forces are in the circular cones as they are
+            return own, False
     forces, inside = _least_forces(convex, w, still)
     return None if forces is None else _answer(convex, forces, start), convex.redundant and not inside
 
@@ -178,8 +180,9 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         out[columns] = 0.0
         left, G = felt @ (convex.multipliers - T.G @ out), felt @ T.G[:, columns]
         out[columns] = np.linalg.lstsq(G, left, rcond=1e-12)[0]
-    if _inside(T, out):
-        return T.project(out), True
+    inside = T.project(out)
+    if max_abs(inside - out) <= _ROUNDING * max_abs(out):
+        return inside, True
     size = max(1.0, max_abs(convex.multipliers))
     n, free = len(columns), np.full(len(columns), np.inf)
     cones = np.arange(3 * int(still.sum())).reshape(-1, 3)
@@ -188,10 +191,6 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         return None, False
     out[columns] = size * found[0]
     return out, False
-
-
-def _inside(T: ForceSet, w: Array) -> bool:
-    return max_abs(T.project(w) - w) <= _ROUNDING * max_abs(w)
 
 
 @lru_cache(maxsize=256)

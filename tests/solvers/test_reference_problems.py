@@ -6,10 +6,12 @@ import pytest
 
 import rbd
 from rbd.solvers import qp
+from rbd.solvers.default import GaussFirst
 from rbd.testing import check_solver
 
 SOLVERS = {
     "KKT": rbd.KKT(),
+    "default": GaussFirst(),
     "ConeSolver": rbd.ConeSolver(),
     "ConeSolver, convex": rbd.ConeSolver(law="convex"),
     "ProxQP": rbd.ProxQP(),
