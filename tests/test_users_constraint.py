@@ -67,7 +67,7 @@ class Rod:
             self.name,
             J=(n @ (b.J[:3] - a.J[:3]))[None],
             bias=np.array([n @ (b.bias[:3] - a.bias[:3]) + across @ across / far]),
-            cone=rbd.Free(1),
+            cone=rbd.problem.Free(1),
             velocity=np.array([n @ v]),
             error=np.array([far - self.length]),
             resultant=n[:, None],  # on the body of frame_b
@@ -110,7 +110,7 @@ def test_it_describes_its_motion():
     assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-8
 
 
-@pytest.mark.parametrize("given", [{}, *({"solver": s} for s in (rbd.KKT(), rbd.ProxQP(), rbd.ADMM()))], ids=str)
+@pytest.mark.parametrize("given", [{}, *({"solver": s} for s in (rbd.KKT(), rbd.ProxQP(), rbd.ConeSolver()))], ids=str)
 def test_solve_gives_the_tension_of_a_pendulum(given):
     """Tension m (g cos + L w^2) along the rod, and -g sin along the arc."""
     s = rbd.solve(hanging(), np.zeros(0), [ROD], **given)
@@ -122,7 +122,7 @@ def test_solve_gives_the_tension_of_a_pendulum(given):
 
 def test_solve_warns_of_one_that_is_open():
     """As of every joint that closes a loop."""
-    with pytest.warns(rbd.LoopNotClosedWarning, match="loop 'rod' is open by 0.1"):
+    with pytest.warns(rbd.errors.LoopNotClosedWarning, match="loop 'rod' is open by 0.1"):
         rbd.solve(hanging(rate=0.0), np.zeros(0), [Rod("rod", "universe", "box", L - 0.1)])
 
 
@@ -222,9 +222,9 @@ def test_a_loop_file_has_it_by_its_word(word: str, tmp_path: Path):
     beside = tmp_path / "box.loops.yaml"
     beside.write_text(f"loops: [{{name: rod, kind: {word}, frame_a: universe, frame_b: box, length: {L}}}]")
     robot = rbd.load_robot(path)
-    assert robot.loops == (ROD,)
+    assert robot.loops() == (ROD,)
     state = robot.at(hanging().q, hanging().v)
-    assert np.linalg.norm(rbd.solve(state, np.zeros(0), robot.loops).forces["rod"]) == pytest.approx(TENSION)
+    assert np.linalg.norm(rbd.solve(state, np.zeros(0), robot.loops()).forces["rod"]) == pytest.approx(TENSION)
     assert mobility(robot.at(hanging().q)).finite == 5  # without constraints named: those of the file
     for text, says in (
         ("frame_b: bax, length: 1", "loop 'rod': no frame 'bax' in box; nearest: 'box'"),
@@ -232,7 +232,7 @@ def test_a_loop_file_has_it_by_its_word(word: str, tmp_path: Path):
         ("frame_b: box, length: 1, width: 2", "has a key 'width'.*name, kind, frame_a, frame_b, length"),
     ):
         beside.write_text(f"loops: [{{name: rod, kind: rod, frame_a: universe, {text}}}]")
-        with pytest.raises(rbd.ModelError, match=says):
+        with pytest.raises(rbd.errors.ModelError, match=says):
             rbd.load_robot(path)
 
 
@@ -240,7 +240,9 @@ def test_a_word_that_is_not_registered_is_refused_by_name(tmp_path: Path):
     """With the words that there are."""
     path = tmp_path / "x.yaml"
     path.write_text("loops: [{name: rod, kind: rod, frame_a: a, frame_b: b, length: 1}]")
-    with pytest.raises(rbd.ModelError, match="kind of .*'rod'.* is 'rod'.*Expected one of point, revolute, rigid, planar"):
+    with pytest.raises(
+        rbd.errors.ModelError, match="kind of .*'rod'.* is 'rod'.*Expected one of point, revolute, rigid, planar"
+    ):
         loop_file.read_loop_file(path)
 
 
@@ -263,7 +265,7 @@ def test_what_cannot_be_registered_is_refused(word_, kind, says):
 
 def test_a_pair_of_robots_takes_it_along():
     """Made for the second of two boxes, with its names there; what cannot be renamed is refused."""
-    pair = rbd.combine(box(1.0), box(M), names=("a_", "b_"))
+    pair = rbd.robots.merge_robots(box(1.0), box(M), names=("a_", "b_"))
     (mine,) = pair.contacts(second=[ROD])
     assert mine == Rod("b_rod", "universe", "b_box", L)
     state = pair.at(pair.q(pin.neutral(box().model), hanging().q), np.r_[np.zeros(6), hanging().v])
@@ -297,14 +299,16 @@ class Buffer:
     def rows(self, state: rbd.State) -> rbd.Rows:
         """One row: the ball's height."""
         p = self.points(state, 0.0)
-        return rbd.Rows(self.name, p.J, p.bias, rbd.NonNegative(1), p.velocity, p.gaps, resultant=p.resultant)
+        return rbd.Rows(self.name, p.J, p.bias, rbd.problem.NonNegative(1), p.velocity, p.gaps, resultant=p.resultant)
 
-    def points(self, state: rbd.State, t: float) -> rbd.ContactPoints:
+    def points(self, state: rbd.State, t: float) -> rbd.constraints.ContactPoints:
         """Its lowest point."""
         at, up = state.frame(self.frame), np.array([0.0, 0.0, 1.0])
         low = at.X_WF.translation - self.radius * up
         J, velocity, bias = at.J[2:3], at.v[2:3], at.bias[2:3]
-        return rbd.ContactPoints(("low",), low[None], np.eye(3), low[2:], J, velocity, bias, (rbd.NonNegative(1),), up[:, None])
+        return rbd.constraints.ContactPoints(
+            ("low",), low[None], np.eye(3), low[2:], J, velocity, bias, (rbd.problem.NonNegative(1),), up[:, None]
+        )
 
 
 def test_a_contact_kind_of_ones_own_strikes_and_rests_as_the_built_in_one():

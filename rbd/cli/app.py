@@ -347,9 +347,9 @@ def _push(push: str | None, at: str | None) -> np.ndarray | None:
         numbers = [float(x) for x in push.split(",")]
     except ValueError:
         raise InputError(f"--push is {push!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
-    from rbd.arrays import three
+    from rbd.arrays import as_vector3
 
-    return three("--push", numbers)
+    return as_vector3("--push", numbers)
 
 
 def _write_json(path: Path | None, report: Reported) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.cli.terminal import Table
 from rbd.errors import InputError, NoSolution
 from rbd.model.output_files import write_file
@@ -202,7 +202,7 @@ def plane_task(
         raise InputError(f"--space is {space!r:.80}; expected endpoint or joint.")
     if branch not in (0, 1):
         raise InputError(f"--branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
-    if not 0.0 < a_number(duration) < np.inf:
+    if not 0.0 < as_float(duration) < np.inf:
         raise InputError(f"--duration is {duration!r:.80}; expected seconds above zero.")
     first, last = inverse(chain, _point("--from", start)), _point("--to", stop)
     # Of a family of poses the one nearest to the first end's; of two links the branches in their own order.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from rbd.arrays import three
+from rbd.arrays import as_vector3
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
@@ -57,7 +57,7 @@ def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | 
         warnings.simplefilter("always")
         robot = load_robot(name, root=root, package_dirs=package_dirs)
     told = root is not None or robot.mechanism.file.root is not None
-    stands = bool(robot.source.feet or robot.loops or robot.wheels)
+    stands = bool(robot.source.feet or robot.loops() or robot.wheels())
     if told or stands or not robot.floating or not robot.nu or robot.urdf.suffix != ".urdf":
         for warning in caught:
             warnings.warn(warning.message, warning.category, stacklevel=2)
@@ -93,7 +93,7 @@ def setup(
         CannotAssemble: its loops do not close.
         InputError: unknown names, a friction that is none.
     """
-    held = (*robot.loops, *robot.wheels)
+    held = (*robot.loops(), *robot.wheels())
     feet: tuple[Constraint, ...] = ()
     if robot.source.feet and robot.floating:
         state, feet = robot.standing(posture), tuple(robot.feet(friction))
@@ -108,7 +108,7 @@ def setup(
     limits = []
     if feet and not bodies:
         limits.append("only its feet touch the ground: whatever else falls goes through it (--bodies lets all shapes touch)")
-    elif not feet and not robot.wheels and not bodies and robot.root != "fixed":
+    elif not feet and not robot.wheels() and not bodies and robot.root != "fixed":
         limits.append("it touches nothing (--bodies lets all shapes touch the ground)")
     if bodies:
         others = _others(robot, feet, friction)
@@ -157,7 +157,7 @@ def _vector(text: str) -> tuple[float, float, float]:
         values = [float(x) for x in text.split(",")]
     except ValueError:
         raise InputError(f"--push is {text!r}; expected three numbers, X,Y,Z in newtons, e.g. 0,80,0.") from None
-    x, y, z = three("--push", values).tolist()
+    x, y, z = as_vector3("--push", values).tolist()
     return x, y, z
 
 

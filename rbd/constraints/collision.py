@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number, cross_matrix
+from rbd.arrays import Array, as_float, cross_matrix
 from rbd.constraints.contact_kinematics import Between, Bodies, OnPlane, Touching, joined
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.convex.solids import ConvexShape, convex_shape
@@ -246,7 +246,7 @@ def _made(name: str, robot: CheckedModel, given: dict[str, object]) -> Collision
 
 
 def _checked_margin(name: str, margin: float) -> float:
-    if not 0.0 <= a_number(margin) < 1e6:
+    if not 0.0 <= as_float(margin) < 1e6:
         raise InputError(f"margin of {name!r:.80} is {margin!r:.80}; expected a length >= 0 [m].")
     return float(margin)
 

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number, is_finite, numbers, three
+from rbd.arrays import Array, as_array, as_float, as_vector3, is_finite
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.ground_points import OnGround
 from rbd.constraints.surface import (
@@ -293,7 +293,7 @@ class PointContact(Contact):
         on: On = None,
         anchor: Sequence[float] | Array | None = None,
     ) -> None:
-        at = three(f"offset of contact {name!r}", offset)
+        at = as_vector3(f"offset of contact {name!r}", offset)
         super().__init__(name, frame, corners=at[None], friction=friction, facets=facets, on=on, anchor=anchor)
         object.__setattr__(self, "offset", at)
 
@@ -330,7 +330,7 @@ class LineContact(Contact):
         on: On = None,
         anchor: pin.SE3 | Array | None = None,
     ) -> None:
-        if not 0.0 < a_number(half_length) < 1e100:
+        if not 0.0 < as_float(half_length) < 1e100:
             raise InputError(f"half_length of contact {name!r} is {half_length!r:.80}; expected a length > 0 [m].")
         L = float(half_length)
         ends = [[L, 0.0, 0.0], [-L, 0.0, 0.0]]
@@ -367,12 +367,12 @@ class SurfaceContact(Contact):
         if (half_lengths is None) == (corners is None):
             raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
         if corners is None:
-            half = numbers(f"half_lengths of contact {name!r}", half_lengths)
+            half = as_array(f"half_lengths of contact {name!r}", half_lengths)
             if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
                 raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
             X, Y = half
             corners = np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
-        corners = numbers(f"corners of contact {name!r}", corners)
+        corners = as_array(f"corners of contact {name!r}", corners)
         if corners.ndim != 2 or corners.shape[1] not in (2, 3) or len(corners) < 3:
             raise InputError(
                 f"corners of contact {name!r} have shape {corners.shape}; expected (k, 2) or (k, 3) with k >= 3. "

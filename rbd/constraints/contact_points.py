@@ -185,7 +185,9 @@ class FromPoints:
         """Its points."""
         found = self._points(state, t)
         if not isinstance(found, ContactPoints):
-            raise InputError(f"points of {self.name!r:.80} gave a {type(found).__name__} in place of rbd.ContactPoints.")
+            raise InputError(
+                f"points of {self.name!r:.80} gave a {type(found).__name__} in place of rbd.constraints.ContactPoints."
+            )
         structure = self._numbered(tuple(found.names), found.cones)
         return Measured(
             structure, found.J, found.velocity, found.bias, found.gaps, np.zeros(len(found.J)), found.resultant, None,

@@ -23,7 +23,7 @@ from typing import Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number, cross_matrix
+from rbd.arrays import Array, as_float, cross_matrix
 from rbd.constraints.nonholonomic import unit_direction
 from rbd.constraints.surface import HERE, UP, check_state, check_two_bodies, check_words, contact_axes, motion_of
 from rbd.errors import InputError
@@ -64,7 +64,7 @@ class Rolling:
     def __post_init__(self) -> None:
         check_words("what rolls or glides", name=self.name, frame=self.frame)
         check_friction(0.0 if self.friction is None else self.friction, self.facets)
-        if not 0.0 < a_number(self.radius) < 1e50:
+        if not 0.0 < as_float(self.radius) < 1e50:
             raise InputError(f"radius of {self.name!r:.80} is {self.radius!r:.80}; expected a length > 0 [m].")
         on = surface_of(self.name, self.on)
         if not isinstance(on, Body):
@@ -89,7 +89,7 @@ class RollingBall(Rolling):
     """A ball on a plane.
 
     Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor leaves, and may
-    spin about the normal. `friction=mu` is unilateral with Coulomb friction: it slips where it must, and `rbd.ADMM` takes
+    spin about the normal. `friction=mu` is unilateral with Coulomb friction: it slips where it must, and `rbd.ConeSolver` takes
     one that already does. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
     resistance are left out.
 

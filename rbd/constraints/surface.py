@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, cross_matrix, is_finite, lazy, numbers, three, zeros
+from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix, is_finite, lazy, zeros
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, WrenchCone
@@ -201,7 +201,7 @@ def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
     """
     if placement is None:
         return pin.SE3.Identity()
-    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else numbers(what, placement)
+    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else as_array(what, placement)
     R = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
     if not is_finite(matrix) or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
         raise InputError(f"{what} is no rigid placement; expected pin.SE3 or a 4 x 4 matrix.")
@@ -224,13 +224,13 @@ def anchor_of(name: str, anchor: pin.SE3 | Sequence[float] | Array | None, *, po
     if anchor is None:
         return None
     if point:
-        return pin.SE3(np.eye(3), three(f"anchor of contact {name!r}", anchor))
+        return pin.SE3(np.eye(3), as_vector3(f"anchor of contact {name!r}", anchor))
     return rigid_placement(f"anchor of contact {name!r}", anchor)
 
 
 def corners_of(name: str, corners: object, X_FP: pin.SE3) -> tuple[Array, pin.SE3]:
     """(corners from the centre, shape (k, 3), the placement of the centre): of a point W's axes, of an edge x along it."""
-    given = numbers(f"corners of contact {name!r}", corners)
+    given = as_array(f"corners of contact {name!r}", corners)
     if given.ndim != 2 or given.shape[1] not in (2, 3) or not len(given):
         raise InputError(f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 1.")
     check_finite(f"corners of contact {name!r}", given)

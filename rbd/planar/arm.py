@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, check_finite, numbers
+from rbd.arrays import Array, as_array, check_finite
 from rbd.errors import InputError
 from rbd.planar.chain import Chain, check_chain
 
@@ -158,7 +158,7 @@ def plain(what: str, value: object) -> Array:
         value = list(value)
     if isinstance(value, list | tuple) and any(isinstance(x, sympy.Expr) for x in value):
         value = [float(x) if isinstance(x, sympy.Expr) and x.is_number and x.is_finite and x.is_real else x for x in value]
-    out = numbers(what, value)
+    out = as_array(what, value)
     check_finite(what, out.ravel())
     return out
 

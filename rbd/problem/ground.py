@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, check_finite, numbers, three
+from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite
 from rbd.errors import InputError, UnknownName, nearest
 
 TOUCHES = 1e-3
@@ -21,7 +21,7 @@ def unit_normal(what: str, normal: Sequence[float] | Array) -> Array:
     Raises:
         InputError: if it is not of unit length to 1e-6.
     """
-    n = three(what, normal)
+    n = as_vector3(what, normal)
     length = float(np.linalg.norm(n))
     if abs(length - 1.0) > 1e-6:
         raise InputError(f"{what} has length {length:.6g}; expected a unit vector.")
@@ -63,14 +63,14 @@ class Ground:
         put = object.__setattr__
         given = _UP if self.normal is None and self.point is not None else self.normal
         n = None if given is None else unit_normal("normal of the ground", given)
-        point = None if self.point is None else three("point of the ground", self.point)
+        point = None if self.point is None else as_vector3("point of the ground", self.point)
         put(self, "normal", n)
         put(self, "point", point)
         for what in ("velocity", "acceleration"):
             if (motion := getattr(self, what)) is not None:
                 put(self, what, _twist(f"{what} of the ground", motion))
         if self.about is not None:
-            put(self, "about", three("about of the ground", self.about))
+            put(self, "about", as_vector3("about of the ground", self.about))
             if self.velocity is None and self.acceleration is None:
                 raise InputError("the ground has about= without velocity= or acceleration=: it says where these are given.")
         put(self, "height", np.nan if n is None or point is None else float(n @ point))
@@ -146,7 +146,7 @@ def surface_of(name: str, on: object) -> Surface:
     """
     if on is None or isinstance(on, Ground | Body):
         return on
-    height = a_number(on)
+    height = as_float(on)
     if not abs(height) < 1e100:
         raise InputError(
             f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level ground [m], "
@@ -189,7 +189,7 @@ def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Su
 
 def _twist(what: str, value: Sequence[float] | Array) -> Array:
     """Linear and angular parts, shape (6,); a missing angular part is zero."""
-    given = numbers(what, value)
+    given = as_array(what, value)
     if given.shape not in ((3,), (6,)):
         raise InputError(
             f"{what} has shape {given.shape}; expected (3,), linear, or (6,), linear then angular, in world axes: how the "

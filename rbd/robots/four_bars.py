@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.errors import InputError
 from rbd.robots.linkage import Link, Linkage, bar_masses, lengths, meeting, radius, wrapped
 from rbd.robots.robot import Robot
@@ -66,7 +66,7 @@ def four_bar(
         raise InputError(missing)
     sizes = {"crank": a, "coupler": b, "rocker": c}
     kg = bar_masses("the four-bar", sizes, masses, mass_per_length)
-    th2 = _crank_angle(a, b, c, d) if crank_angle is None else a_number(crank_angle)
+    th2 = _crank_angle(a, b, c, d) if crank_angle is None else as_float(crank_angle)
     if not abs(th2) < 1e6:
         raise InputError(f"crank_angle is {crank_angle!r:.80}; expected an angle [rad].")
     postures = {}

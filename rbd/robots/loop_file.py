@@ -39,7 +39,7 @@ from typing import Any, Literal, NoReturn
 
 import yaml
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.constraints.constraint import Constraint, made
 from rbd.constraints.joint import JointCoupling
 from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
@@ -227,7 +227,7 @@ class _Reader:
         return tuple(self.word(f"{what}[{i}]", each) for i, each in enumerate(value))
 
     def number(self, what: str, value: object, most: float = LARGEST) -> float:
-        number = a_number(value)
+        number = as_float(value)
         if not abs(number) <= most:
             self.stop(f"{what} is {_shown(value)}; expected a finite number, at most {most:g}.")
         return number

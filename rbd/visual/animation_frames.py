@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -125,7 +125,7 @@ def positive(what: str, value: object, most: float, unit: str) -> float:
     Raises:
         InputError: if it is not.
     """
-    number = a_number(value)
+    number = as_float(value)
     if not 0.0 < number <= most:
         raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
     return number
