@@ -290,6 +290,9 @@ CASES: dict[str, Case] = {
     "Ground": Case(
         lambda **given: use_ground(rbd.Ground(**given)), {"point": np.zeros(3), "normal": np.array([0.0, 0.0, 1.0])}
     ),
+    "Contact": contact_case(
+        rbd.constraints.Contact, {"corners": CORNERS[:2], "placement": np.eye(4), "normal": (0.0, 0.0, 1.0)}
+    ),
     "Body": Case(
         lambda **given: rbd.PointContact("toe", FRAME, on=rbd.Body(**given)).rows(STATE),
         {"frame": BOLT.frames()[-1], "normal": np.array([0.0, 0.6, 0.8])},
