@@ -80,7 +80,7 @@ def check(result: Result) -> None:
     assert np.abs(result.glued.a - result.standing.a).max() < 1e-8, "nothing slips, so glue changes nothing"
     falls = com_acceleration(result.state, result.falling)[2]
     assert abs(falls + GRAVITY) < 1e-8, "motors cannot hold a robot in the air"
-    assert result.standing.status is rbd.Status.SOLVED
+    assert result.standing.status is rbd.problem.Status.SOLVED
 
 
 if __name__ == "__main__":

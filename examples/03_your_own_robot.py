@@ -22,7 +22,7 @@ class Result:
     """The walker, what holds it, and its answer to a push."""
 
     robot: rbd.Robot
-    report: rbd.Report
+    report: rbd.robots.ModelReport
     soles: list[rbd.SurfaceContact]
     held: rbd.Hold
     solution: rbd.Solution

@@ -19,9 +19,9 @@ ROUGH, ICE = 0.7, 0.05
 class Result:
     """The box under 30 and 80 N, and Talos push by push."""
 
-    box: dict[float, rbd.LawComparison]
+    box: dict[float, rbd.studies.LawComparison]
     push_N: np.ndarray
-    talos: list[rbd.LawComparison]
+    talos: list[rbd.studies.LawComparison]
 
 
 def main(show: bool = True) -> Result:
@@ -53,23 +53,23 @@ def main(show: bool = True) -> Result:
     return result
 
 
-def pushed_box(push_N: float) -> rbd.LawComparison:
+def pushed_box(push_N: float) -> rbd.studies.LawComparison:
     """The box of `urdf/box.urdf` on its floor."""
     robot = rbd.load_robot("box")
     X = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=X, friction=0.6)
     state = rbd.State(robot, np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]))
-    return rbd.compare_laws(state, np.zeros(0), [floor], external=rbd.ExternalForce("box", (push_N, 0.0, 0.0)))
+    return rbd.studies.compare_laws(state, np.zeros(0), [floor], external=rbd.ExternalForce("box", (push_N, 0.0, 0.0)))
 
 
-def pushed_talos(state: rbd.State, push_N: float) -> rbd.LawComparison:
+def pushed_talos(state: rbd.State, push_N: float) -> rbd.studies.LawComparison:
     """Talos on ice, with the torques that would hold the push on a rough floor."""
     talos, push = state.robot, rbd.ExternalForce("torso_2_link", (0.0, push_N, 0.0))
     tau = rbd.hold(state, talos.soles(friction=ROUGH), external=push).tau
-    return rbd.compare_laws(state, tau, talos.soles(friction=ICE), external=push)
+    return rbd.studies.compare_laws(state, tau, talos.soles(friction=ICE), external=push)
 
 
-def both_laws(both: rbd.LawComparison) -> tuple[dict, dict]:
+def both_laws(both: rbd.studies.LawComparison) -> tuple[dict, dict]:
     """What the contacts do under the convex law, and under Coulomb's."""
     return both.under_convex, both.under_coulomb
 
@@ -79,7 +79,7 @@ def worst(contacts: dict, what: str) -> float:
     return max(getattr(contact, what) for contact in contacts.values())
 
 
-def normal(both: rbd.LawComparison) -> float:
+def normal(both: rbd.studies.LawComparison) -> float:
     """Normal force of both feet, convex over Coulomb."""
     convex, coulomb = (sum(contact.normal for contact in law.values()) for law in both_laws(both))
     return convex / coulomb

@@ -22,7 +22,7 @@ class Result:
     """The belt's answers by what happens on it, and the robots' by how hard each pushes."""
 
     belt: dict[str, rbd.Solution]
-    pair: rbd.Pair
+    pair: rbd.robots.RobotPair
     fists: dict[tuple[float, float], rbd.Solution]
 
 
@@ -35,7 +35,7 @@ def main(show: bool = True) -> Result:
         moves = {"velocity": (BELT_SPEED, 0.0, 0.0), "acceleration": (belt_gains, 0.0, 0.0)}
         belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=below, friction=BELT_MU, **moves)
         state = parcel.at(v=np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        return rbd.solve(state, np.zeros(0), [belt], solver=rbd.ADMM())  # it may slip: Coulomb's law
+        return rbd.solve(state, np.zeros(0), [belt], solver=rbd.ConeSolver())  # it may slip: Coulomb's law
 
     belt = {"put down on it": on_belt(0.0), "carried along": on_belt(BELT_SPEED)}
     belt |= {f"belt brakes at {brake} m/s2": on_belt(BELT_SPEED, -brake) for brake in (3, 6)}
@@ -49,7 +49,7 @@ def main(show: bool = True) -> Result:
     alone = arms_forward(talos)
     reach = alone.frame(LEFT, FIST).X_WF.translation[0]
     facing = pin.SE3(pin.exp3(np.array([0.0, 0.0, np.pi])), np.array([2.0 * reach, 0.0, 0.0]))
-    pair = rbd.combine(talos, talos, placement=facing)
+    pair = rbd.robots.merge_robots(talos, talos, placement=facing)
     state = pair.together(alone, alone)
     contacts = [*pair.feet(friction=0.7), *fists(state)]
 
@@ -105,7 +105,7 @@ def check(result: Result) -> None:
     assert abs(gains["put down on it"] - limit) < 1e-8 and abs(gains["belt brakes at 6 m/s2"] + limit) < 1e-8, "it slips"
     assert abs(gains["carried along"]) < 1e-8 and abs(gains["belt brakes at 3 m/s2"] + 3.0) < 1e-8, "it sticks"
     for s in [*result.belt.values(), *result.fists.values()]:
-        assert s.status is rbd.Status.SOLVED and s.residuals.centroidal.scaled < 1e-9, "momentum is balanced"
+        assert s.status is rbd.problem.Status.SOLVED and s.residuals.centroidal.scaled < 1e-9, "momentum is balanced"
     even, weaker, limp = result.fists.values()
     assert abs(fist_force(even) - 40.0) < 1e-6 and np.abs(even.a).max() < 1e-7, "equal pushes: nothing moves"
     assert 40.0 > fist_force(weaker) > fist_force(limp) > 0.0, "the fists carry less than the stronger one pushes with"

@@ -25,9 +25,9 @@ class Result:
 
     pushed: np.ndarray
     drawn: np.ndarray
-    one: rbd.Answer
-    two: rbd.Answer
-    none: rbd.Answer
+    one: rbd.problem.Answer
+    two: rbd.problem.Answer
+    none: rbd.problem.Answer
 
 
 def main(show: bool = True) -> Result:
@@ -38,7 +38,7 @@ def main(show: bool = True) -> Result:
         for rate, row in zip(RATES, rows, strict=True):
             print(f"{way:>7}{rate:4.0f} rad/s       " + "".join(f"{('none', 'one', 'two')[n]:>7}" for n in row))
 
-    solver = rbd.ADMM()
+    solver = rbd.ConeSolver()
     one, two, none = (solver.solve(rod(mu, rate, "pushed")) for mu, rate in ((1.2, 0.0), (1.6, 8.0), (1.6, 0.0)))
     print(f"mu = 1.2, 0 rad/s: the ground pushes with {one.multipliers[2]:.1f} N; the rod weighs {MASS_kg * GRAVITY} N.")
     print(f"mu = 1.6, 8 rad/s: {two.reason}.")
@@ -62,7 +62,7 @@ def rod(mu: float, rate: float = 0.0, way: str = "pushed", angle: float = WORST)
         "tip",
         J=[[1.0, 0.0, s], [0.0, 0.0, 0.0], [0.0, 1.0, -c]],  # tangent, tangent, normal
         bias=[c * rate**2, 0.0, s * rate**2],
-        cone=rbd.FrictionCone(mu),
+        cone=rbd.problem.FrictionCone(mu),
         velocity=[-1.0 if way == "pushed" else 1.0, 0.0, 0.0],
     )
     M = np.diag([MASS_kg, MASS_kg, MASS_kg * HALF_m**2 / 3.0])
@@ -71,7 +71,7 @@ def rod(mu: float, rate: float = 0.0, way: str = "pushed", angle: float = WORST)
 
 def motions(problem: rbd.GaussProblem) -> int:
     """How many accelerations satisfy Coulomb's law."""
-    solution = rbd.ADMM().solve(problem)
+    solution = rbd.ConeSolver().solve(problem)
     return 1 + len(solution.others) if solution.status == "solved" else 0
 
 

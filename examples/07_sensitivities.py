@@ -21,7 +21,7 @@ class Result:
     """The derivatives; the motor that moves most weight, how far its rule holds, and what it did on the way."""
 
     talos: rbd.Robot
-    derivatives: rbd.Derivatives
+    derivatives: rbd.analysis.Derivatives
     motor: int
     gain: float
     change_Nm: np.ndarray
@@ -59,7 +59,7 @@ def main(show: bool = True) -> Result:
     print(f"{talos.actuated_names[motor]} unloads it at that rate up to {ends_at_Nm:.2f} N m; there,")
     try:
         refused = str(pushed(motor, ends_at_Nm).derivatives())
-    except rbd.NotDifferentiable as why:
+    except rbd.errors.NotDifferentiable as why:
         refused = str(why)
     print(f"  {refused.split(' (')[0]}.")
     result = Result(talos, d, motor, float(gains[motor]), change_Nm, far_N, ends_at_Nm, refused)

@@ -24,10 +24,10 @@ COM = (0.15, -0.1)  # [m]
 class Result:
     """What is unique in each case, and two choices of the table's forces."""
 
-    free: rbd.Uniqueness
-    braked: rbd.Uniqueness
+    free: rbd.analysis.Uniqueness
+    braked: rbd.analysis.Uniqueness
     rigid: tuple[float, float]
-    table: rbd.Uniqueness
+    table: rbd.analysis.Uniqueness
     least_N: np.ndarray
     weighted_N: np.ndarray
 
@@ -45,7 +45,7 @@ def table() -> rbd.Solution:
     for name, (x, y) in LEGS.items():
         patch = rbd.problem.rows.Patch(np.array([x, y, 0.0]), np.eye(3), np.zeros((1, 3)), friction=0.0)
         J = np.array([[1.0, y - COM[1], COM[0] - x]])  # of lift, roll and pitch about the centre of mass
-        rows.append(rbd.Rows(name, J, np.zeros(1), rbd.NonNegative(1), resultant=np.eye(3)[:, 2:], patch=patch))
+        rows.append(rbd.Rows(name, J, np.zeros(1), rbd.problem.NonNegative(1), resultant=np.eye(3)[:, 2:], patch=patch))
     return rbd.solve_problem(rbd.GaussProblem(np.eye(3), np.array([-WEIGHT_N, 0.0, 0.0]), rows))
 
 

@@ -31,12 +31,12 @@ class Result:
 def main(show: bool = True) -> Result:
     rhombus = four_bar(1.0, 1.0, 1.0, 1.0, crank_angle=radians(30.0 - 180.0))
     text = rbd.FunctionConstraint("text", lambda q: loop_of_the_text(rbd.State(rhombus, q)))
-    found = branches(rhombus, rhombus.loops, fixed={"crank_joint": radians(30.0 - 180.0)})
+    found = branches(rhombus, rhombus.loops(), fixed={"crank_joint": radians(30.0 - 180.0)})
     angles, rates, det_J2, apart = [], [], [], 0.0
     print("The text's rhombus, crank at 30 deg and 1 rad/s:  th2     th3     th2'    th3'    det J2")
     for branch in found.found:
         state = rbd.State(rhombus, branch.q)
-        by_robot = velocity_partition(state, rhombus.loops, {"crank_joint": 1.0})
+        by_robot = velocity_partition(state, rhombus.loops(), {"crank_joint": 1.0})
         by_text = velocity_partition(state, [text], {"crank_joint": 1.0})
         apart = max(apart, float(np.abs(by_robot.v - by_text.v).max()))
         th2, th3 = text_angles(state)[1:]
@@ -49,13 +49,13 @@ def main(show: bool = True) -> Result:
 
     norton = four_bar(40.0, 120.0, 80.0, 100.0, crank_angle=radians(40.0))
     still = norton.at("assembled")
-    moving = still.with_velocity(velocity_partition(still, norton.loops, {"crank_joint": 25.0}).v)
-    a = acceleration_partition(moving, norton.loops, {"crank_joint": 15.0}).a
+    moving = still.with_velocity(velocity_partition(still, norton.loops(), {"crank_joint": 25.0}).v)
+    a = acceleration_partition(moving, norton.loops(), {"crank_joint": 15.0}).a
     here = np.degrees([link_angles(still)[link] for link in ("coupler", "rocker")])
     w, alpha = np.array(link_rates(moving.v)[1:]), np.array(link_rates(a)[1:])
     for name, x, unit in (("angles", here, "deg"), ("rates", w, "rad/s"), ("accelerations", alpha, "rad/s2")):
         print(f"Norton's coupler and rocker, {name}: {x[0]:.4f} and {x[1]:.4f} {unit}")
-    solution = rbd.solve(still, np.zeros(1), norton.loops, solver=rbd.KKT())
+    solution = rbd.solve(still, np.zeros(1), norton.loops(), solver=rbd.KKT())
     pin_N = float(np.linalg.norm(solution.forces["coupler_pin"]))
     print(f"Let go at rest, its pin carries {pin_N / (norton.mass * 9.81):.4f} of its weight; {solution.status}.")
     if show:

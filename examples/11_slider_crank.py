@@ -32,7 +32,7 @@ class Result:
 def main(show: bool = True) -> Result:
     engine = slider_crank(CRANK, ROD)
     start = engine.at("assembled")
-    turn = trace(engine, engine.loops, start.q, "crank_joint", (0.0, 2.0 * np.pi), steps=72)
+    turn = trace(engine, engine.loops(), start.q, "crank_joint", (0.0, 2.0 * np.pi), steps=72)
     rows = [over_a_turn(engine, q) for q in turn.q]
     piston, speed, acceleration, torque = np.array(rows).T
     result = Result(turn.input, piston, speed, acceleration, torque, dead_centres(engine, start))
@@ -55,9 +55,9 @@ def main(show: bool = True) -> Result:
 
 def over_a_turn(engine: rbd.Robot, q: np.ndarray) -> tuple[float, float, float, float]:
     """Piston's place, speed, acceleration, and the torque at the crank that holds the pressure still."""
-    v = velocity_partition(rbd.State(engine, q), engine.loops, {"crank_joint": SPEED}).v
+    v = velocity_partition(rbd.State(engine, q), engine.loops(), {"crank_joint": SPEED}).v
     moving = rbd.State(engine, q, v)
-    a = acceleration_partition(moving, engine.loops, {"crank_joint": 0.0}).a
+    a = acceleration_partition(moving, engine.loops(), {"crank_joint": 0.0}).a
     # Virtual work: torque times the crank's rate and pressure times the piston's add up to nothing.
     return float(q[-1]), float(v[-1]), float(a[-1]), PRESSURE_N * float(v[-1]) / SPEED
 
@@ -66,8 +66,8 @@ def dead_centres(engine: rbd.Robot, start: rbd.State) -> list[float]:
     """Crank angles where the loop cannot tell the crank's rate from the piston's: singular with the piston as input."""
     found = []
     for angle in (0.0, np.pi):
-        q = assemble(engine, engine.loops, start.q, fixed={"crank_joint": angle}).q
-        if singularities(rbd.State(engine, q), engine.loops, inputs=["slider_joint"]).kinds["output"].singular:
+        q = assemble(engine, engine.loops(), start.q, fixed={"crank_joint": angle}).q
+        if singularities(rbd.State(engine, q), engine.loops(), inputs=["slider_joint"]).kinds["output"].singular:
             found.append(angle)
     return found
 

@@ -31,7 +31,7 @@ class Result:
 
 def main(show: bool = True) -> Result:
     robot = rbd.load_robot("unicycle")
-    wheel = robot.wheels
+    wheel = robot.wheels()
     state = robot.at()
     freedoms = mobility(state, wheel).instantaneous
     frobenius = integrability(robot, wheel)
@@ -92,7 +92,7 @@ def motors(robot: rbd.Robot, torque: float) -> np.ndarray:
 
 def rolling_acceleration(robot: rbd.Robot) -> float:
     """T / r over m + I / r^2, the whole mass and the wheel's inertia about its axle."""
-    wheel, radius = robot.model.inertias[robot.joint_id("wheel_joint")], robot.wheels[0].radius
+    wheel, radius = robot.model.inertias[robot.joint_id("wheel_joint")], robot.wheels()[0].radius
     axle = float(np.diag(wheel.inertia)[1])
     return TORQUE / radius / (robot.mass + axle / radius**2)
 

@@ -29,7 +29,7 @@ class Result:
 
 def main(show: bool = True) -> Result:
     sleigh = rbd.load_robot("chaplygin_sleigh")
-    blade = sleigh.wheels
+    blade = sleigh.wheels()
     m, inertia, a = body(sleigh)
     v, w = (grid.ravel() for grid in np.meshgrid(np.linspace(-2.0, 2.0, 9), np.linspace(-3.0, 3.0, 9)))
     found, power = [], []

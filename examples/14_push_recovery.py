@@ -1,6 +1,6 @@
 """Pushed at the torso for a tenth of a second, does Talos stay on its soles, tip a foot and come back, or fall?
 
-It stands on two soles with friction, its motors holding the posture (`rbd.HoldPosture`): torques that carry its weight, and
+It stands on two soles with friction, its motors holding the posture (`rbd.control.HoldPosture`): torques that carry its weight, and
 a spring and a damper at the joints. Three pushes to its left. Events tell which corner of which sole leaves, and when.
 
 What could be done at best? Of a mass at height z over ankles that press at p, y'' = (g / z) (y - p). With p at the outer edge
@@ -24,14 +24,14 @@ class Result:
     """The motions, by the size of the push, which sole's corners leave first, and what an ideal ankle could take."""
 
     ways: dict[float, rbd.Trajectory]
-    lifts: dict[float, rbd.Event | None]
+    lifts: dict[float, rbd.simulation.Event | None]
     ideal_N: float
 
 
 def main(show: bool = True) -> Result:
     talos = rbd.load_robot("talos")
     state, soles = talos.standing(), talos.soles(friction=FRICTION)
-    hold = rbd.HoldPosture(state, soles)
+    hold = rbd.control.HoldPosture(state, soles)
     patch = soles[0].rows(state).patch
     edge_m = float((patch.point + patch.corners @ patch.axes.T)[:, 1].max() - state.com[1])
     ideal_N = talos.mass * np.sqrt(GRAVITY / state.com[2]) * edge_m / LASTS
@@ -60,11 +60,11 @@ def main(show: bool = True) -> Result:
     return result
 
 
-def push(force_N: float) -> rbd.Push:
-    return rbd.Push("torso_2_link", (0.0, force_N, 0.0), start=START, duration=LASTS)
+def push(force_N: float) -> rbd.control.Push:
+    return rbd.control.Push("torso_2_link", (0.0, force_N, 0.0), start=START, duration=LASTS)
 
 
-def told(way: rbd.Trajectory, lift: rbd.Event | None) -> str:
+def told(way: rbd.Trajectory, lift: rbd.simulation.Event | None) -> str:
     """What happened, in words."""
     sway_mm = 1e3 * np.abs(way.com[:, 1] - way.com[0, 1])
     if lift is None:

@@ -18,7 +18,7 @@ import rbd
 from rbd.mechanism import four_bar, n_four_bar, velocity_partition
 
 GRAVITY, N = 9.81, 2
-KEPT = {"projection": rbd.Projection(), "Baumgarte": rbd.Baumgarte(50.0), "nothing": None}
+KEPT = {"projection": rbd.simulation.Projection(), "Baumgarte": rbd.constraints.Baumgarte(50.0), "nothing": None}
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ def main(show: bool = True) -> Result:
     bars = four_bar(0.4, 1.2, 0.8, 1.0)
     start = bars.at("assembled")
 
-    def swing(step: float, kept=rbd.Projection()) -> rbd.Trajectory:  # noqa: B008
-        return rbd.simulate(start, bars.loops, duration=1.5, step=step, stabilisation=kept, progress=False)
+    def swing(step: float, kept=rbd.simulation.Projection()) -> rbd.Trajectory:  # noqa: B008
+        return rbd.simulate(start, bars.loops(), duration=1.5, step=step, stabilisation=kept, progress=False)
 
     swings = {name: swing(5e-3, kept) for name, kept in KEPT.items()}
     missed_J = energy_moves(swing(1e-2)), energy_moves(swings["projection"])
@@ -51,8 +51,8 @@ def main(show: bool = True) -> Result:
 
     row = n_four_bar(N)
     upright = row.at("assembled")
-    moving = upright.with_velocity(velocity_partition(upright, row.loops, {"crank_0_joint": -1.0}).v)  # B0 at +1 m/s
-    swung = rbd.simulate(moving, row.loops, duration=2.5, step=2.5e-3, progress=False)
+    moving = upright.with_velocity(velocity_partition(upright, row.loops(), {"crank_0_joint": -1.0}).v)  # B0 at +1 m/s
+    swung = rbd.simulate(moving, row.loops(), duration=2.5, step=2.5e-3, progress=False)
     phi = np.unwrap(np.arctan2(swung.q[:, 1], swung.q[:, 0]))
     phi_pendulum = pendulum(swung.times)
     crossings = int(np.count_nonzero(np.diff(np.sign(np.sin(phi)))))

@@ -33,7 +33,7 @@ class Result:
 
 def main(show: bool = True) -> Result:
     coin = rbd.load_robot("rolling_disk")
-    critical = np.sqrt(GRAVITY * (r := coin.wheels[0].radius) / 3.0)
+    critical = np.sqrt(GRAVITY * (r := coin.wheels()[0].radius) / 3.0)
     print(f"A coin of radius {r} m stays up above {critical:.4f} m/s.")
     print("  speed over that   lean after 0.2 s     0.4 s       0.6 s   linear:    0.2 s      0.4 s      0.6 s")
     runs, lean, linear = {}, {}, {}
@@ -66,15 +66,15 @@ def main(show: bool = True) -> Result:
 
 def roll(coin: rbd.Robot, speed: float, step: float) -> rbd.Trajectory:
     """0.8 s of rolling along x without slip, from a lean of a degree."""
-    r = coin.wheels[0].radius
+    r = coin.wheels()[0].radius
     q = [0.0, 0.0, r * np.cos(LEAN), np.sin(0.5 * LEAN), 0.0, 0.0, np.cos(0.5 * LEAN)]
     state = rbd.State(coin, q, [speed, 0.0, 0.0, 0.0, speed / r, 0.0])
-    return rbd.simulate(state, coin.wheels, duration=0.8, step=step, progress=False)
+    return rbd.simulate(state, coin.wheels(), duration=0.8, step=step, progress=False)
 
 
 def throw(coin: rbd.Robot, step: float) -> rbd.Trajectory:
     """0.5 s of the upright coin, with friction, thrown along x without spin."""
-    rim = rbd.RollingDisk("rim", "disk", radius=coin.wheels[0].radius, friction=FRICTION)
+    rim = rbd.RollingDisk("rim", "disk", radius=coin.wheels()[0].radius, friction=FRICTION)
     return rbd.simulate(coin.at("upright", [THROWN, 0.0, 0.0, 0.0, 0.0, 0.0]), [rim], duration=0.5, step=step, progress=False)
 
 

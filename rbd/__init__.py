@@ -105,7 +105,7 @@ if _TYPE_CHECKING:
         simulate as simulate,
     )
     from rbd.solution import NearestMotion as NearestMotion, Solution as Solution, nearest_motion as nearest_motion
-    from rbd.solvers.admm import ADMM as ADMM
+    from rbd.solvers.admm import ConeSolver as ConeSolver
     from rbd.solvers.kkt import KKT as KKT
     from rbd.solvers.proxqp import ProxQP as ProxQP
     from rbd.statics.equilibrium import Hold as Hold, hold as hold
@@ -145,7 +145,7 @@ _NAMES = {
     "rbd.robots.robot": "Robot load_robot",
     "rbd.simulation": "DormandPrince8 Event Projection RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "NearestMotion Solution nearest_motion",
-    "rbd.solvers.admm": "ADMM",
+    "rbd.solvers.admm": "ConeSolver",
     "rbd.solvers.kkt": "KKT",
     "rbd.solvers.proxqp": "ProxQP",
     "rbd.statics.equilibrium": "Hold hold",

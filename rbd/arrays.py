@@ -35,7 +35,7 @@ def check_finite(what: str, value: Array) -> None:
         raise InputError(f"{what} is not finite{where}. Check what it was computed from.")
 
 
-def largest(x: Array) -> float:
+def max_abs(x: Array) -> float:
     """Largest absolute entry of a vector of finite numbers; zero of an empty one.
 
     NaN may be passed over: check what went in.
@@ -59,7 +59,7 @@ def identity(n: int) -> Array:
     return out
 
 
-def numbers(what: str, value: object) -> Array:
+def as_array(what: str, value: object) -> Array:
     """Real numbers as a new float array of any shape.
 
     Raises:
@@ -76,7 +76,7 @@ def numbers(what: str, value: object) -> Array:
     return raw.astype(float)
 
 
-def a_number(value: object) -> float:
+def as_float(value: object) -> float:
     """A real number as a float; NaN if it is none (a truth value, text, an integer too large)."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
         return math.nan
@@ -86,13 +86,13 @@ def a_number(value: object) -> float:
         return math.nan
 
 
-def three(what: str, value: Sequence[float] | Array) -> Array:
+def as_vector3(what: str, value: Sequence[float] | Array) -> Array:
     """Three finite numbers as an array.
 
     Raises:
         InputError: if they are not.
     """
-    out = numbers(what, value)
+    out = as_array(what, value)
     if out.shape != (3,):
         raise InputError(f"{what} has shape {out.shape}; expected three numbers, (3,).")
     check_finite(what, out)

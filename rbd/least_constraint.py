@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.loop import LoopClosure
 from rbd.errors import (
@@ -240,10 +240,10 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
     for constraint, r in zip(constraints, rows, strict=True):
-        if type(constraint) is LoopClosure and r.error is not None and largest(r.error) > OPEN:
+        if type(constraint) is LoopClosure and r.error is not None and max_abs(r.error) > OPEN:
             warnings.warn(
-                f"loop {r.name!r} is open by {largest(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
-                "rbd.mechanism.assemble(robot, robot.loops, q) closes it; rbd.Baumgarte pulls it together.",
+                f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
+                "rbd.mechanism.assemble(robot, robot.loops(), q) closes it; rbd.constraints.Baumgarte pulls it together.",
                 LoopNotClosedWarning,
                 stacklevel=4,
             )
@@ -251,7 +251,7 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None
 
 def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
     used = tau / robot.effort_limit
-    if largest(used) > 1.0:
+    if max_abs(used) > 1.0:
         worst, beyond = int(np.argmax(np.abs(used))), int((np.abs(used) > 1.0).sum())
         warnings.warn(
             f"tau of {robot.actuated_names[worst]} is {tau[worst]:.4g}, beyond its effort limit of "
@@ -274,7 +274,7 @@ def _refuse_moving(problem: GaussProblem, law: str) -> None:
     r = problem.slipping[0]
     raise ContactMoves(
         f"contact {r.name!r} moves at {r.speed:.3g} m/s (at rest is up to rest_speed = {rest:g}), and it can slip or break: "
-        f"under the {law} law only contacts at rest are solved. Use solver=rbd.ADMM(), whose friction follows the motion; "
+        f"under the {law} law only contacts at rest are solved. Use solver=rbd.ConeSolver(), whose friction follows the motion; "
         "friction=None for a contact that holds; a larger rest_speed=; or put the velocity onto the contacts: "
         "rbd.mechanism.project_velocity(state, contacts)."
     )

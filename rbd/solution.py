@@ -15,7 +15,7 @@ from rbd.analysis.infeasibility import Contradiction, contradiction
 from rbd.analysis.sensitivity import Derivatives
 from rbd.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
 from rbd.analysis.violation import relaxed, row_weights, smallest_violation
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.errors import InputError, NoSolution, Unsupported
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
@@ -58,7 +58,7 @@ class Solution(Answer):
         if isinstance(answer, Solution):
             return answer
         if not isinstance(answer, Answer):
-            raise InputError(f"a solver gave {answer!r:.80}; expected an rbd.Answer.")
+            raise InputError(f"a solver gave {answer!r:.80}; expected an rbd.problem.Answer.")
         out = cls._copied(answer)
         return out.settled() if answer.redundant else out
 
@@ -293,7 +293,7 @@ class NearestMotion:
     @property
     def worst(self) -> float:
         """Largest entry of the violation [m/s2, rad/s2]."""
-        return max((largest(s) for s in self.violation.values()), default=0.0)
+        return max((max_abs(s) for s in self.violation.values()), default=0.0)
 
     def __repr__(self) -> str:
         return f"NearestMotion(violation {self.worst:.3g} m/s2, {self.solution.status}, law {self.solution.law!r})"
@@ -301,7 +301,7 @@ class NearestMotion:
     def __str__(self) -> str:
         lines = [f"nearest motion: rows are missed by up to {self.worst:.3g} m/s2 (rad/s2), least squares"]
         for name, s in self.violation.items():
-            if largest(s) > 0.0:
+            if max_abs(s) > 0.0:
                 lines.append(f"  {name:<16} by {np.array2string(np.round(s, 4) + 0.0, precision=4)}")
         return "\n".join([*lines, str(self.solution)])
 

@@ -30,10 +30,10 @@ DRAWS = 300
 MARKS = {
     "held, ProxQP": (10.0, 8.0),
     "frictional, ProxQP": (25.0, 18.0),
-    "frictional, ADMM coulomb, sticking": (25.0, 18.0),
-    "frictional, ADMM coulomb, slipping": (60.0, 40.0),
-    "frictional, ADMM convex, sticking": (25.0, 18.0),
-    "frictional, ADMM convex, slipping": (60.0, 40.0),
+    "frictional, ConeSolver coulomb, sticking": (25.0, 18.0),
+    "frictional, ConeSolver coulomb, slipping": (60.0, 40.0),
+    "frictional, ConeSolver convex, sticking": (25.0, 18.0),
+    "frictional, ConeSolver convex, slipping": (60.0, 40.0),
 }
 
 
@@ -68,7 +68,7 @@ class Draws:
         while len(out) < DRAWS:
             q = self.q[rng.integers(DRAWS)]
             tau = np.clip(hold + noise * rng.normal(size=self.robot.nu), -self.robot.effort_limit, self.robot.effort_limit)
-            s = rbd.solve(rbd.State(self.robot, q), tau, self.frictional, solver=rbd.ADMM())
+            s = rbd.solve(rbd.State(self.robot, q), tau, self.frictional, solver=rbd.ConeSolver())
             if (max(np.abs(c).max() for c in s.accelerations.values()) > 1e-6) == slips:
                 out.append((q, tau))
         return out
@@ -147,7 +147,7 @@ def ours(d: Draws, kind: str, solver: rbd.ProxQP | rbd.KKT) -> Callable[[int], o
     return run
 
 
-def rubbing(d: Draws, solver: rbd.ADMM | rbd.ProxQP, draws: list[tuple]) -> Callable[[int], object]:
+def rubbing(d: Draws, solver: rbd.ConeSolver | rbd.ProxQP, draws: list[tuple]) -> Callable[[int], object]:
     """The whole pipeline with frictional soles, on draws that all stick or all slip."""
 
     def run(i: int) -> rbd.Solution:
@@ -233,7 +233,7 @@ def main() -> None:
         for mode, draws in (("sticking", d.sticking), ("slipping", d.slipping)):
             columns[f"rbd frictional, ProxQP, {mode}"] = rubbing(d, rbd.ProxQP(), draws)
             for law in ("coulomb", "convex"):
-                columns[f"rbd frictional, ADMM {law}, {mode}"] = rubbing(d, rbd.ADMM(law=law), draws)
+                columns[f"rbd frictional, ConeSolver {law}, {mode}"] = rubbing(d, rbd.ConeSolver(law=law), draws)
         medians = interleaved(columns)
         unit = medians["constraintDynamics, held"]
         table = Table(title=f"{name}: nv = {d.robot.nv}, two soles; agreement in a: {agree(d):.1e}")

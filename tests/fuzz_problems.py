@@ -72,10 +72,10 @@ class _Fault(Exception):
     """A certificate that is exceeded."""
 
 
-def _solver(rng: R.Rng, bilateral: bool) -> rbd.ProxQP | rbd.ADMM | rbd.KKT:
+def _solver(rng: R.Rng, bilateral: bool) -> rbd.ProxQP | rbd.ConeSolver | rbd.KKT:
     if bilateral and rng.random() < 0.5:
         return rbd.KKT()
-    return R.pick(rng, (rbd.ProxQP(), rbd.ADMM(), rbd.ADMM(law="convex")))
+    return R.pick(rng, (rbd.ProxQP(), rbd.ConeSolver(), rbd.ConeSolver(law="convex")))
 
 
 def _judged(certificate: C.Certificate, status: str, what: str, *, stepped: bool = False) -> tuple[str, str, float]:
@@ -118,7 +118,7 @@ def _refused(error: rbd.RbdError, problem: rbd.GaussProblem | None) -> tuple[str
 def arrays(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
     """A problem in arrays, by any solver that takes it."""
     story, P = R.arrays(rng)
-    solver = _solver(rng, all(isinstance(r.cone, rbd.Free) for r in P.rows))
+    solver = _solver(rng, all(isinstance(r.cone, rbd.problem.Free) for r in P.rows))
     yield f"{story}; {solver!r:.30}"
     if (reason := solver.reason_unsupported(P)) is not None:
         yield "refused", f"Unsupported: {reason:.40}", math.nan
@@ -148,7 +148,7 @@ def _solved(rng: R.Rng, made: R.Tree, given: list[R.Given], q: Array, v: Array, 
     try:
         s = rbd.solve(state, tau, constraints, solver=solver)  # type: ignore[arg-type]
     except rbd.RbdError as error:
-        if isinstance(error, rbd.ContactMoves) and not v.any():
+        if isinstance(error, rbd.errors.ContactMoves) and not v.any():
             raise _Fault(f"a robot at rest, and {error}") from error
         if isinstance(error, rbd.InputError):
             raise _Fault(f"{type(error).__name__}: {error}") from error
@@ -172,7 +172,7 @@ def robot(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
     yield f"{story}; {touching}; {moves}; {solver!r:.30}"
     v = np.zeros(made.robot.nv)
     if moves != "rest":
-        v = R.still_velocity(rng, made.robot, q, given, slide=moves == "slides" and solver == rbd.ADMM())
+        v = R.still_velocity(rng, made.robot, q, given, slide=moves == "slides" and solver == rbd.ConeSolver())
     yield _solved(rng, made, given, q, v, solver)
 
 
@@ -206,7 +206,7 @@ def hold(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
     constraints = [g.constraint for g in given]
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("error")
-        warnings.simplefilter("always", rbd.RbdWarning)
+        warnings.simplefilter("always", rbd.errors.RbdWarning)
         try:
             held = rbd.hold(state, constraints)  # type: ignore[arg-type]
         except rbd.CannotHold as error:
@@ -214,7 +214,7 @@ def hold(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
             if not 0 < len(str(error)) <= 1500:
                 raise _Fault(f"a message of {len(str(error))} letters") from error
             return
-    status = "inaccurate" if any(issubclass(w.category, rbd.InaccurateWarning) for w in seen) else "solved"
+    status = "inaccurate" if any(issubclass(w.category, rbd.errors.InaccurateWarning) for w in seen) else "solved"
     over = float((np.abs(held.tau) / robot.effort_limit).max(initial=0.0))
     if over > 1.0 + (1e-9 if status == "solved" else 1e-7):
         raise _Fault(f"hold takes {over} of a motor's limit")
@@ -351,7 +351,7 @@ def judge(seed: int, i: int) -> Verdict:
     outcome: tuple[str, str, float]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", rbd.RbdWarning)
+        warnings.simplefilter("ignore", rbd.errors.RbdWarning)
         try:
             for said in globals()[kind](rng):
                 if isinstance(said, str):

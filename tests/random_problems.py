@@ -53,22 +53,22 @@ def _cone(rng: Rng) -> rbd.problem.cones.Cone:
     facets = pick(rng, (3, 4, 4, 6, 8))
     kind = int(rng.integers(8))
     if kind == 0:
-        return rbd.Free(int(rng.integers(1, 4)))
+        return rbd.problem.Free(int(rng.integers(1, 4)))
     if kind == 1:
-        return rbd.NonNegative(int(rng.integers(1, 3)))
+        return rbd.problem.NonNegative(int(rng.integers(1, 3)))
     if kind in (2, 3):
-        return rbd.FrictionCone(mu, facets)
+        return rbd.problem.FrictionCone(mu, facets)
     if kind == 4:
         lo = -float(10.0 ** rng.uniform(-4, 2))
-        return rbd.Box([lo, -np.inf][:1], [float(rng.choice([-lo, 2.0 * abs(lo), np.inf]))])
+        return rbd.problem.Box([lo, -np.inf][:1], [float(rng.choice([-lo, 2.0 * abs(lo), np.inf]))])
     if kind == 5:
         k = int(rng.integers(3, 6))
         above = np.zeros(k) if rng.random() < 0.7 else rng.uniform(-0.1, 0.1, k)
         corners = np.column_stack([rng.uniform(-0.2, 0.2, (k, 2)), above])
-        return rbd.WrenchCone(corners, mu, facets)
+        return rbd.problem.WrenchCone(corners, mu, facets)
     if kind == 6:
-        return rbd.LineCone(float(10.0 ** rng.uniform(-2, 0)), mu, facets)
-    return rbd.Product([rbd.FrictionCone(mu, facets), rbd.NonNegative(1)])
+        return rbd.problem.LineCone(float(10.0 ** rng.uniform(-2, 0)), mu, facets)
+    return rbd.problem.Product([rbd.problem.FrictionCone(mu, facets), rbd.problem.NonNegative(1)])
 
 
 def arrays(rng: Rng) -> tuple[str, rbd.GaussProblem]:
@@ -87,7 +87,9 @@ def arrays(rng: Rng) -> tuple[str, rbd.GaussProblem]:
     a0 = a0 * rng.uniform(0.0, 1.5, n)
     first = rng.normal(size=(6, n))
     for k in range(count):
-        cone = rbd.FrictionCone(pick(rng, FRICTIONS), 4) if family in ("hundred", "opposed", "one point") else _cone(rng)
+        cone = (
+            rbd.problem.FrictionCone(pick(rng, FRICTIONS), 4) if family in ("hundred", "opposed", "one point") else _cone(rng)
+        )
         m = cone.dim
         if family == "one point" and m <= 6:
             J = first[:m].copy()
@@ -99,10 +101,10 @@ def arrays(rng: Rng) -> tuple[str, rbd.GaussProblem]:
             J = rng.normal(size=(m, n))
         if family == "scaled":
             J = J * 10.0 ** rng.uniform(-4, 4)
-        bias = -J @ a0 if isinstance(cone, rbd.Free) else J @ a0 * rng.normal() * 0.3
-        feedback = rng.normal(size=m) * 0.1 if rng.random() < 0.2 and not isinstance(cone, rbd.Free) else np.zeros(m)
+        bias = -J @ a0 if isinstance(cone, rbd.problem.Free) else J @ a0 * rng.normal() * 0.3
+        feedback = rng.normal(size=m) * 0.1 if rng.random() < 0.2 and not isinstance(cone, rbd.problem.Free) else np.zeros(m)
         velocity = np.zeros(m)
-        if isinstance(cone, rbd.Box | rbd.NonNegative) and rng.random() < 0.2:
+        if isinstance(cone, rbd.problem.Box | rbd.problem.NonNegative) and rng.random() < 0.2:
             velocity[:] = np.abs(rng.normal(size=m)) + 0.01
         rows.append(rbd.Rows(f"r{k}", J, bias, cone, velocity, feedback=feedback))
     return f"arrays: nv {n}, {spread:g} decades, {family}, {sum(len(r) for r in rows)} rows", rbd.GaussProblem(M, rhs, rows)

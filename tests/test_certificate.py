@@ -31,7 +31,7 @@ def _of(s: rbd.Solution, a: np.ndarray | None = None) -> C.Certificate:
     return C.of_arrays(s.problem.M, s.problem.rhs, s.problem.rows, a, s.multipliers, _corners(s), s.law)
 
 
-@pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ADMM(), rbd.ADMM(law="convex")], ids=repr)
+@pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ConeSolver(), rbd.ConeSolver(law="convex")], ids=repr)
 def test_known_answers_have_a_clean_certificate(solver) -> None:
     """Boxes at rest, slipping, lifting; stops, linkages, made-up sets: every solver's answers meet every equation."""
     taken = 0
@@ -172,7 +172,7 @@ def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
     rng, tried = np.random.default_rng(11), 0
     for _ in range(40):
         _, P = R.arrays(rng)
-        s = rbd.Solution.of(rbd.ADMM(law="convex").solve(P))
+        s = rbd.Solution.of(rbd.ConeSolver(law="convex").solve(P))
         if s.status != "solved" or P.m > 60 or _of(s).worst > LIMIT:
             continue
         terms = _terms(s)
@@ -204,6 +204,6 @@ def test_what_is_not_a_number_is_never_clean() -> None:
 def test_an_own_linear_program_tells_whether_there_are_accelerations() -> None:
     """Two stops that contradict each other by 1 m/s2 miss by half of it at least; two that agree, by nothing."""
     for bias, least in ((-1.0, 0.5), (1.0, 0.0)):
-        stop, both = rbd.NonNegative(1), (("a", 1.0), ("b", -1.0))
+        stop, both = rbd.problem.NonNegative(1), (("a", 1.0), ("b", -1.0))
         rows = [rbd.Rows(name, sign * np.ones((1, 1)), np.array([bias]), stop) for name, sign in both]
         assert C.least_miss(np.eye(1), rows) == pytest.approx(2.0 * least, abs=1e-9)

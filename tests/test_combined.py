@@ -41,7 +41,7 @@ PAIRS = [("talos", "box"), ("box", "talos"), ("talos", "panda"), ("panda", "talo
 def test_the_dynamics_of_both_stand_side_by_side(robots, one, other):
     """M and S block-diagonal, h one after the other, without contacts; masses, limits, passive joints as they were."""
     first, second = robots[one], robots[other]
-    pair = rbd.combine(first, second, placement=pin.SE3(pin.exp3(np.array([0, 0, 0.5])), np.array([1.0, 2.0, 0.3])))
+    pair = rbd.robots.merge_robots(first, second, placement=pin.SE3(pin.exp3(np.array([0, 0, 0.5])), np.array([1.0, 2.0, 0.3])))
     states = _somewhere(first, 1), _somewhere(second, 2)
     both = pair.together(*states)
     n = first.nv
@@ -63,7 +63,7 @@ def test_the_dynamics_of_both_stand_side_by_side(robots, one, other):
 def test_frames_are_where_they_were_and_those_of_the_second_are_placed(robots, one, other):
     """Every frame of both, velocities too, whatever the placement."""
     first, second = robots[one], robots[other]
-    pair = rbd.combine(first, second, placement=X_W2)
+    pair = rbd.robots.merge_robots(first, second, placement=X_W2)
     states = _somewhere(first, 1), _somewhere(second, 2)
     both = pair.together(*states)
     for state, robot, prefix, X in ((states[0], first, "a_", pin.SE3.Identity()), (states[1], second, "b_", X_W2)):
@@ -78,7 +78,7 @@ def test_the_answer_for_both_is_the_answer_for_each(talos, g1):
     """Robots that do not touch do not know of each other: accelerations and forces are those of two solutions."""
     states = talos.standing(), g1.standing()
     taus = [rbd.hold(s, r.soles()).tau + 0.5 for s, r in zip(states, (talos, g1), strict=True)]
-    pair = rbd.combine(talos, g1, placement=pin.SE3(np.eye(3), np.array([0.0, 1.0, 0.0])), names=("talos_", "g1_"))
+    pair = rbd.robots.merge_robots(talos, g1, placement=pin.SE3(np.eye(3), np.array([0.0, 1.0, 0.0])), names=("talos_", "g1_"))
     both = rbd.solve(pair.standing(), np.concatenate(taus), pair.feet(0.7))
     assert both.residuals.centroidal.scaled < 1e-9
     for part, state, tau, prefix in zip(pair.split(both.a), states, taus, ("talos_", "g1_"), strict=True):
@@ -90,7 +90,7 @@ def test_the_answer_for_both_is_the_answer_for_each(talos, g1):
 
 def test_the_momentum_of_both_is_balanced(robots):
     """Free fall with a generalised and a placed external force: the rate of momentum is weight and pushes."""
-    pair = rbd.combine(robots["box"], robots["talos"])
+    pair = rbd.robots.merge_robots(robots["box"], robots["talos"])
     rng = np.random.default_rng(3)
     state = pair.at(pin.integrate(pair.model, pair.neutral(), rng.normal(size=pair.nv)), rng.normal(size=pair.nv))
     assert pair.bases == (1, 2) and not pair.floating
@@ -104,14 +104,14 @@ def test_the_momentum_of_both_is_balanced(robots):
 
 def test_what_is_fixed_to_the_world_has_no_momentum_balance(robots):
     """The base's reaction is unknown."""
-    pair = rbd.combine(robots["talos"], robots["panda"])
+    pair = rbd.robots.merge_robots(robots["talos"], robots["panda"])
     s = rbd.solve(pair.at(), np.zeros(pair.nu))
     assert pair.bases == () and s.residuals.centroidal is None
 
 
 def test_a_pair_is_combined_with_a_third(talos):
     """Three boxes in a tower: each feels what is above it."""
-    tower = rbd.combine(rbd.combine(box(4.0), box(2.0), names=("a_", "b_")), box(1.0), names=("", "c_"))
+    tower = rbd.robots.merge_robots(rbd.robots.merge_robots(box(4.0), box(2.0), names=("a_", "b_")), box(1.0), names=("", "c_"))
     heights = [0.1, 0.3, 0.5]
     q = np.concatenate([[0, 0, h, 0, 0, 0, 1.0] for h in heights])
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
@@ -126,7 +126,7 @@ def test_a_pair_is_combined_with_a_third(talos):
 
 def test_contacts_made_for_each_alone_are_renamed_and_moved(talos):
     """Names, frames and the other body's frame get the prefix; the ground of the second is turned with its world."""
-    pair = rbd.combine(talos, box(), placement=X_W2)
+    pair = rbd.robots.merge_robots(talos, box(), placement=X_W2)
     hand = rbd.PointContact("hand", "gripper_left_base_link", against="base_link", friction=0.4)
     toe = rbd.PointContact("toe", "box", friction=0.4)
     mine, theirs = pair.contacts([hand], [toe])
@@ -143,15 +143,15 @@ def test_contacts_made_for_each_alone_are_renamed_and_moved(talos):
 
 def test_feet_of_a_pair_are_those_of_both(talos, g1):
     """An object has none; neither has any: said."""
-    names = [f.name for f in rbd.combine(talos, rbd.combine(box(), g1)).feet()]
+    names = [f.name for f in rbd.robots.merge_robots(talos, rbd.robots.merge_robots(box(), g1)).feet()]
     assert names == ["a_left_sole", "a_right_sole", "b_b_left_sole", "b_b_right_sole"]
-    with pytest.raises(rbd.ModelError, match="no feet are known of box and box"):
-        rbd.combine(box(), box()).feet()
+    with pytest.raises(rbd.errors.ModelError, match="no feet are known of box and box"):
+        rbd.robots.merge_robots(box(), box()).feet()
 
 
 def test_an_object_beside_a_standing_robot_stays_where_it_is_put(robots):
     """It has no posture of its own: its neutral one, moved by the placement; the robot stands as it does alone."""
-    pair = rbd.combine(robots["talos"], robots["box"], placement=X_W2)
+    pair = rbd.robots.merge_robots(robots["talos"], robots["box"], placement=X_W2)
     talos, crate = pair.split(pair.standing().q)
     assert np.abs(talos - robots["talos"].standing().q).max() == 0.0
     assert np.abs(pin.XYZQUATToSE3(crate).homogeneous - X_W2.homogeneous).max() < 1e-15
@@ -160,7 +160,7 @@ def test_an_object_beside_a_standing_robot_stays_where_it_is_put(robots):
 def test_shapes_of_both_are_drawn_where_they_are(robots):
     """As many pieces as each has alone, each on its own joint, welded bases too."""
     first, second = robots["box"], robots["panda"]
-    pair = rbd.combine(first, second, placement=X_W2)
+    pair = rbd.robots.merge_robots(first, second, placement=X_W2)
     alone = [*robot_parts(first), *robot_parts(second)]
     state = pair.at()
     data = pair.model.createData()
@@ -174,12 +174,12 @@ def test_shapes_of_both_are_drawn_where_they_are(robots):
         there = X_W2 * (other.oMi[known.joint] * known.placement)
         assert here.homogeneous == pytest.approx(there.homogeneous, abs=1e-12)
     assert len(pair.collision_model.geometryObjects) == sum(len(r.collision_model.geometryObjects) for r in (first, second))
-    assert len(rbd.combine(box(), first).visual_model.geometryObjects) == 1
+    assert len(rbd.robots.merge_robots(box(), first).visual_model.geometryObjects) == 1
 
 
 def test_split_takes_vectors_of_q_v_and_tau_apart(robots):
     """(first's, second's); anything else is refused."""
-    pair = rbd.combine(robots["talos"], robots["panda"])
+    pair = rbd.robots.merge_robots(robots["talos"], robots["panda"])
     for size, first in ((pair.nq, 39), (pair.nv, 38), (pair.nu, 32)):
         one, other = pair.split(np.arange(size))
         assert (len(one), one[-1], other[0]) == (first, first - 1, first)
@@ -192,28 +192,28 @@ def test_split_takes_vectors_of_q_v_and_tau_apart(robots):
 def test_two_worlds_that_do_not_fit_are_refused(talos):
     """No robot, names that stay alike, two gravities, a placement that is none, states of others."""
     with pytest.raises(rbd.InputError, match="combine wants two robots"):
-        rbd.combine(talos, "box")
+        rbd.robots.merge_robots(talos, "box")
     for names in (("", ""), ("a", "a")):
         with pytest.raises(rbd.InputError, match="both would have a joint"):
-            rbd.combine(talos, talos, names=names)
+            rbd.robots.merge_robots(talos, talos, names=names)
     for names in ("ab", ("a_",), ("a_", 3), None):
         with pytest.raises(rbd.InputError, match="names is"):
-            rbd.combine(talos, talos, names=names)
+            rbd.robots.merge_robots(talos, talos, names=names)
     light = box()
     light.model.gravity.linear = np.array([0.0, 0.0, -1.62])
     with pytest.raises(rbd.InputError, match="one world has one"):
-        rbd.combine(talos, CheckedModel(light.model))
+        rbd.robots.merge_robots(talos, CheckedModel(light.model))
     with pytest.raises(rbd.InputError, match="placement of the second robot is no rigid placement"):
-        rbd.combine(talos, box(), placement=np.ones((4, 4)))
-    pair = rbd.combine(talos, box())
+        rbd.robots.merge_robots(talos, box(), placement=np.ones((4, 4)))
+    pair = rbd.robots.merge_robots(talos, box())
     with pytest.raises(rbd.InputError, match="together wants a State of box"):
         pair.together(talos.standing(), talos.standing())
 
 
 def test_frames_of_both_are_offered_when_a_name_is_wrong(talos):
     """With their prefixes."""
-    pair = rbd.combine(talos, box(), names=("talos_", "box_"))
-    with pytest.raises(rbd.FrameNotFound, match="'talos_left_sole_link'"):
+    pair = rbd.robots.merge_robots(talos, box(), names=("talos_", "box_"))
+    with pytest.raises(rbd.errors.FrameNotFound, match="'talos_left_sole_link'"):
         pair.at().frame("talos_left_sole_lnik")
     assert pair.name == "talos and box" and pair.members[0] is talos
 
@@ -221,12 +221,12 @@ def test_frames_of_both_are_offered_when_a_name_is_wrong(talos):
 def test_the_robots_given_are_not_changed(talos):
     """Their models are copied before names are changed."""
     before = list(talos.model.names), [f.name for f in talos.model.frames]
-    rbd.combine(talos, talos)
+    rbd.robots.merge_robots(talos, talos)
     assert before == (list(talos.model.names), [f.name for f in talos.model.frames])
 
 
 def test_loops_of_the_files_are_left_out_with_a_warning():
     """They name frames of one robot; silence would open the loops."""
     four_bar, box_robot = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5), box()
-    with pytest.warns(rbd.ModelWarning, match="no loops or wheels of its own: 'coupler_pin'"):
-        rbd.combine(four_bar, box_robot, names=("", "box_"))
+    with pytest.warns(rbd.errors.ModelWarning, match="no loops or wheels of its own: 'coupler_pin'"):
+        rbd.robots.merge_robots(four_bar, box_robot, names=("", "box_"))

@@ -14,13 +14,13 @@ from rbd.problem.rays import rays_of
 SOLE = np.array([[0.11, 0.05, 0.0], [0.11, -0.05, 0.0], [-0.11, -0.05, 0.0], [-0.11, 0.05, 0.0]])
 
 CONES = {
-    "free": rbd.Free(3),
-    "nonnegative": rbd.NonNegative(3),
-    "friction": rbd.FrictionCone(0.6),
-    "smooth": rbd.FrictionCone(0.0),
-    "box": rbd.Box([-1.0, 0.0, -np.inf], [1.0, 0.5, 2.0]),
-    "wrench": rbd.WrenchCone(SOLE, 0.6),
-    "product": rbd.Product([rbd.FrictionCone(0.3), rbd.NonNegative(2), rbd.Free(1)]),
+    "free": rbd.problem.Free(3),
+    "nonnegative": rbd.problem.NonNegative(3),
+    "friction": rbd.problem.FrictionCone(0.6),
+    "smooth": rbd.problem.FrictionCone(0.0),
+    "box": rbd.problem.Box([-1.0, 0.0, -np.inf], [1.0, 0.5, 2.0]),
+    "wrench": rbd.problem.WrenchCone(SOLE, 0.6),
+    "product": rbd.problem.Product([rbd.problem.FrictionCone(0.3), rbd.problem.NonNegative(2), rbd.problem.Free(1)]),
 }
 
 
@@ -70,12 +70,12 @@ def test_the_friction_cone_is_coulombs(rng):
     """A force is its own projection exactly when |f_t| <= mu f_n."""
     for f in rng.normal(size=(200, 3)):
         inside = np.hypot(f[0], f[1]) <= 0.6 * f[2]
-        assert inside == (np.abs(rbd.FrictionCone(0.6).project(f) - f).max() == 0.0)
+        assert inside == (np.abs(rbd.problem.FrictionCone(0.6).project(f) - f).max() == 0.0)
 
 
 def test_projection_onto_the_friction_cone_agrees_with_a_general_minimiser(rng):
     """Closed form against nonnegative least squares on 1,024 rays of the cone."""
-    cone = rbd.FrictionCone(0.8)
+    cone = rbd.problem.FrictionCone(0.8)
     G = pyramid(0.8, 1024, inscribed=True)
     for y in rng.normal(size=(20, 3)):
         weights, distance = nnls(G, y)
@@ -98,7 +98,7 @@ def test_generators_are_made_of_simple_parts():
         G, parts = CONES[name].generators()
         assert [type(p) for p in parts] == expected
         assert G.shape == (CONES[name].dim, sum(p.dim for p in parts))
-    G, parts = rbd.WrenchCone(SOLE, 0.0).generators()
+    G, parts = rbd.problem.WrenchCone(SOLE, 0.0).generators()
     assert [type(p) for p in parts] == [HalfLine] * 4 and G.shape == (6, 4)
 
 
@@ -117,7 +117,7 @@ def test_the_outer_pyramid_touches_the_cone_and_the_inner_one_is_inside(facets):
 
 def test_four_facets_bound_each_tangent_by_itself(rng):
     """With n = 4 the pyramid reads |fx|, |fy| <= mu fz."""
-    G = rays_of(rbd.FrictionCone(0.6)).G
+    G = rays_of(rbd.problem.FrictionCone(0.6)).G
     for f in rng.normal(size=(200, 3)):
         inside = max(abs(f[0]), abs(f[1])) <= 0.6 * f[2]
         assert inside == (nnls(G, f)[1] < 1e-9)
@@ -128,15 +128,15 @@ def test_rays_carry_bounds_and_facets():
     R = rays_of(CONES["product"])
     assert R.facets == {4} and not R.all_lines and not R.has_intervals
     assert R.lower.tolist() == [0.0] * 6 + [-np.inf] and np.isposinf(R.upper).all()
-    assert rays_of(rbd.Free(2)).all_lines and rays_of(CONES["box"]).has_intervals
-    assert rays_of(rbd.FrictionCone(0.6, facets=8)).facets == {8}
-    assert not rays_of(rbd.NonNegative(1)).facets
+    assert rays_of(rbd.problem.Free(2)).all_lines and rays_of(CONES["box"]).has_intervals
+    assert rays_of(rbd.problem.FrictionCone(0.6, facets=8)).facets == {8}
+    assert not rays_of(rbd.problem.NonNegative(1)).facets
 
 
 def test_rays_of_a_cone_without_rows_are_none():
     """An inactive constraint has zero rows; its set has no rays."""
-    assert rays_of(rbd.Free(0)).G.shape == (0, 0)
-    assert rays_of(rbd.NonNegative(0)).G.shape == (0, 0)
+    assert rays_of(rbd.problem.Free(0)).G.shape == (0, 0)
+    assert rays_of(rbd.problem.NonNegative(0)).G.shape == (0, 0)
 
 
 def caron(w: np.ndarray, X: float, Y: float, mu: float) -> float:
@@ -154,7 +154,7 @@ def caron(w: np.ndarray, X: float, Y: float, mu: float) -> float:
 def test_the_wrench_cone_of_a_rectangular_sole_is_the_published_one(rng):
     """Membership by our rays equals the published inequalities on 600 random wrenches, and on their boundary."""
     X, Y, mu = 0.11, 0.05, 0.6
-    cone = rbd.WrenchCone(SOLE, mu)
+    cone = rbd.problem.WrenchCone(SOLE, mu)
     G = rays_of(cone).G
     verdicts = []
     for _ in range(600):
@@ -177,13 +177,13 @@ def test_the_wrench_cone_of_a_rectangular_sole_is_the_published_one(rng):
 def test_the_published_cone_bounds_every_ray_tightly():
     """Each of the 16 rays satisfies the published inequalities, and several of them with equality."""
     X, Y, mu = 0.11, 0.05, 0.6
-    for ray in rays_of(rbd.WrenchCone(SOLE, mu)).G.T:
+    for ray in rays_of(rbd.problem.WrenchCone(SOLE, mu)).G.T:
         assert abs(caron(ray, X, Y, mu)) < 1e-15
 
 
 def test_a_smooth_patch_carries_what_its_normals_can(rng):
     """Without friction: no tangential force, no yaw moment, and the centre of pressure inside the corners' hull."""
-    G = rays_of(rbd.WrenchCone(SOLE, 0.0)).G
+    G = rays_of(rbd.problem.WrenchCone(SOLE, 0.0)).G
     for cop in rng.uniform(-0.15, 0.15, size=(100, 2)):
         w = np.array([0.0, 0.0, 1.0, cop[1], -cop[0], 0.0])
         inside = abs(cop[0]) <= 0.11 and abs(cop[1]) <= 0.05
@@ -202,7 +202,7 @@ def test_the_inscribed_wrench_cone_satisfies_coulombs_law_at_the_corners(rng):
 
 def test_a_wrench_is_the_sum_of_its_corner_forces(rng):
     """The corner map is p and c x p; its transpose takes an acceleration of the patch to those of the corners."""
-    cone = rbd.WrenchCone(SOLE, 0.6)
+    cone = rbd.problem.WrenchCone(SOLE, 0.6)
     p = rng.normal(size=(4, 3))
     wrench = cone.corner_map @ p.ravel()
     assert np.allclose(wrench, np.r_[p.sum(axis=0), np.cross(SOLE, p).sum(axis=0)])
@@ -213,7 +213,7 @@ def test_a_wrench_is_the_sum_of_its_corner_forces(rng):
 
 def test_membership_agrees_with_a_linear_program(rng):
     """Nonnegative least squares and HiGHS give one verdict on random wrenches."""
-    G = rays_of(rbd.WrenchCone(SOLE, 0.4)).G
+    G = rays_of(rbd.problem.WrenchCone(SOLE, 0.4)).G
     for w in rng.normal(size=(60, 6)) * [0.3, 0.3, 1.0, 0.03, 0.06, 0.03] + [0, 0, 1.0, 0, 0, 0]:
         feasible = linprog(np.zeros(G.shape[1]), A_eq=G, b_eq=w, method="highs").status == 0
         assert feasible == (nnls(G, w)[1] < 1e-9)
@@ -233,24 +233,24 @@ def test_a_friction_that_means_nothing_is_refused(mu):
     with pytest.raises(rbd.InputError, match="friction"):
         check_friction(mu, 4)
     with pytest.raises(rbd.InputError, match="friction"):
-        rbd.FrictionCone(mu)
+        rbd.problem.FrictionCone(mu)
 
 
 @pytest.mark.parametrize("facets", [2, 0, 4.0, True, "4"])
 def test_a_pyramid_of_no_facets_is_refused(facets):
     """At least three, and whole."""
     with pytest.raises(rbd.InputError, match="facets"):
-        rbd.FrictionCone(0.5, facets)
+        rbd.problem.FrictionCone(0.5, facets)
 
 
 def test_a_box_whose_bounds_cross_is_refused():
     """Bounds lo <= hi, of one length."""
     with pytest.raises(rbd.InputError, match="lo <= hi"):
-        rbd.Box([1.0], [0.0])
+        rbd.problem.Box([1.0], [0.0])
     with pytest.raises(rbd.InputError, match="lo <= hi"):
-        rbd.Box([0.0, 0.0], [1.0])
+        rbd.problem.Box([0.0, 0.0], [1.0])
     with pytest.raises(rbd.InputError, match="lo <= hi"):
-        rbd.Box([np.nan], [1.0])
+        rbd.problem.Box([np.nan], [1.0])
 
 
 def test_a_set_of_no_forces_has_no_rays() -> None:

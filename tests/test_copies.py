@@ -56,23 +56,23 @@ def contact_answers() -> Iterator[object]:
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
     yield from (talos, state, held, push, rbd.doctor(talos), state.frame("left_sole_link"))
-    for solver in (rbd.ProxQP(), rbd.ADMM()):
+    for solver in (rbd.ProxQP(), rbd.ConeSolver()):
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
         assert str(solution)
         yield from (solver, solution, solution.uniqueness(), solution.derivatives())
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
     yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
-    yield rbd.compare_laws(state, held.tau, soles)
-    yield rbd.agree(state, held.tau, soles)
-    pair = rbd.combine(talos, box)
+    yield rbd.studies.compare_laws(state, held.tau, soles)
+    yield rbd.studies.compare_solvers(state, held.tau, soles)
+    pair = rbd.robots.merge_robots(talos, box)
     yield from (pair, pair.at())
     yield rbd.model.checked_model.CheckedModel(talos.model)
-    yield from rbd.joint_limits(talos)
-    yield from rbd.joint_frictions(talos)
+    yield from rbd.constraints.joint_limits(talos)
+    yield from rbd.constraints.joint_frictions(talos)
     ground = rbd.CollisionContacts("ground", talos)
     yield from (ground, ground.points(state), ground.rows(state))
     twice = [rbd.JointLock("one", "arm_left_4_joint", position=-1.0), rbd.JointLock("two", "arm_left_4_joint", position=-1.2)]
-    with_pull = [rbd.Baumgarte(10.0).of(lock) for lock in twice]
+    with_pull = [rbd.constraints.Baumgarte(10.0).of(lock) for lock in twice]
     yield from with_pull
     yield rbd.FunctionConstraint("fixed", fixed)
     yield rbd.VelocityConstraint("turn", fixed)
@@ -84,7 +84,7 @@ def contact_answers() -> Iterator[object]:
         if isinstance(ask, rbd.NoSolution) and ask.problem is not None:
             yield ask.nearest()
         yield ask
-    yield rbd.nearest_motion(rbd.gauss_problem(state, held.tau, with_pull))
+    yield rbd.solution.nearest_motion(rbd.gauss_problem(state, held.tau, with_pull))
 
 
 def motions() -> Iterator[object]:
@@ -92,19 +92,29 @@ def motions() -> Iterator[object]:
     box = rbd.load_robot(URDF / "box.urdf")
     start = box.at(np.array([0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0]))
     floor = rbd.CollisionContacts("floor", box, friction=0.5)
-    nudge = rbd.Push("box", (0.0, 3.0, 0.0), start=0.02, duration=0.05)
-    fall = rbd.simulate(start, [floor], duration=0.25, step=5e-3, external=rbd.Pushes([nudge]), progress=False)
+    nudge = rbd.control.Push("box", (0.0, 3.0, 0.0), start=0.02, duration=0.05)
+    fall = rbd.simulate(start, [floor], duration=0.25, step=5e-3, external=rbd.control.Pushes([nudge]), progress=False)
     assert fall.events
-    yield from (fall, fall[0], nudge, rbd.Pushes([nudge]))
-    yield from (rbd.TimeStepping(), rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.Projection(), rbd.Baumgarte(5.0))
+    yield from (fall, fall[0], nudge, rbd.control.Pushes([nudge]))
+    yield from (
+        rbd.TimeStepping(),
+        rbd.RungeKutta4(),
+        rbd.DormandPrince8(),
+        rbd.simulation.Projection(),
+        rbd.constraints.Baumgarte(5.0),
+    )
     arm = rbd.load_robot("panda", root="fixed")
     tau = np.zeros((2, arm.nu))
-    yield from (rbd.HoldPosture(arm.at()), rbd.TorqueScript([0.0, 1.0], tau), rbd.Sampled(rbd.HoldPosture(arm.at()), 0.01))
+    yield from (
+        rbd.control.HoldPosture(arm.at()),
+        rbd.control.TorqueSchedule([0.0, 1.0], tau),
+        rbd.control.ZeroOrderHold(rbd.control.HoldPosture(arm.at()), 0.01),
+    )
     lock = rbd.JointLock("lock", "panda_joint1", position=0.0)
     yield rbd.simulate(arm.at(), [lock], duration=0.02, step=0.01, progress=False)
-    locks = [rbd.Baumgarte(9.0).of(rbd.JointLock(f"at {q}", "panda_joint1", position=q)) for q in (0.1, 0.2)]
+    locks = [rbd.constraints.Baumgarte(9.0).of(rbd.JointLock(f"at {q}", "panda_joint1", position=q)) for q in (0.1, 0.2)]
     [cause] = errors(lambda: rbd.solve(arm.at(), np.zeros(arm.nu), locks))
-    stopped = rbd.SimulationStopped("no step", state=start, t=0.1, names=("floor",), trajectory=fall, cause=cause)
+    stopped = rbd.errors.SimulationStopped("no step", state=start, t=0.1, names=("floor",), trajectory=fall, cause=cause)
     assert stopped.problem is not None and stopped.contradiction is not None
     yield stopped
 
@@ -113,12 +123,12 @@ def mechanisms() -> Iterator[object]:
     """What the analysis of loops and wheels returns."""
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
     unicycle = rbd.load_robot(URDF / "unicycle.urdf")
-    yield from (*four_bar.loops, *unicycle.wheels, four_bar, unicycle)
+    yield from (*four_bar.loops(), *unicycle.wheels(), four_bar, unicycle)
     for robot in (four_bar, unicycle):
         report = report_mechanism(robot, next(iter(robot.postures.values()), robot.neutral()))
         assert str(report)
         yield from (report, report.state)
-    state = report.state if not four_bar.loops else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
+    state = report.state if not four_bar.loops() else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
     moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
     yield from (rbd.mechanism.assemble(four_bar, None, four_bar.neutral()), moving, rates)
@@ -133,8 +143,8 @@ def more_constraints() -> Iterator[object]:
     yield rbd.RollingBall("ball", "box", radius=0.1)
     yield rbd.RollingDisk("disk", "box", radius=0.1)
     yield rbd.PointContact("tip", "box", friction=0.5)
-    yield rbd.NonNegative(3)
-    yield rbd.Product([rbd.Free(1), rbd.LineCone(0.1, 0.5)])
+    yield rbd.problem.NonNegative(3)
+    yield rbd.problem.Product([rbd.problem.Free(1), rbd.problem.LineCone(0.1, 0.5)])
 
 
 def planar_chains() -> Iterator[object]:
@@ -242,7 +252,7 @@ def test_an_error_keeps_what_it_carries(talos: rbd.Robot):
     state = talos.standing()
     with pytest.raises(rbd.NoSolution) as caught, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        rbd.solve(state, np.zeros(talos.nu), [rbd.Baumgarte(10.0).of(lock) for lock in locks])
+        rbd.solve(state, np.zeros(talos.nu), [rbd.constraints.Baumgarte(10.0).of(lock) for lock in locks])
     for ask in WAYS.values():
         sent = ask(caught.value)
         assert str(sent) == str(caught.value) and sent.problem.m == 2

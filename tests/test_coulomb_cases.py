@@ -16,7 +16,7 @@ URDF = Path(__file__).parent.parent / "urdf"
 G = 9.81
 STILL = 1e-8
 """Accelerations below this [m/s2] are rest; the thresholds are approached to 1e-6 of their value."""
-COULOMB = rbd.ADMM(law="coulomb")
+COULOMB = rbd.ConeSolver(law="coulomb")
 
 
 def _at(robot, position=(0.0, 0.0, 0.0), pitch=0.0, v=None) -> rbd.State:
@@ -48,7 +48,7 @@ class TestSlippingBox:
         """On one patch, or on what is given."""
         state = _at(rbd.load_robot(URDF / "box.urdf"), (0.0, 0.0, 0.1))
         contacts = contacts or [_sole("box", (0.2, 0.2), 0.1, 0.6)]
-        return rbd.solve(state, np.zeros(0), contacts, external=rbd.ExternalForce("box", force), solver=rbd.ADMM(law=law))
+        return rbd.solve(state, np.zeros(0), contacts, external=rbd.ExternalForce("box", force), solver=rbd.ConeSolver(law=law))
 
     def corners(self) -> list[rbd.PointContact]:
         """Four points in place of the patch."""

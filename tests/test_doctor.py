@@ -26,7 +26,7 @@ def inertia(**moments: float) -> str:
     return "<inertia " + " ".join(f'i{k}="{moments.get(k, 0.0)}"' for k in ("xx", "xy", "xz", "yy", "yz", "zz")) + "/>"
 
 
-def kinds(report: rbd.Report) -> dict[str, int]:
+def kinds(report: rbd.robots.ModelReport) -> dict[str, int]:
     found = [finding.kind for finding in report.warnings]
     return {kind: found.count(kind) for kind in dict.fromkeys(found)}
 
@@ -136,7 +136,7 @@ def test_a_sound_robot_loads_in_silence() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         robot = rbd.load_robot("go2")
-    assert rbd.doctor(robot) == rbd.Report("go2", (), ())
+    assert rbd.doctor(robot) == rbd.robots.ModelReport("go2", (), ())
     assert str(rbd.doctor(robot)) == "go2: 0 errors, 0 warnings. Nothing is wrong with it."
 
 

@@ -521,5 +521,5 @@ def test_a_ground_that_moves_is_refused(talos):
         moving = rbd.SurfaceContact(
             sole.name, sole.frame, corners=sole.corners, placement=sole.placement, friction=0.7, **motion
         )
-        with pytest.raises(rbd.NotAtRest, match="ground at rest.*left_sole"):
+        with pytest.raises(rbd.errors.NotAtRest, match="ground at rest.*left_sole"):
             rbd.hold(state, [moving, talos.soles()[1]])

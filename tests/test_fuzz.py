@@ -102,7 +102,7 @@ def test_a_message_that_fills_screens_is_a_failure(tmp_path: Path, monkeypatch: 
     """A refusal is for a reader: one with the whole file in it is none."""
 
     def refuse(*_, **__) -> None:
-        raise rbd.ModelError("x" * 2000)
+        raise rbd.errors.ModelError("x" * 2000)
 
     monkeypatch.setattr(rbd, "load_robot", refuse)
     assert fuzz.judge(tmp_path / "any.urdf", "fixed") == ("failure", "a message of 2000 letters: " + "x" * 80)

@@ -69,7 +69,7 @@ def test_every_kind_of_trouble_comes_up() -> None:
     stories = [" ".join(fuzz.told(5, i)) for i in range(300)]
     words = (
         "arrays|robot|loop|hold|steps|smooth|9 decades|one point|opposed|twice|a hundred points|soles|scaled|friction 1e-09|"
-        "friction 1e+06|closed by revolute and|planar|fixed|KKT|ProxQP|ADMM(law='coulomb'|ADMM(law='convex'|RungeKutta4|"
+        "friction 1e+06|closed by revolute and|planar|fixed|KKT|ProxQP|ConeSolver(law='coulomb'|ConeSolver(law='convex'|RungeKutta4|"
         "DormandPrince8|time stepping, convex|time stepping, coulomb|slides|still"
     )
     missing = [word for word in words.split("|") if not any(word in story for story in stories)]
@@ -82,7 +82,7 @@ def test_a_wrong_answer_that_is_called_solved_is_a_failure(what: str, monkeypatc
     i = _first("arrays", "random", solver="ProxQP")
     right = rbd.ProxQP.solve
 
-    def wrong(self, problem) -> rbd.Answer:
+    def wrong(self, problem) -> rbd.problem.Answer:
         s = right(self, problem)
         value = getattr(s, what)
         off = replace(s, redundant=False, **{what: value + 1e-5 * np.abs(value).max()})
@@ -130,14 +130,14 @@ def test_errors_that_are_not_ours_and_false_proofs_are_failures(monkeypatch: pyt
     i = _first("arrays", "random", solver="ProxQP")
     right = rbd.ProxQP.solve
 
-    def divides(self, problem) -> rbd.Answer:
+    def divides(self, problem) -> rbd.problem.Answer:
         np.log(np.zeros(1))
         return right(self, problem)
 
-    def raises(self, problem) -> rbd.Answer:
+    def raises(self, problem) -> rbd.problem.Answer:
         raise ValueError("zero-size array")
 
-    def denies(self, problem) -> rbd.Answer:
+    def denies(self, problem) -> rbd.problem.Answer:
         s = right(self, problem)
         off = replace(s, a=s.a + 1.0 + np.abs(s.a).max())
         off.__dict__["contradiction"] = "rows that contradict each other"

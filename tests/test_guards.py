@@ -79,8 +79,8 @@ ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(B
 
 FOUR_BAR = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
 LINKED = FOUR_BAR.at("assembled")
-FROM_HERE = {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "q0": np.array(LINKED.q)}
-LOOPS = {"constraints": list(FOUR_BAR.loops), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
+FROM_HERE = {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops()), "q0": np.array(LINKED.q)}
+LOOPS = {"constraints": list(FOUR_BAR.loops()), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
 
 
 def use_contact(contact: Any) -> Any:
@@ -101,13 +101,13 @@ def use_moving(constraint: Any) -> Any:
 
 
 SQUEEZED = rbd.GaussProblem(
-    np.eye(1), np.ones(1), [rbd.Rows("row", np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5]), rbd.NonNegative(2))]
+    np.eye(1), np.ones(1), [rbd.Rows("row", np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5]), rbd.problem.NonNegative(2))]
 )
 
 
 def use_contradiction(**given: Any) -> Any:
     """The certificate and the violation of a contradiction, if there is one."""
-    found = rbd.contradiction(**given)
+    found = rbd.analysis.contradiction(**given)
     return None if found is None else (dict(found.certificate), found.violation)
 
 
@@ -124,7 +124,7 @@ def solved(problem: rbd.GaussProblem) -> rbd.Solution | None:
     if rbd.ProxQP().reason_unsupported(problem) is not None:
         return None
     found = rbd.solve_problem(problem, check=False)
-    return None if found.status in (rbd.Status.FAILED, rbd.Status.INFEASIBLE) else found
+    return None if found.status in (rbd.problem.Status.FAILED, rbd.problem.Status.INFEASIBLE) else found
 
 
 def use_rows(**given: Any) -> Any:
@@ -167,7 +167,7 @@ FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.
 TRAJECTORY = rbd.simulate(BOX.at(), FLOOR, duration=0.003, step=1e-3)
 LINKS = rbd.planar.Chain(2, lengths=[0.5, 0.4])
 PLANAR = rbd.planar.endpoint_motion(LINKS, rbd.planar.minimum_jerk([0.6, 0.3], [0.2, 0.6], 1.0))
-HOLD_BOLT = rbd.HoldPosture(STATE, FEET)
+HOLD_BOLT = rbd.control.HoldPosture(STATE, FEET)
 
 
 def use_simulate(**given: Any) -> Any:
@@ -224,7 +224,7 @@ LIFT = {"velocity": np.zeros(6), "acceleration": np.array([0.0, 0.0, 1.0]), "abo
 
 def use_pair(against: Any, **given: Any) -> Any:
     """Two robots in one model, and a contact between them."""
-    pair = rbd.combine(**given)
+    pair = rbd.robots.merge_robots(**given)
     contact = rbd.SurfaceContact("between", given["names"][0] + "box", half_lengths=(0.1, 0.1), against=against)
     return contact.rows(pair.at()), pair.mass, pair.at().M
 
@@ -241,14 +241,17 @@ def use_ground(on: Any) -> Any:
 
 
 CASES: dict[str, Case] = {
-    "Box": Case(lambda **given: use_cone(rbd.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
-    "Free": Case(lambda **given: use_cone(rbd.Free(**given)), {"dim": 3}),
-    "NonNegative": Case(lambda **given: use_cone(rbd.NonNegative(**given)), {"dim": 3}),
-    "FrictionCone": Case(lambda **given: use_cone(rbd.FrictionCone(**given)), {"mu": 0.5, "facets": 4}),
-    "LineCone": Case(lambda **given: use_cone(rbd.LineCone(**given)), {"half_length": 0.1, "mu": 0.5, "facets": 4}),
-    "Product": Case(lambda **given: use_cone(rbd.Product(**given)), {"cones": [rbd.Free(1), rbd.FrictionCone(0.5)]}),
+    "Box": Case(lambda **given: use_cone(rbd.problem.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
+    "Free": Case(lambda **given: use_cone(rbd.problem.Free(**given)), {"dim": 3}),
+    "NonNegative": Case(lambda **given: use_cone(rbd.problem.NonNegative(**given)), {"dim": 3}),
+    "FrictionCone": Case(lambda **given: use_cone(rbd.problem.FrictionCone(**given)), {"mu": 0.5, "facets": 4}),
+    "LineCone": Case(lambda **given: use_cone(rbd.problem.LineCone(**given)), {"half_length": 0.1, "mu": 0.5, "facets": 4}),
+    "Product": Case(
+        lambda **given: use_cone(rbd.problem.Product(**given)), {"cones": [rbd.problem.Free(1), rbd.problem.FrictionCone(0.5)]}
+    ),
     "WrenchCone": Case(
-        lambda **given: use_cone(rbd.WrenchCone(**given)), {"corners": np.c_[CORNERS, np.zeros(4)], "mu": 0.5, "facets": 4}
+        lambda **given: use_cone(rbd.problem.WrenchCone(**given)),
+        {"corners": np.c_[CORNERS, np.zeros(4)], "mu": 0.5, "facets": 4},
     ),
     "PointContact": contact_case(rbd.PointContact, {"offset": np.array([0.1, 0.0, -0.1]), "normal": np.array([0.0, 0.0, 1.0])}),
     "SurfaceContact": contact_case(rbd.SurfaceContact, {"corners": CORNERS, "placement": np.eye(4)}),
@@ -280,7 +283,7 @@ CASES: dict[str, Case] = {
         lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": BOLT.joints()[3], "torque": 0.2}
     ),
     "Baumgarte": Case(
-        lambda **given: use_joint(rbd.Baumgarte(**given).of(rbd.JointLock("lock", BOLT.joints()[3], position=0.3))),
+        lambda **given: use_joint(rbd.constraints.Baumgarte(**given).of(rbd.JointLock("lock", BOLT.joints()[3], position=0.3))),
         {"frequency": 10.0, "damping_ratio": 0.7},
     ),
     "LoopClosure": Case(
@@ -289,7 +292,7 @@ CASES: dict[str, Case] = {
     ),
     "FunctionConstraint": Case(
         lambda **given: use_moving(rbd.FunctionConstraint(**given)),
-        {"name": "height", "phi": lambda q: q[2] - 0.1, "jacobian": None, "bias": None, "cone": rbd.Free(1)},
+        {"name": "height", "phi": lambda q: q[2] - 0.1, "jacobian": None, "bias": None, "cone": rbd.problem.Free(1)},
         30,
     ),
     "VelocityConstraint": Case(
@@ -303,34 +306,36 @@ CASES: dict[str, Case] = {
     "RollingBall": rolling_case(rbd.RollingBall),
     "RollingDisk": rolling_case(rbd.RollingDisk, axis=np.array([0.0, 1.0, 0.2])),
     "RollingWheel": rolling_case(rbd.RollingWheel, axis=(0, 1, 0), friction=None),
-    "joint_limits": Case(rbd.joint_limits, {"robot": BOLT, "margin": 0.1}),
-    "joint_frictions": Case(rbd.joint_frictions, {"robot": BOLT}),
-    "mimics": Case(rbd.mimics, {"robot": BOLT}),
+    "joint_limits": Case(rbd.constraints.joint_limits, {"robot": BOLT, "margin": 0.1}),
+    "joint_frictions": Case(rbd.constraints.joint_frictions, {"robot": BOLT}),
+    "mimics": Case(rbd.constraints.mimics, {"robot": BOLT}),
     "ExternalForce": Case(
         use_force, {"frame": FRAME, "force": np.array([1.0, 0.0, 9.0]), "moment": (0.0, 1.0, 0.0), "offset": (0.1, 0.0, 0.0)}
     ),
     "Rows": Case(
-        use_rows, {**PLAIN, "cone": rbd.Free(2), "velocity": np.zeros(2), "feedback": np.zeros(2), "resultant": np.eye(2)}
+        use_rows,
+        {**PLAIN, "cone": rbd.problem.Free(2), "velocity": np.zeros(2), "feedback": np.zeros(2), "resultant": np.eye(2)},
     ),
     "GaussProblem": Case(
-        use_problem, {"M": np.diag([1.0, 2.0]), "rhs": np.array([1.0, -1.0]), "rows": [rbd.Rows(**PLAIN, cone=rbd.Free(2))]}
+        use_problem,
+        {"M": np.diag([1.0, 2.0]), "rhs": np.array([1.0, -1.0]), "rows": [rbd.Rows(**PLAIN, cone=rbd.problem.Free(2))]},
     ),
     "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V}, 200),
     "KKT": Case(lambda problem: rbd.KKT().solve(problem), {"problem": rbd.gauss_problem(STATE, TAU, BOLT.feet(None))}),
     "ProxQP": Case(lambda problem: rbd.ProxQP().solve(problem), {"problem": PROBLEM}),
-    "ADMM": Case(lambda law, problem: rbd.ADMM(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
+    "ConeSolver": Case(lambda law, problem: rbd.ConeSolver(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
     "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True, "rest_speed": 1e-6}, 200),
     "solve_problem": Case(rbd.solve_problem, {"problem": PROBLEM, "solver": rbd.ProxQP(), "check": True}),
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
-    "nearest_motion": Case(rbd.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
-    "compare_laws": Case(rbd.compare_laws, ASKED),
-    "agree": Case(lambda **given: [x.a for x in rbd.agree(**given).answers], ASKED),  # times in it differ
+    "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "compare_laws": Case(rbd.studies.compare_laws, ASKED),
+    "agree": Case(lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED),  # times in it differ
     "hold": Case(rbd.hold, {"state": STATE, "contacts": FEET, "external": np.zeros(BOLT.nv)}),
     "doctor": Case(rbd.doctor, {"robot": BOX}),
     "FileLimits": Case(
-        lambda **given: rbd.load_robot(URDF, limits=rbd.FileLimits(**given)), {"max_dof": 200, "max_bytes": 10_000}
+        lambda **given: rbd.load_robot(URDF, limits=rbd.model.FileLimits(**given)), {"max_dof": 200, "max_bytes": 10_000}
     ),
     "load_robot": Case(
         rbd.load_robot,
@@ -360,7 +365,7 @@ CASES: dict[str, Case] = {
     ),
     "mechanism.branches": Case(
         lambda **given: list(rbd.mechanism.branches(FOUR_BAR, **given).q),
-        {"constraints": list(FOUR_BAR.loops), "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
+        {"constraints": list(FOUR_BAR.loops()), "fixed": {"crank_joint": 0.5}, "seed": 1, "tries": 6, "tolerance": 1e-10},
         30,
     ),
     "mechanism.trace": Case(
@@ -370,25 +375,26 @@ CASES: dict[str, Case] = {
         30,
     ),
     "mechanism.velocity_partition": Case(
-        rbd.mechanism.velocity_partition, {"state": LINKED, "constraints": list(FOUR_BAR.loops), "known": {"crank_joint": 1.0}}
+        rbd.mechanism.velocity_partition,
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "known": {"crank_joint": 1.0}},
     ),
     "mechanism.velocity_partition, a rate": Case(
         lambda rate: rbd.mechanism.velocity_partition(LINKED, None, {"crank_joint": rate}), {"rate": 1.0}
     ),
     "mechanism.acceleration_partition": Case(
         rbd.mechanism.acceleration_partition,
-        {"state": LINKED, "constraints": list(FOUR_BAR.loops), "known": {"crank_joint": 1.0}},
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "known": {"crank_joint": 1.0}},
     ),
     "mechanism.independent_velocities": Case(
         lambda **given: list(map(len, rbd.mechanism.independent_velocities(**given))),
-        {"state": LINKED, "constraints": list(FOUR_BAR.loops), "prefer": ["crank_joint"]},
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "prefer": ["crank_joint"]},
     ),
     "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
     "mechanism.project_velocity": Case(
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
     ),
     "mechanism.mobility": Case(
-        rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops), "tolerance": 1e-9, "seed": 1}
+        rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tolerance": 1e-9, "seed": 1}
     ),
     "mechanism.singularities": Case(rbd.mechanism.singularities, {"state": LINKED, **LOOPS, "tolerance": 1e-6, "seed": 1}),
     "mechanism.singularities_along": Case(
@@ -397,11 +403,11 @@ CASES: dict[str, Case] = {
     ),
     "mechanism.integrability": Case(
         rbd.mechanism.integrability,
-        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
+        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops()), "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
     ),
     "mechanism.classify": Case(
         rbd.mechanism.classify,
-        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
+        {"robot": FOUR_BAR, "constraints": list(FOUR_BAR.loops()), "end": FOUR_BAR.frames()[-1], "at": LINKED, "seed": 1},
     ),
     "catalogue.file_path": Case(lambda path: rbd.robots.catalogue.file_path(path, "the path"), {"path": "x.urdf"}),
     "catalogue.licence": Case(lambda name: rbd.robots.catalogue.licence(rbd.robots.catalogue.find(name)), {"name": "bolt"}),
@@ -450,7 +456,7 @@ CASES: dict[str, Case] = {
     "simulate": Case(
         use_simulate,
         {"state": BOX.at(), "constraints": FLOOR, "duration": 0.002, "step": 0.001, "controller": None, "external": np.zeros(6)}
-        | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.Projection()}
+        | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.simulation.Projection()}
         | {"record_every": 1, "progress": False},
         30,
     ),
@@ -458,30 +464,34 @@ CASES: dict[str, Case] = {
     "DormandPrince8": Case(lambda **given: use_integrator(rbd.DormandPrince8(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
     "Projection": Case(
         lambda **given: use_simulate(
-            state=BOX.at(), constraints=FLOOR, duration=0.002, step=0.001, stabilisation=rbd.Projection(**given)
+            state=BOX.at(), constraints=FLOOR, duration=0.002, step=0.001, stabilisation=rbd.simulation.Projection(**given)
         ),
         {"tolerance": 1e-12, "iterations": 20},
         20,
     ),
     "HoldPosture": Case(
-        lambda **given: use_controller(rbd.HoldPosture(**given)),
+        lambda **given: use_controller(rbd.control.HoldPosture(**given)),
         {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
         30,
     ),
     "TorqueScript": Case(
-        lambda **given: use_controller(rbd.TorqueScript(**given)),
+        lambda **given: use_controller(rbd.control.TorqueSchedule(**given)),
         {"times": np.array([0.0, 1.0]), "torques": np.zeros((2, BOLT.nu)), "held": False},
     ),
-    "Sampled": Case(lambda **given: use_controller(rbd.Sampled(**given)), {"controller": HOLD_BOLT, "period": 0.002}, 30),
+    "Sampled": Case(
+        lambda **given: use_controller(rbd.control.ZeroOrderHold(**given)), {"controller": HOLD_BOLT, "period": 0.002}, 30
+    ),
     "Push": Case(
-        lambda **given: use_simulate(state=BOX.at(), constraints=[], duration=0.002, step=0.001, external=rbd.Push(**given)),
+        lambda **given: use_simulate(
+            state=BOX.at(), constraints=[], duration=0.002, step=0.001, external=rbd.control.Push(**given)
+        ),
         {"frame": "box", "force": np.array([1.0, 0.0, 0.0]), "start": 0.0, "duration": 0.1, "moment": np.zeros(3)}
         | {"offset": np.zeros(3)},
         30,
     ),
     "Pushes": Case(
-        lambda pushes: rbd.Pushes(pushes)(STATE, 0.0),
-        {"pushes": [PUSH, rbd.Push(FRAME, (1.0, 0.0, 0.0), start=0.0, duration=1.0)]},
+        lambda pushes: rbd.control.Pushes(pushes)(STATE, 0.0),
+        {"pushes": [PUSH, rbd.control.Push(FRAME, (1.0, 0.0, 0.0), start=0.0, duration=1.0)]},
     ),
     "CollisionContacts": Case(
         use_collision,
@@ -587,7 +597,18 @@ ODD = [
     *(None, (), [], {}, set(), [[]], [None], [[1.0], [1.0, 2.0]], [[[1.0] * 3] * 3] * 3, object(), object, len, ..., range(3)),
     *(np.array(3.0), np.array([]), np.zeros((0, 3)), np.zeros((3, 0)), np.array(["1", "2", "3"]), np.array([1, 2, 3], "m8[s]")),
     *(np.ma.masked_array([1.0, 2.0, 3.0], [0, 1, 0]), np.float32(1.0), np.bool_(True), np.array([None] * 3), {"a": 1}),
-    *(np.zeros(3, dtype=[("x", float)]), pin.SE3.Random(), BOX, STATE, BOX.at(), FEET[0], FEET, PROBLEM, SOLUTION, rbd.Free(3)),
+    *(
+        np.zeros(3, dtype=[("x", float)]),
+        pin.SE3.Random(),
+        BOX,
+        STATE,
+        BOX.at(),
+        FEET[0],
+        FEET,
+        PROBLEM,
+        SOLUTION,
+        rbd.problem.Free(3),
+    ),
     *(rbd.State, rbd.PointContact, rbd.PointContact("other", "box"), PUSH, Path("."), rbd.ProxQP(), [10**400] * 3, "1 2 3"),
 ]
 
@@ -640,7 +661,7 @@ def numbers_in(answer: Any) -> Iterator[np.ndarray]:
         yield from numbers_in([answer.mass, answer.nq])
     elif isinstance(answer, rbd.GaussProblem):
         yield from numbers_in([answer.M, answer.rhs, answer.a_free, answer.J, answer.offset])
-    elif isinstance(answer, rbd.Answer):
+    elif isinstance(answer, rbd.problem.Answer):
         yield from numbers_in([answer.a, answer.forces])
     elif isinstance(answer, rbd.Rows):
         yield from numbers_in([answer.J, answer.bias, answer.velocity])
@@ -655,8 +676,8 @@ def numbers_in(answer: Any) -> Iterator[np.ndarray]:
 
 def certified(answer: Any) -> bool:
     """Whether every solution in an answer is one, and every inertia is positive definite."""
-    if isinstance(answer, rbd.Answer):
-        return answer.status in (rbd.Status.SOLVED, rbd.Status.INACCURATE)
+    if isinstance(answer, rbd.problem.Answer):
+        return answer.status in (rbd.problem.Status.SOLVED, rbd.problem.Status.INACCURATE)
     if isinstance(answer, rbd.Hold):
         return answer.residual < 1e-6
     if isinstance(answer, rbd.State):
@@ -674,7 +695,7 @@ def ask(case: Case, given: dict[str, Any]) -> Any:
     """The answer, or the `RbdError`; any other exception, and warnings that are not ours, go through."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", rbd.RbdWarning)
+        warnings.simplefilter("ignore", rbd.errors.RbdWarning)
         try:
             return case.call(**given)
         except rbd.RbdError as error:
@@ -735,7 +756,7 @@ def public() -> Iterator[str]:
             value = getattr(place, name)
             if inspect.ismodule(value) or not callable(value) or name in MADE_BY_RBD or room + name in INNER:
                 continue
-            if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, rbd.Status)):
+            if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, rbd.problem.Status)):
                 continue
             if names is None and inspect.ismodule(place) and (value.__module__ != place.__name__ or isinstance(value, type)):
                 continue

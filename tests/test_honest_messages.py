@@ -267,7 +267,7 @@ class TestScrew:
         """And numbers that are none below zero."""
         for given in ({"period": [1.0]}, {"period": [-1.0], "error": [0.1]}, {"period": [np.nan], "error": [0.1]}):
             with pytest.raises(rbd.InputError, match="period is"):
-                rbd.Rows("it", np.eye(1), np.zeros(1), rbd.Free(1), **given)
+                rbd.Rows("it", np.eye(1), np.zeros(1), rbd.problem.Free(1), **given)
 
 
 def walls(friction: float, kind: str) -> list:
@@ -300,7 +300,7 @@ class TestSeveralMotions:
         state = rbd.State(robot, pin.neutral(robot.model))
         contacts = walls(friction, kind)
         with pytest.warns(NonUniqueMotionWarning, match=r"no one motion: Coulomb's law admits 2 motions .* jammed") as seen:
-            s = rbd.solve(state, np.zeros(0), contacts, solver=rbd.ADMM())
+            s = rbd.solve(state, np.zeros(0), contacts, solver=rbd.ConeSolver())
         assert seen[0].filename == __file__
         motions = sorted([s.a[2], *(o.a[2] for o in s.others)])
         assert motions == pytest.approx([-G, 0.0], abs=1e-9)
@@ -314,7 +314,7 @@ class TestSeveralMotions:
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         with pytest.warns(NonUniqueMotionWarning):
-            both = rbd.compare_laws(state, np.zeros(0), walls(0.5, "two"))
+            both = rbd.studies.compare_laws(state, np.zeros(0), walls(0.5, "two"))
         assert not both.agree and len(both.coulomb.others) == 1
         assert np.abs(both.coulomb.others[0].a - both.convex.a).max() < 1e-9
 
@@ -323,12 +323,12 @@ class TestSeveralMotions:
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         push = rbd.ExternalForce("box", (0.8 * WEIGHT, 0.0, 0.0))
-        slips = rbd.solve(state, np.zeros(0), floor(0.5), external=push, solver=rbd.ADMM())
+        slips = rbd.solve(state, np.zeros(0), floor(0.5), external=push, solver=rbd.ConeSolver())
         assert slips.a[0] == pytest.approx(0.3 * G) and not slips.others
-        past = rbd.solve(state, np.zeros(0), walls(0.5, "two")[:1], solver=rbd.ADMM())
+        past = rbd.solve(state, np.zeros(0), walls(0.5, "two")[:1], solver=rbd.ConeSolver())
         assert past.a[2] == pytest.approx(-G) and not past.others
         standing = talos.standing()
-        assert not rbd.solve(standing, np.zeros(talos.nu), talos.soles(0.3), solver=rbd.ADMM()).others
+        assert not rbd.solve(standing, np.zeros(talos.nu), talos.soles(0.3), solver=rbd.ConeSolver()).others
 
     def test_whenever_the_convex_motion_is_coulombs_too_it_is_among_them(self):
         """Boxes with points anywhere: the laws differ, and then either the convex motion breaks Coulomb's law or it is told."""
@@ -343,7 +343,7 @@ class TestSeveralMotions:
                 contacts.append(rbd.PointContact(f"c{i}", "box", offset=p, normal=n, friction=mu))
             push = rbd.ExternalForce("box", rng.normal(size=3) * rng.choice([0.0, 5.0, 30.0]))
             P = rbd.gauss_problem(state, np.zeros(0), contacts, external=push)
-            convex, coulomb = rbd.ADMM(law="convex").solve(P), rbd.ADMM().solve(P)
+            convex, coulomb = rbd.ConeSolver(law="convex").solve(P), rbd.ConeSolver().solve(P)
             if not (convex.residuals.within(1e-9) and coulomb.residuals.within(1e-9)):
                 continue
             size = max(1.0, np.abs(coulomb.a).max())

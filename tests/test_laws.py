@@ -13,14 +13,16 @@ import rbd
 BOX = Path(__file__).parent.parent / "urdf" / "box.urdf"
 
 
-def _compare(push_N: float) -> rbd.LawComparison:
+def _compare(push_N: float) -> rbd.studies.LawComparison:
     robot = rbd.load_robot(BOX)
     q = pin.neutral(robot.model)
     q[2] = 0.1
     floor = rbd.SurfaceContact(
         "floor", "box", half_lengths=(0.2, 0.2), placement=pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1])), friction=0.6
     )
-    return rbd.compare_laws(rbd.State(robot, q), np.zeros(0), [floor], external=rbd.ExternalForce("box", (push_N, 0.0, 0.0)))
+    return rbd.studies.compare_laws(
+        rbd.State(robot, q), np.zeros(0), [floor], external=rbd.ExternalForce("box", (push_N, 0.0, 0.0))
+    )
 
 
 def test_the_slipping_box_to_its_last_digit():
@@ -61,7 +63,7 @@ def test_talos_pushed_on_ice_parts(talos):
     state, soles = talos.standing(), talos.soles(friction=mu)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
     tau = rbd.hold(state, talos.soles(friction=0.7), external=push).tau
-    both = rbd.compare_laws(state, tau, soles, external=push)
+    both = rbd.studies.compare_laws(state, tau, soles, external=push)
     assert both.convex.status == both.coulomb.status == "solved" and not both.agree
     slipping = [n for n, c in both.under_convex.items() if c.slip > 1e-3]
     assert slipping
@@ -74,7 +76,7 @@ def test_talos_pushed_on_ice_parts(talos):
 def test_a_held_foot_beside_a_rubbing_one_keeps_still_under_both(talos):
     """What holds has no points that could slip: it carries, and does not move; forces sum to the weight."""
     state, left, right = talos.standing(), talos.soles(None)[0], talos.soles(0.7)[1]
-    both = rbd.compare_laws(state, rbd.hold(state, talos.soles()).tau, [left, right])
+    both = rbd.studies.compare_laws(state, rbd.hold(state, talos.soles()).tau, [left, right])
     assert both.agree
     for under in (both.under_convex, both.under_coulomb):
         assert under["left_sole"].slip == under["left_sole"].lift_off == under["left_sole"].dissipation == 0.0

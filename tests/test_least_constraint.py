@@ -42,7 +42,7 @@ def test_without_constraints_gauss_lets_a_robot_be(talos: rbd.Robot) -> None:
     solution = rbd.solve(state, tau)
     assert np.abs(solution.a - rbd.dynamics.free_acceleration(state, tau)).max() < 1e-12 * np.abs(solution.a).max()
     assert solution.gauss == 0.0 and solution.forces == {} and solution.rank == 0
-    assert solution.status is rbd.Status.SOLVED and solution.law == "bilateral"
+    assert solution.status is rbd.problem.Status.SOLVED and solution.law == "bilateral"
 
 
 @pytest.mark.parametrize("name", ["talos", "g1"])
@@ -112,7 +112,7 @@ def test_pushed_states_are_solved(name: str) -> None:
         soles = robot.soles(float(rng.uniform(0.05, 1.0)))
         torque = np.clip(tau + noise, -robot.effort_limit, robot.effort_limit)
         solution = rbd.solve(state, torque, soles, external=push)
-        assert solution.status is rbd.Status.SOLVED and solution.residuals.worst <= 1e-9
+        assert solution.status is rbd.problem.Status.SOLVED and solution.residuals.worst <= 1e-9
 
 
 def test_forces_stand_under_their_contacts_names(talos: rbd.Robot) -> None:
@@ -145,7 +145,9 @@ def test_a_rubbing_contact_that_moves_is_refused_by_name(talos: rbd.Robot, frict
         with pytest.raises(ContactMoves, match=r"'right_sole' moves at .* m/s.*friction=None"):
             rbd.solve(state, tau, talos.soles(friction, on=None))
     else:
-        assert rbd.solve(state, tau, talos.soles(friction, on=None)).status is rbd.Status.SOLVED  # smooth ground lets it turn
+        assert (
+            rbd.solve(state, tau, talos.soles(friction, on=None)).status is rbd.problem.Status.SOLVED
+        )  # smooth ground lets it turn
     for speed, refused in ((2e-6, True), (0.9e-6, False)):
         point = rbd.PointContact("toe", "right_sole_link", friction=friction)
         sinking = np.zeros(talos.nv)
@@ -200,9 +202,9 @@ def test_contradicting_constraints_have_no_solution(talos: rbd.Robot, solver: rb
     with pytest.raises(NoSolution, match=said) as e:
         rbd.solve(state, np.zeros(talos.nu), corners, solver=solver)
     assert isinstance(e.value.problem, rbd.GaussProblem) and e.value.problem.m == 12
-    assert isinstance(e.value.result, rbd.Solution) and e.value.result.status is rbd.Status.INFEASIBLE
+    assert isinstance(e.value.result, rbd.Solution) and e.value.result.status is rbd.problem.Status.INFEASIBLE
     best = rbd.solve(state, np.zeros(talos.nu), corners, solver=solver, check=False)
-    assert best.status is rbd.Status.INFEASIBLE and best.residuals.worst > 1e-7
+    assert best.status is rbd.problem.Status.INFEASIBLE and best.residuals.worst > 1e-7
 
 
 @dataclass(frozen=True)
@@ -216,11 +218,11 @@ class Off:
         """It takes anything."""
         return None
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.problem.Answer:
         """The right answer, less so."""
         right = rbd.KKT().solve(problem)
         wrong = right.a + self.share * np.linalg.norm(right.a)
-        return rbd.Answer(problem, wrong, right.multipliers, None, "bilateral", "Off", 1, 0.0)
+        return rbd.problem.Answer(problem, wrong, right.multipliers, None, "bilateral", "Off", 1, 0.0)
 
 
 def test_an_answer_is_judged_by_its_residuals_not_by_its_solver(talos: rbd.Robot) -> None:
@@ -231,10 +233,10 @@ def test_an_answer_is_judged_by_its_residuals_not_by_its_solver(talos: rbd.Robot
     state, tau = talos.standing(), np.zeros(talos.nu)
     with pytest.warns(InaccurateWarning, match="Off is inaccurate on talos: scaled residuals .*solved is 1e-9"):
         solution = rbd.solve(state, tau, held(talos), solver=Off(1e-11))
-    assert solution.status is rbd.Status.INACCURATE
+    assert solution.status is rbd.problem.Status.INACCURATE
     with pytest.raises(NoSolution, match="no answer within tolerance .Off, law bilateral"):
         rbd.solve(state, tau, held(talos), solver=Off(1e-3))
-    assert rbd.solve(state, tau, held(talos), solver=Off(1e-3), check=False).status is rbd.Status.FAILED
+    assert rbd.solve(state, tau, held(talos), solver=Off(1e-3), check=False).status is rbd.problem.Status.FAILED
 
 
 def test_kkt_refuses_what_can_slip_before_it_starts(talos: rbd.Robot) -> None:
@@ -253,7 +255,7 @@ class Locked:
 
     def rows(self, state: rbd.State) -> rbd.Rows:
         """One row."""
-        return rbd.Rows(name=self.name, J=np.eye(state.robot.nv)[[self.index]], bias=np.zeros(1), cone=rbd.Free(1))
+        return rbd.Rows(name=self.name, J=np.eye(state.robot.nv)[[self.index]], bias=np.zeros(1), cone=rbd.problem.Free(1))
 
 
 @pytest.mark.parametrize("solver", [rbd.ProxQP(), rbd.KKT()])
@@ -263,7 +265,7 @@ def test_anything_with_rows_is_a_constraint(talos: rbd.Robot, solver: rbd.ProxQP
     solution = rbd.solve(state, np.zeros(talos.nu), [*held(talos), Locked(20)], solver=solver)
     assert abs(solution.a[20]) < 1e-9 and solution.forces["locked"].shape == (1,)
     assert solution.residuals.centroidal is not None and solution.residuals.centroidal.scaled < 1e-9
-    assert solution.status is rbd.Status.SOLVED
+    assert solution.status is rbd.problem.Status.SOLVED
 
 
 def test_a_fixed_base_has_no_centroidal_residual() -> None:
@@ -344,7 +346,7 @@ class Broken:
 
     def rows(self, state: rbd.State) -> rbd.Rows:
         """Good rows but for what is wrong."""
-        good = {"name": "broken", "J": np.eye(state.robot.nv)[[0]], "bias": np.zeros(1), "cone": rbd.Free(1)}
+        good = {"name": "broken", "J": np.eye(state.robot.nv)[[0]], "bias": np.zeros(1), "cone": rbd.problem.Free(1)}
         return rbd.Rows(**{**good, **self.wrong})  # type: ignore[arg-type]
 
 
@@ -359,7 +361,7 @@ class Broken:
         {"bias": np.array([np.inf])},
         {"bias": np.zeros(2)},
         {"bias": None},
-        {"cone": rbd.Free(2)},
+        {"cone": rbd.problem.Free(2)},
         {"velocity": np.zeros(3)},
         {"feedback": np.array([np.nan])},
     ],

@@ -23,8 +23,8 @@ import rbd
 SOLVERS = {
     "KKT": rbd.KKT(),
     "ProxQP": rbd.ProxQP(),
-    "ADMM, convex": rbd.ADMM(law="convex"),
-    "ADMM, coulomb": rbd.ADMM(),
+    "ConeSolver, convex": rbd.ConeSolver(law="convex"),
+    "ConeSolver, coulomb": rbd.ConeSolver(),
 }
 _LINK = '<link name="l{0}"><inertial><origin xyz="{1}"/><mass value="{2!r}"/><inertia ixx="{3!r}" iyy="{4!r}" izz="{5!r}" '
 _LINK += 'ixy="0" ixz="0" iyz="0"/></inertial></link>\n'
@@ -83,7 +83,7 @@ def problems(count: int, seed: int) -> Iterator[tuple[str, rbd.GaussProblem]]:
         root = str(rng.choice(["fixed", "free_flyer"]))
         robot = None
         while robot is None:
-            with contextlib.suppress(rbd.ModelError):
+            with contextlib.suppress(rbd.errors.ModelError):
                 robot = chain(rng, root)
         q = pin.integrate(robot.model, pin.neutral(robot.model), rng.uniform(-1.0, 1.0, robot.nv))
         state = rbd.State(robot, q)
@@ -117,7 +117,7 @@ def misses(P: rbd.GaussProblem, s: rbd.Solution) -> dict[str, float]:
         rows_at += len(r)
         u, x, terms = c[span], f[span], row_terms[span]
         floor = 1.0 / max(1.0, mobility[span].max())
-        if isinstance(r.cone, rbd.Free):
+        if isinstance(r.cone, rbd.problem.Free):
             for miss, own in zip(np.abs(u), terms, strict=True):
                 put("moves", miss, own)
             continue
@@ -145,7 +145,7 @@ def misses(P: rbd.GaussProblem, s: rbd.Solution) -> dict[str, float]:
     return out
 
 
-def judged(P: rbd.GaussProblem, solver: rbd.ProxQP | rbd.ADMM | rbd.KKT) -> tuple[rbd.Solution, float, str]:
+def judged(P: rbd.GaussProblem, solver: rbd.ProxQP | rbd.ConeSolver | rbd.KKT) -> tuple[rbd.Solution, float, str]:
     """(answer, largest miss, of what)."""
     s = rbd.Solution.of(solver.solve(P))
     found = misses(P, s)

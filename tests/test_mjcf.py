@@ -539,10 +539,10 @@ def test_includes_are_held_to_the_limits_of_a_file(write, tmp_path: Path) -> Non
     (tmp_path / "arm.xml").write_text(arm)
     (tmp_path / "robot.xml").write_text("<robot/>")
     path = write('<include file="arm.xml"/>')
-    assert load(path, limits=rbd.FileLimits(max_depth=5)).nv == 2
+    assert load(path, limits=rbd.model.FileLimits(max_depth=5)).nv == 2
     for limits, says in (
-        (rbd.FileLimits(max_depth=4), "its includes bring elements 5 deep"),
-        (rbd.FileLimits(max_bytes=len(path.read_bytes())), "arm.xml is larger than"),
+        (rbd.model.FileLimits(max_depth=4), "its includes bring elements 5 deep"),
+        (rbd.model.FileLimits(max_bytes=len(path.read_bytes())), "arm.xml is larger than"),
     ):
         with pytest.raises(ModelError, match=says):
             load(path, limits=limits)
@@ -550,7 +550,7 @@ def test_includes_are_held_to_the_limits_of_a_file(write, tmp_path: Path) -> Non
     both = write('<include file="arm.xml"/><include file="leg.xml"/>')
     assert load(both).nv == 4
     with pytest.raises(ModelError, match="its includes bring more than 100 files, .* MB or"):
-        load(both, limits=rbd.FileLimits(max_bytes=len(arm) + 10))
+        load(both, limits=rbd.model.FileLimits(max_bytes=len(arm) + 10))
     with pytest.raises(ModelError, match="<include> brings 'robot.xml', whose first element is <robot>; expected <mujoco>"):
         load(write(ARM + '<include file="robot.xml"/>'))
     with pytest.raises(ModelError, match="<include> is not read: its file 'x+ is not there"):

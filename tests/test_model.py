@@ -259,5 +259,5 @@ def test_joints_that_are_not_depth_first_are_refused():
     hand = model.addJoint(arm, pin.JointModelRX(), pin.SE3.Identity(), "hand")
     for joint in (arm, other, hand):
         model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
-    with pytest.raises(rbd.ModelError, match=r"depth-first: below 'arm' stand the numbers \[1, 3\]"):
+    with pytest.raises(rbd.errors.ModelError, match=r"depth-first: below 'arm' stand the numbers \[1, 3\]"):
         CheckedModel(model)

@@ -37,7 +37,7 @@ def load(name: str) -> rbd.Robot:
 
 
 def held(robot: rbd.Robot) -> list:
-    return [*robot.loops, *robot.wheels]
+    return [*robot.loops(), *robot.wheels()]
 
 
 def reference(robot: rbd.Robot) -> rbd.State:
@@ -112,7 +112,7 @@ def test_every_mechanism_moves(name: str, rng: np.random.Generator) -> None:
     state = reference(robot)
     state = state.with_velocity(along(state, rng))
     found = rbd.solve(state, rng.normal(size=robot.nu), held(robot))
-    assert found.status is rbd.Status.SOLVED
+    assert found.status is rbd.problem.Status.SOLVED
     assert max(np.abs(a).max() for a in found.accelerations.values()) < 1e-9
 
 
@@ -141,7 +141,7 @@ def test_the_foot_of_the_parallel_leg_stays_level() -> None:
     robot = load("parallel_leg")
     q = robot.posture("assembled")
     for thigh, crank in ((-1.3, -1.8), (-0.9, -2.4), (-1.6, -2.2), (-0.6, -1.6)):
-        state = robot.at(assemble(robot, robot.loops, q, fixed={"thigh_joint": thigh, "crank_joint": crank}).q)
+        state = robot.at(assemble(robot, robot.loops(), q, fixed={"thigh_joint": thigh, "crank_joint": crank}).q)
         angles = link_angles(state)
         assert abs(angles["foot"]) < 1e-11 and abs(angles["knee_plate"]) < 1e-11
         assert abs(math.remainder(angles["shank"] - crank, 2 * math.pi)) < 1e-11  # driven by the crank, from the hip
@@ -159,8 +159,8 @@ def test_the_parallel_leg_stands_on_its_foot() -> None:
     patch = sole.rows(state).patch
     assert patch is not None and np.abs(patch.axes[:, 2] - [0, 0, 1]).max() < 1e-9
     assert len(sole.corners) == 4 and abs(np.ptp(sole.corners[:, 0]) - 0.19) < 1e-9
-    found = rbd.solve(state, [0.0, 0.0], [sole, *robot.loops])
-    assert found.status is rbd.Status.SOLVED
+    found = rbd.solve(state, [0.0, 0.0], [sole, *robot.loops()])
+    assert found.status is rbd.problem.Status.SOLVED
 
 
 def test_the_hand_of_the_five_bar_is_where_two_circles_meet() -> None:
@@ -179,7 +179,7 @@ def test_the_six_bar_goes_round() -> None:
     robot = load("six_bar")
     q, start = robot.posture("assembled"), link_angles(robot.at("assembled"))["crank"]
     for k in range(1, 37):
-        q = assemble(robot, robot.loops, q, fixed={"crank_joint": start + math.radians(10 * k)}).q
+        q = assemble(robot, robot.loops(), q, fixed={"crank_joint": start + math.radians(10 * k)}).q
     assert np.abs(q - robot.posture("assembled")).max() < 1e-9
 
 
@@ -191,7 +191,7 @@ def test_the_sleigh_moves_as_chaplygin_says(rng: np.random.Generator) -> None:
     robot = load("chaplygin_sleigh")
     for v, w, x, y, th in rng.normal(size=(5, 5)):
         state = robot.at(np.array([x, y, np.cos(th), np.sin(th)]), np.array([v, 0.0, w]))
-        a = rbd.solve(state, [], robot.wheels).a
+        a = rbd.solve(state, [], robot.wheels()).a
         assert abs(a[0] - 0.3 * w**2) < 1e-12
         assert abs(a[2] + 5.0 * 0.3 / (0.4 + 5.0 * 0.3**2) * v * w) < 1e-12
         assert abs(a[1]) < 1e-12
@@ -201,8 +201,8 @@ def test_a_torque_drives_the_unicycle() -> None:
     """By tau = (m r^2 + I) phi'', and the frame goes ahead at r phi''."""
     robot = load("unicycle")
     wheel = robot.model.inertias[robot.joint_id("wheel_joint")]
-    a = rbd.solve(robot.at(), [2.0], robot.wheels).a
-    r = robot.wheels[0].radius
+    a = rbd.solve(robot.at(), [2.0], robot.wheels()).a
+    r = robot.wheels()[0].radius
     spin = 2.0 / (robot.mass * r**2 + wheel.inertia[1, 1])
     assert np.abs(a - [r * spin, 0.0, 0.0, spin]).max() < 1e-12
 
@@ -211,7 +211,7 @@ def test_two_wheels_drive_and_turn() -> None:
     """Kinematics: v = r (w_left + w_right) / 2 and turn = r (w_right - w_left) / track, from the rows alone."""
     robot = load("two_wheeled")
     state = robot.at()
-    J = np.vstack([c.rows(state).J for c in robot.wheels])
+    J = np.vstack([c.rows(state).J for c in robot.wheels()])
     place = {name: robot.model.joints[robot.joint_id(f"{name}_wheel_joint")].idx_v for name in ("left", "right")}
     for left, right in ((1.0, 1.0), (-1.0, 1.0), (2.0, 0.5)):
         v = np.zeros(5)
@@ -224,7 +224,7 @@ def test_a_disk_pushed_at_its_centre_rolls() -> None:
     """By a = F / (m + I / r^2) = 2 F / 3 m for a uniform disk, and it spins at a / r about its axis."""
     robot = load("rolling_disk")
     push = rbd.ExternalForce("disk", (6.0, 0.0, 0.0))
-    found = rbd.solve(robot.at("upright"), [], robot.wheels, external=push)
+    found = rbd.solve(robot.at("upright"), [], robot.wheels(), external=push)
     assert np.abs(found.a - [2.0, 0, 0, 0, 2.0 / 0.25, 0]).max() < 1e-12
     assert np.abs(found.forces["rim"] - [-2.0, 0.0, 2.0 * 9.81]).max() < 1e-9
 
@@ -238,11 +238,11 @@ def test_the_bicycle_has_its_trail_and_leans() -> None:
     assert abs(math.degrees(math.acos(axis[2])) - 18.0) < 1e-9 and axis[0] < 0.0
     ground = fork.translation - fork.translation[2] / axis[2] * axis
     assert np.abs(ground - [1.02 + 0.07, 0.0, 0.0]).max() < 1e-12 and np.abs(hub - [1.02, 0.0, 0.34]).max() < 1e-12
-    upright = rbd.solve(state, [0.0], robot.wheels)
+    upright = rbd.solve(state, [0.0], robot.wheels())
     assert np.abs(upright.a).max() < 1e-9
     total = sum(force for force in upright.forces.values())
     assert np.abs(total - [0.0, 0.0, robot.mass * 9.81]).max() < 1e-9
     leant = pin.integrate(robot.model, state.q, np.r_[np.zeros(3), 0.05, np.zeros(5)])
-    leant = assemble(robot, robot.wheels, leant, fixed={"steering_joint": 0.0}).q
-    falls = rbd.solve(robot.at(leant), [0.0], robot.wheels)
+    leant = assemble(robot, robot.wheels(), leant, fixed={"steering_joint": 0.0}).q
+    falls = rbd.solve(robot.at(leant), [0.0], robot.wheels())
     assert falls.a[3] > 0.1

@@ -198,7 +198,7 @@ def test_exports_check_their_place_before_they_work(box: rbd.Robot, fall: rbd.Tr
             (rbd.errors.PictureError, lambda: screenshot(URDF / "box.urdf", nowhere / "x.png")),
             (rbd.InputError, lambda: fall.save(nowhere / "x.npz")),
             (rbd.InputError, lambda: fall.save(nowhere / "x.nc")),
-            (rbd.ModelError, lambda: rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5, path=nowhere / "x.urdf")),
+            (rbd.errors.ModelError, lambda: rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5, path=nowhere / "x.urdf")),
         ]
         for kind, ask in asks:
             with pytest.raises(kind, match="there is no folder"):
@@ -208,7 +208,7 @@ def test_exports_check_their_place_before_they_work(box: rbd.Robot, fall: rbd.Tr
 def test_a_mechanism_is_not_written_without_its_loops(tmp_path: Path):
     """The URDF alone would load as an open chain: where the loop file cannot be written, neither is."""
     (tmp_path / "x.loops.yaml").mkdir()
-    with pytest.raises(rbd.ModelError, match="it is a folder"):
+    with pytest.raises(rbd.errors.ModelError, match="it is a folder"):
         rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5, path=tmp_path / "x.urdf")
     assert left_in(tmp_path) == ["x.loops.yaml"]
 

@@ -31,7 +31,9 @@ class TestAtRest:
 
     def test_columns_and_bounds_are_those_of_the_sets(self):
         """A line, a half-line, an interval and a cone, in order; cones alone are free in each column."""
-        cone = rbd.Product([rbd.Free(1), rbd.NonNegative(1), rbd.Box([-1.0], [2.0]), rbd.FrictionCone(0.5)])
+        cone = rbd.problem.Product(
+            [rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0]), rbd.problem.FrictionCone(0.5)]
+        )
         T = parts_of([rows_with(cone)])
         assert T.G == pytest.approx(np.eye(6)) and T.H is T.G
         assert T.lower.tolist() == [-np.inf, 0.0, -1.0, -np.inf, -np.inf, -np.inf]
@@ -41,7 +43,13 @@ class TestAtRest:
 
     def test_constraints_stand_one_after_the_other(self):
         """Block-diagonal G; each constraint has its columns, and a sole with friction twelve."""
-        T = parts_of([rows_with(rbd.Free(2), name="held"), rows_with(square(), name="sole"), rows_with(rbd.NonNegative(1))])
+        T = parts_of(
+            [
+                rows_with(rbd.problem.Free(2), name="held"),
+                rows_with(square(), name="sole"),
+                rows_with(rbd.problem.NonNegative(1)),
+            ]
+        )
         assert T.slices == (slice(0, 2), slice(2, 14), slice(14, 15)) and T.G.shape == (9, 15) and T.size == 15
         assert T.G[2:8, 2:14] == pytest.approx(square().corner_map)
         assert not T.G[:2, 2:].any() and not T.G[2:8, 14:].any() and T.G[8, 14] == 1.0
@@ -49,7 +57,7 @@ class TestAtRest:
 
     def test_without_friction_a_cone_is_its_normal(self):
         """FrictionCone(0), a sole with friction 0: one half-line a point, along the normal."""
-        T = parts_of([rows_with(rbd.FrictionCone(0.0), name="point"), rows_with(square(0.0), name="sole")])
+        T = parts_of([rows_with(rbd.problem.FrictionCone(0.0), name="point"), rows_with(square(0.0), name="sole")])
         assert T.size == 5 and not len(T.mu) and (T.lower == 0.0).all()
         assert T.G[:3, 0] == pytest.approx([0, 0, 1]) and T.G[3:, 1:] == pytest.approx(square().corner_map[:, 2::3])
 
@@ -60,7 +68,10 @@ class TestAtRest:
 
     def test_speeds_up_to_the_limit_are_rest(self):
         """1e-6 m/s: the very same parts, kept from one problem to the next and not to be written on."""
-        still, slow = rows_with(rbd.FrictionCone(0.5)), rows_with(rbd.FrictionCone(0.5), [REST_SPEED, 0.0, -REST_SPEED])
+        still, slow = (
+            rows_with(rbd.problem.FrictionCone(0.5)),
+            rows_with(rbd.problem.FrictionCone(0.5), [REST_SPEED, 0.0, -REST_SPEED]),
+        )
         T = parts_of([slow])
         assert parts_of([still]) is T
         with pytest.raises(ValueError, match="read-only"):
@@ -74,7 +85,7 @@ class TestMoving:
     def test_a_sliding_point_is_one_column_against_its_motion(self, angle):
         """G = (-mu t, 1), H = normal, weight >= 0."""
         t = np.array([np.cos(angle), np.sin(angle)])
-        T = parts_of([rows_with(rbd.FrictionCone(0.7), [*(3.0 * t), 0.0], "toe")])
+        T = parts_of([rows_with(rbd.problem.FrictionCone(0.7), [*(3.0 * t), 0.0], "toe")])
         assert T.G == pytest.approx(np.r_[-0.7 * t, 1.0][:, None]) and T.H == pytest.approx(np.array([[0, 0, 1.0]]).T)
         (s,) = T.sliding
         assert (s.rows, s.corner, s.column, s.mu) == ("toe", 0, 0, 0.7)
@@ -85,47 +96,52 @@ class TestMoving:
     def test_a_point_that_leaves_carries_nothing(self):
         """Bounds [0, 0], whatever its tangential velocity; its name is told."""
         for tangential in (0.0, 2.0):
-            T = parts_of([rows_with(rbd.FrictionCone(0.7), [tangential, 0.0, FAST], "toe")])
+            T = parts_of([rows_with(rbd.problem.FrictionCone(0.7), [tangential, 0.0, FAST], "toe")])
             assert T.opening == ("toe",) and T.lower.tolist() == T.upper.tolist() == [0.0] and not T.sliding and not T.impact
 
     def test_a_point_that_comes_in_is_an_impact(self):
         """In words, with its name and speed; the first of several."""
-        T = parts_of([rows_with(rbd.FrictionCone(0.7), [0, 0, -0.25], "toe"), rows_with(rbd.NonNegative(1), [-9.0], "stop")])
+        T = parts_of(
+            [
+                rows_with(rbd.problem.FrictionCone(0.7), [0, 0, -0.25], "toe"),
+                rows_with(rbd.problem.NonNegative(1), [-9.0], "stop"),
+            ]
+        )
         assert "'toe' approaches at 0.25 m/s" in T.impact
-        assert "'stop' approaches at 9 m/s" in parts_of([rows_with(rbd.NonNegative(1), [-9.0], "stop")]).impact
+        assert "'stop' approaches at 9 m/s" in parts_of([rows_with(rbd.problem.NonNegative(1), [-9.0], "stop")]).impact
 
     def test_a_stop_that_is_left_carries_nothing(self):
         """NonNegative rows one by one: the second moves away, the first keeps its half-line."""
-        T = parts_of([rows_with(rbd.NonNegative(2), [0.0, 1.0])])
+        T = parts_of([rows_with(rbd.problem.NonNegative(2), [0.0, 1.0])])
         assert T.upper.tolist() == [np.inf, 0.0] and T.opening == ("rows",)
 
     def test_a_smooth_point_may_slide(self):
         """Without friction the tangential velocity decides nothing."""
-        T = parts_of([rows_with(rbd.FrictionCone(0.0), [3.0, 0.0, 0.0])])
+        T = parts_of([rows_with(rbd.problem.FrictionCone(0.0), [3.0, 0.0, 0.0])])
         assert not T.sliding and T.G == pytest.approx(np.array([[0, 0, 1.0]]).T) and T.upper[0] == np.inf
 
     @pytest.mark.parametrize(("velocity", "bound"), [(2.0, -3.0), (-2.0, 5.0)])
     def test_dry_friction_stands_at_the_bound_against_the_motion(self, velocity, bound):
         """Box(-3, 5): all of -3 against a positive rate, all of 5 against a negative one."""
-        T = parts_of([rows_with(rbd.Box([-3.0], [5.0]), [velocity])])
+        T = parts_of([rows_with(rbd.problem.Box([-3.0], [5.0]), [velocity])])
         assert T.lower.tolist() == T.upper.tolist() == [bound]
 
     def test_an_interval_without_that_bound_keeps_its_choice(self):
         """Nothing finite stands against the motion."""
-        T = parts_of([rows_with(rbd.Box([-np.inf], [5.0]), [2.0])])
+        T = parts_of([rows_with(rbd.problem.Box([-np.inf], [5.0]), [2.0])])
         assert T.lower[0] == -np.inf and T.upper[0] == 5.0
 
     def test_rows_that_hold_do_not_mind_moving(self):
         """Free rows at any velocity: lines."""
-        T = parts_of([rows_with(rbd.Free(3), [1.0, -2.0, 3.0])])
+        T = parts_of([rows_with(rbd.problem.Free(3), [1.0, -2.0, 3.0])])
         assert np.isinf(T.lower).all() and np.isinf(T.upper).all() and T.G == pytest.approx(np.eye(3))
 
     def test_others_are_not_touched_by_one_that_moves(self):
         """A sliding point between a point at rest and a held row: their columns are as they were."""
         rows = [
-            rows_with(rbd.FrictionCone(0.4), name="rest"),
-            rows_with(rbd.FrictionCone(0.6), [0, 1.0, 0], "slides"),
-            rows_with(rbd.Free(1), [5.0], "held"),
+            rows_with(rbd.problem.FrictionCone(0.4), name="rest"),
+            rows_with(rbd.problem.FrictionCone(0.6), [0, 1.0, 0], "slides"),
+            rows_with(rbd.problem.Free(1), [5.0], "held"),
         ]
         T = parts_of(rows)
         assert T.slices == (slice(0, 3), slice(3, 4), slice(4, 5)) and T.cone_at.tolist() == [0] and T.mu.tolist() == [0.4]
@@ -196,7 +212,7 @@ class TestMovingSole:
     def test_a_product_of_soles_turns_each_by_its_own_rate(self):
         """Two soles in one constraint: the offsets are those of the soles by themselves."""
         one, two = [0.1, 0, 0, 0, 0, 1.0], [0, 0.2, 0, 0, 0, -3.0]
-        both = parts_of([rows_with(rbd.Product([square(), square(0.3)]), [*one, *two])])
+        both = parts_of([rows_with(rbd.problem.Product([square(), square(0.3)]), [*one, *two])])
         apart = [parts_of([rows_with(square(mu), u)]) for mu, u in ((0.5, one), (0.3, two))]
         assert both.offset == pytest.approx(np.concatenate([T.offset for T in apart]))
         assert both.G[:6, :4] == pytest.approx(apart[0].G) and both.G[6:, 4:] == pytest.approx(apart[1].G)
@@ -208,8 +224,11 @@ class TestWeights:
 
     parts = parts_of(
         [
-            rows_with(rbd.Product([rbd.Free(1), rbd.NonNegative(1), rbd.Box([-1.0], [2.0])]), name="singles"),
-            rows_with(rbd.FrictionCone(0.5), name="point"),
+            rows_with(
+                rbd.problem.Product([rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0])]),
+                name="singles",
+            ),
+            rows_with(rbd.problem.FrictionCone(0.5), name="point"),
         ]
     )
 
@@ -228,7 +247,7 @@ class TestWeights:
         """Row by row as `FrictionCone.project`."""
         rng = np.random.default_rng(6)
         W, mu = rng.normal(size=(50, 3)), rng.uniform(0.1, 2.0, 50)
-        expected = np.array([rbd.FrictionCone(m).project(w) for w, m in zip(W, mu, strict=True)])
+        expected = np.array([rbd.problem.FrictionCone(m).project(w) for w, m in zip(W, mu, strict=True)])
         assert project_cones(W, mu) == pytest.approx(expected, abs=1e-14)
 
     def test_the_gap_is_how_far_a_part_is_from_where_it_may_be(self):
@@ -250,14 +269,16 @@ class TestWeights:
     def test_de_saxces_term_makes_slipping_complementary(self):
         """The force (-mu, 0, 1) against a slip of 2 along x: with mu |y_t| on the normal their product is zero, else not."""
         w, c = np.array([-0.5, 0.0, 1.0]), np.array([2.0, 0.0, 0.0])
-        T = parts_of([rows_with(rbd.FrictionCone(0.5))])
+        T = parts_of([rows_with(rbd.problem.FrictionCone(0.5))])
         assert T.accelerations(c, coulomb=True) == pytest.approx([2.0, 0.0, 1.0])
         assert T.slack(w, T.accelerations(c, coulomb=True))[2] == pytest.approx(0.0, abs=1e-15)
         assert T.slack(w, T.accelerations(c, coulomb=False))[2] == pytest.approx(1.0) and c.tolist() == [2.0, 0.0, 0.0]
 
     def test_fixed_weights_answer_to_nothing(self):
         """What opens, and dry friction that rubs: no gap and no slack, whatever the acceleration."""
-        T = parts_of([rows_with(rbd.FrictionCone(0.5), [0, 0, 1.0]), rows_with(rbd.Box([-3.0], [5.0]), [1.0], "joint")])
+        T = parts_of(
+            [rows_with(rbd.problem.FrictionCone(0.5), [0, 0, 1.0]), rows_with(rbd.problem.Box([-3.0], [5.0]), [1.0], "joint")]
+        )
         for y in (np.array([-4.0, 2.0]), np.array([4.0, -2.0])):
             assert not T.gap(y).any() and not T.slack(T.project(np.array([9.0, 9.0])), y).any()
         assert T.project(np.array([9.0, 9.0])).tolist() == [0.0, -3.0]
@@ -266,7 +287,7 @@ class TestWeights:
         """Of a sole whose edge rests while the rest opens, and of one that slides: the corner map of them is G w."""
         rng, cone = np.random.default_rng(9), square()
         for velocity in ([0.0] * 6, [0.3, 0, 0, 0, 0, 1.0], [0, 0, 0.1, 0, 0.5, 0]):
-            T = parts_of([rows_with(rbd.Free(2), name="held"), rows_with(cone, velocity, "sole")])
+            T = parts_of([rows_with(rbd.problem.Free(2), name="held"), rows_with(cone, velocity, "sole")])
             w = T.project(rng.uniform(0.5, 2.0, T.size))
             forces = T.at_points(w, T.slices[1])
             assert forces.shape == (4, 3) and cone.corner_map @ forces.ravel() == pytest.approx((T.G @ w)[2:])

@@ -15,10 +15,10 @@ def problem(rng) -> rbd.GaussProblem:
     """Five coordinates, a held pair, a stop and a rubbing point."""
     A = rng.normal(size=(5, 5))
     rows = [
-        Rows("bar", rng.normal(size=(2, 5)), rng.normal(size=2), rbd.Free(2), feedback=rng.normal(size=2)),
-        Rows("idle", np.zeros((0, 5)), np.zeros(0), rbd.NonNegative(0)),
-        Rows("stop", rng.normal(size=(1, 5)), rng.normal(size=1), rbd.NonNegative(1)),
-        Rows("toe", rng.normal(size=(3, 5)), rng.normal(size=3), rbd.FrictionCone(0.5)),
+        Rows("bar", rng.normal(size=(2, 5)), rng.normal(size=2), rbd.problem.Free(2), feedback=rng.normal(size=2)),
+        Rows("idle", np.zeros((0, 5)), np.zeros(0), rbd.problem.NonNegative(0)),
+        Rows("stop", rng.normal(size=(1, 5)), rng.normal(size=1), rbd.problem.NonNegative(1)),
+        Rows("toe", rng.normal(size=(3, 5)), rng.normal(size=3), rbd.problem.FrictionCone(0.5)),
     ]
     return rbd.GaussProblem(A @ A.T + np.eye(5), rng.normal(size=5), rows)
 
@@ -70,7 +70,7 @@ def test_a_problem_without_constraints_is_free_motion():
 
 def test_a_problem_whose_constraints_are_all_idle_is_free_motion():
     """Inactive constraints give zero rows, never none."""
-    idle = Rows("idle", np.zeros((0, 2)), np.zeros(0), rbd.NonNegative(0))
+    idle = Rows("idle", np.zeros((0, 2)), np.zeros(0), rbd.problem.NonNegative(0))
     for solver in (rbd.ProxQP(), rbd.KKT()):
         solution = solver.solve(rbd.GaussProblem(np.eye(2), np.ones(2), [idle]))
         assert solution.status == "solved" and solution.a.tolist() == [1.0, 1.0]
@@ -78,7 +78,7 @@ def test_a_problem_whose_constraints_are_all_idle_is_free_motion():
 
 
 def _toe(**changed) -> Rows:
-    return Rows(**({"name": "toe", "J": np.ones((1, 2)), "bias": np.zeros(1), "cone": rbd.Free(1)} | changed))
+    return Rows(**({"name": "toe", "J": np.ones((1, 2)), "bias": np.zeros(1), "cone": rbd.problem.Free(1)} | changed))
 
 
 @pytest.mark.parametrize(
@@ -144,14 +144,14 @@ class TestWhatAVelocityDecides:
 
     def test_a_moving_interval_stands_against_its_motion(self):
         """Each component by itself, and an infinite bound is none to stand at; below 1e-6 nothing is decided."""
-        box = rbd.Box([-1.0, -2.0, -3.0, -np.inf], [1.0, 2.0, 3.0, 4.0])
+        box = rbd.problem.Box([-1.0, -2.0, -3.0, -np.inf], [1.0, 2.0, 3.0, 4.0])
         rows = Rows("rub", np.eye(4), np.zeros(4), box, velocity=np.array([0.1, -0.1, 0.9e-6, 0.1]))
         R = rbd.GaussProblem(np.eye(4), np.zeros(4), [rows]).rays
         assert R.lower.tolist() == [-1.0, 2.0, -3.0, -np.inf] and R.upper.tolist() == [-1.0, 2.0, 3.0, 4.0]
 
     def test_what_opens_carries_nothing(self):
         """All facets of a cone that leaves, none of one that rests; lines stay lines."""
-        cone = rbd.Product([rbd.FrictionCone(0.5), rbd.Free(1), rbd.NonNegative(2)])
+        cone = rbd.problem.Product([rbd.problem.FrictionCone(0.5), rbd.problem.Free(1), rbd.problem.NonNegative(2)])
         rows = Rows("all", np.eye(6), np.zeros(6), cone, velocity=np.array([0.1, 0.0, 0.2, 5.0, 0.3, 0.0]))
         P = rbd.GaussProblem(np.eye(6), np.zeros(6), [rows])
         assert P.rays.upper.tolist() == [0.0] * 4 + [np.inf, 0.0, np.inf]
@@ -164,22 +164,24 @@ class TestWhatAVelocityDecides:
 
     def test_what_slides_or_tips_is_slipping(self):
         """A point that slides under friction, and a patch whose corners have centripetal accelerations; nothing smooth."""
-        patch = rbd.WrenchCone([[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]], 0.5)
+        patch = rbd.problem.WrenchCone([[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]], 0.5)
 
         def slipping(cone, velocity):
             rows = Rows("row", np.eye(cone.dim), np.zeros(cone.dim), cone, velocity=np.array(velocity, float))
             return [r.name for r in rbd.GaussProblem(np.eye(cone.dim), np.zeros(cone.dim), [rows]).slipping]
 
-        assert slipping(rbd.FrictionCone(0.5), [0.1, 0.0, 0.0]) == ["row"]
+        assert slipping(rbd.problem.FrictionCone(0.5), [0.1, 0.0, 0.0]) == ["row"]
         assert slipping(patch, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]) == ["row"]
         assert slipping(patch, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) == []
-        assert slipping(rbd.FrictionCone(0.0), [0.1, 0.0, 0.0]) == [] == slipping(rbd.Free(2), [1.0, 1.0])
+        assert slipping(rbd.problem.FrictionCone(0.0), [0.1, 0.0, 0.0]) == [] == slipping(rbd.problem.Free(2), [1.0, 1.0])
 
 
 def test_rows_are_judged_one_by_one_when_all_together_are_too_large_to_be_squared():
     """Two of 1.1e154, whose squares add up beyond the largest number: each is taken alone, and so are both."""
-    rows = [rbd.Rows(name, np.array([[1.1e154]]), np.zeros(1), rbd.Free(1)) for name in "ab"]
+    rows = [rbd.Rows(name, np.array([[1.1e154]]), np.zeros(1), rbd.problem.Free(1)) for name in "ab"]
     problem = rbd.GaussProblem(np.eye(1), np.ones(1), rows)
     assert problem.m == 2 and np.isinf(np.vdot(problem.J, problem.J))
     with pytest.raises(rbd.InputError, match="J of rows 'b'"):
-        rbd.GaussProblem(np.eye(1), np.ones(1), [rows[0], rbd.Rows("b", np.array([[np.inf]]), np.zeros(1), rbd.Free(1))])
+        rbd.GaussProblem(
+            np.eye(1), np.ones(1), [rows[0], rbd.Rows("b", np.array([[np.inf]]), np.zeros(1), rbd.problem.Free(1))]
+        )

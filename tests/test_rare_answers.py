@@ -25,16 +25,16 @@ from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, che
 def squeezed() -> rbd.GaussProblem:
     """A mass of 1 kg that is to accelerate at 1 or more and at -0.5 or less, and at rest across; loosely, nothing."""
     rows = [
-        Rows("low", np.array([[1.0, 0.0]]), np.array([-1.0]), rbd.NonNegative(1)),
-        Rows("high", np.array([[-1.0, 0.0]]), np.array([-0.5]), rbd.NonNegative(1)),
-        Rows("across", np.array([[0.0, 1.0]]), np.array([0.0]), rbd.Free(1)),
+        Rows("low", np.array([[1.0, 0.0]]), np.array([-1.0]), rbd.problem.NonNegative(1)),
+        Rows("high", np.array([[-1.0, 0.0]]), np.array([-0.5]), rbd.problem.NonNegative(1)),
+        Rows("across", np.array([[0.0, 1.0]]), np.array([0.0]), rbd.problem.Free(1)),
     ]
     return rbd.GaussProblem(np.eye(2), np.ones(2), rows)
 
 
 def test_a_nearest_motion_names_what_it_misses():
     """Halfway: both stops by 0.75 m/s2; what is met is not listed."""
-    near = rbd.nearest_motion(squeezed())
+    near = rbd.solution.nearest_motion(squeezed())
     lines = str(near).splitlines()
     assert lines[0] == "nearest motion: rows are missed by up to 0.75 m/s2 (rad/s2), least squares"
     assert [line.split()[0] for line in lines[1:3]] == ["low", "high"] and "across" not in "\n".join(lines[1:3])
@@ -51,7 +51,7 @@ class Lame:
         """Takes all."""
         return None
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.problem.Answer:
         """Free motion."""
         answer = rbd.KKT().solve(rbd.GaussProblem(problem.M, problem.rhs))
         return replace(answer, problem=problem, multipliers=np.zeros(problem.m))
@@ -60,7 +60,7 @@ class Lame:
 def test_a_nearest_motion_that_its_solver_does_not_find_is_none():
     """A solver that leaves the rows alone has no answer to the relaxed problem."""
     with pytest.raises(NoSolution, match="the nearest motion was not found"):
-        rbd.nearest_motion(squeezed(), solver=Lame())
+        rbd.solution.nearest_motion(squeezed(), solver=Lame())
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Rough:
         """Takes what `KKT` takes."""
         return rbd.KKT().reason_unsupported(problem)
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.problem.Answer:
         """Nearly right."""
         answer = rbd.KKT().solve(problem)
         return replace(answer, a=answer.a + 1e-8 * np.abs(answer.a).max(initial=1.0))
@@ -101,7 +101,7 @@ class Strange:
 
     def generators(self):
         """One half-line."""
-        return rbd.NonNegative(1).generators()
+        return rbd.problem.NonNegative(1).generators()
 
 
 def test_a_checker_says_which_sets_it_knows():
@@ -111,11 +111,11 @@ def test_a_checker_says_which_sets_it_knows():
     with pytest.raises(InputError, match="check_solver knows no Strange"):
         law_residuals(P, rbd.ProxQP().solve(P), "convex")
     corners = [[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]]
-    sole = Rows("sole", np.eye(6), np.zeros(6), rbd.WrenchCone(corners, 0.5))
-    idle = Rows("idle", np.zeros((0, 6)), np.zeros(0), rbd.NonNegative(0))
+    sole = Rows("sole", np.eye(6), np.zeros(6), rbd.problem.WrenchCone(corners, 0.5))
+    idle = Rows("idle", np.zeros((0, 6)), np.zeros(0), rbd.problem.NonNegative(0))
     P = rbd.GaussProblem(np.eye(6), np.array([0.0, 0.0, -9.81, 0.0, 0.0, 0.0]), [sole, idle])
     with pytest.raises(InputError, match="'sole': true cones at a patch's corners want its patch"):
-        law_residuals(P, rbd.ADMM().solve(P), "coulomb")
+        law_residuals(P, rbd.ConeSolver().solve(P), "coulomb")
     assert max(law_residuals(P, rbd.ProxQP().solve(P), "convex").values()) < 1e-9
 
 
@@ -128,7 +128,7 @@ def test_a_constraint_without_velocities_is_checked_by_its_rows():
 
         def rows(self, state: rbd.State) -> Rows:
             frame = state.frame("box")
-            return Rows(self.name, frame.J[:3], frame.bias[:3], rbd.Free(3), error=frame.X_WF.translation.copy())
+            return Rows(self.name, frame.J[:3], frame.bias[:3], rbd.problem.Free(3), error=frame.X_WF.translation.copy())
 
     robot = box(10.0)
     state = rbd.State(robot, np.array([0.1, 0.2, 0.3, 0.0, 0.0, np.sin(0.2), np.cos(0.2)]))
@@ -247,7 +247,9 @@ def test_a_robot_that_nothing_carries_is_told_without_a_hull(talos):
 def test_one_law_alone_has_one_heading():
     """A held pendulum has no law of contact: all solvers are of one sort, or each alone."""
     robot = box(2.0)
-    found = rbd.agree(rbd.State(robot, pin.neutral(robot.model)), np.zeros(0), [rbd.PointContact("glue", "box")])
+    found = rbd.studies.compare_solvers(
+        rbd.State(robot, pin.neutral(robot.model)), np.zeros(0), [rbd.PointContact("glue", "box")]
+    )
     text = str(found)
     assert found.agree and "all that must agree do" in text
     assert ("two laws" in text) == (len({answer.law for answer in found.answers}) > 1)
@@ -257,7 +259,7 @@ def test_laws_are_compared_at_contacts_alone(talos):
     """A lock beside the soles has forces under both laws and no line in the comparison."""
     state = talos.standing()
     contacts = [*talos.soles(0.7), rbd.JointLock("brake", "arm_left_4_joint")]
-    found = rbd.compare_laws(state, rbd.hold(state, contacts).tau, contacts)
+    found = rbd.studies.compare_laws(state, rbd.hold(state, contacts).tau, contacts)
     assert set(found.under_convex) == set(found.under_coulomb) == {"left_sole", "right_sole"} and found.agree
 
 

@@ -21,7 +21,7 @@ EQUATIONS = ("stationarity", "feasibility", "cone", "complementarity")
 
 def _by_hand(a, f, cone=None, weights=None) -> Solution:
     """A 2 kg mass pushed with 6 N against a stop: answer as given."""
-    rows = Rows("stop", np.ones((1, 1)), np.zeros(1), cone or rbd.NonNegative(1))
+    rows = Rows("stop", np.ones((1, 1)), np.zeros(1), cone or rbd.problem.NonNegative(1))
     problem = rbd.GaussProblem(2.0 * np.ones((1, 1)), np.array([-6.0]), [rows])
     f = np.array([float(f)])
     return Solution(problem, np.array([float(a)]), f, f if weights is None else weights, "convex", "by hand", 1, 0.0)
@@ -60,7 +60,7 @@ def test_a_pulling_stop_is_outside_its_cone():
 
 def test_forces_without_weights_are_judged_by_their_cone():
     """A solver that gives no weights does not get its pulling forces certified."""
-    rows = Rows("stop", np.ones((1, 1)), np.zeros(1), rbd.NonNegative(1))
+    rows = Rows("stop", np.ones((1, 1)), np.zeros(1), rbd.problem.NonNegative(1))
     problem = rbd.GaussProblem(np.ones((1, 1)), np.array([1.0]), [rows])
     pulls = Solution(problem, np.zeros(1), np.array([-1.0]), None, "convex", "by hand", 1, 0.0)
     assert pulls.status == "failed" and pulls.residuals.cone > 0.5
@@ -147,9 +147,9 @@ def test_residuals_can_be_asked_of_any_answer():
 
 def test_forces_of_moving_rows_are_judged_by_the_bound_against_the_motion():
     """Without weights too, and beside a pyramid: right at the bound, 0.5 N off it, and 3 N on a stop that leaves."""
-    rub = Rows("rub", np.eye(3)[:1], np.zeros(1), rbd.Box([-2.0], [2.0]), velocity=np.array([0.3]))
-    stop = Rows("stop", np.eye(3)[1:2], np.zeros(1), rbd.NonNegative(1), velocity=np.array([0.3]))
-    end = Rows("end", np.eye(3)[2:], np.zeros(1), rbd.NonNegative(1))
+    rub = Rows("rub", np.eye(3)[:1], np.zeros(1), rbd.problem.Box([-2.0], [2.0]), velocity=np.array([0.3]))
+    stop = Rows("stop", np.eye(3)[1:2], np.zeros(1), rbd.problem.NonNegative(1), velocity=np.array([0.3]))
+    end = Rows("end", np.eye(3)[2:], np.zeros(1), rbd.problem.NonNegative(1))
     P = rbd.GaussProblem(np.eye(3), np.array([1.0, -1.0, -1.0]), [rub, stop, end])
     for f, off in (([-2.0, 0.0, 1.0], 0.0), ([-1.5, 0.0, 1.0], 0.5), ([-2.0, 3.0, 1.0], 3.0)):
         a = P.rhs + np.array(f)
@@ -164,7 +164,9 @@ def _two_bodies(sink: float, share: float, mu: float = 0.5) -> Solution:
     M = np.diag([1.0, 1e-6, 1e-6, 1e-6])
     J = np.eye(4)[1:]
     weight = 1e-6 * 9.81
-    problem = rbd.GaussProblem(M, np.array([1e9, 0.0, 0.0, -weight]), [Rows("tip", J, np.zeros(3), rbd.FrictionCone(mu))])
+    problem = rbd.GaussProblem(
+        M, np.array([1e9, 0.0, 0.0, -weight]), [Rows("tip", J, np.zeros(3), rbd.problem.FrictionCone(mu))]
+    )
     f = np.array([0.0, 0.0, share * weight])
     return Solution(problem, np.array([1e9, 0.0, 0.0, -sink]), f, f, "coulomb", "by hand", 1, 0.0)
 
@@ -206,7 +208,10 @@ def test_an_answer_that_is_no_number_is_worse_than_any():
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_forces_that_are_no_numbers_are_blamed_on_their_constraint(bad):
     """The second of two stops, though the first is missed too; of accelerations all constraints. No name is empty."""
-    rows = [Rows(name, np.array([line]), np.zeros(1), rbd.NonNegative(1)) for name, line in zip("xy", np.eye(2), strict=True)]
+    rows = [
+        Rows(name, np.array([line]), np.zeros(1), rbd.problem.NonNegative(1))
+        for name, line in zip("xy", np.eye(2), strict=True)
+    ]
     P = rbd.GaussProblem(np.eye(2), -np.ones(2), rows)
     of_force = Solution(P, np.zeros(2), np.array([0.5, bad]), np.array([0.5, bad]), "convex", "by hand", 1, 0.0)
     assert of_force.worst == "y was given no finite force" and of_force.status == "failed"
@@ -218,6 +223,6 @@ def test_forces_that_are_no_numbers_are_blamed_on_their_constraint(bad):
 
 def test_a_bound_beyond_all_forces_leaves_the_verdict_without_a_warning():
     """Forces from 0 to 1e100 N: one row holds with 1 N, at the other a push of 1 N leads away from its bound of zero."""
-    rows = [Rows("row", np.eye(2), np.zeros(2), rbd.Box([0.0, 0.0], [1e100, 2.0]))]
+    rows = [Rows("row", np.eye(2), np.zeros(2), rbd.problem.Box([0.0, 0.0], [1e100, 2.0]))]
     s = rbd.solve_problem(rbd.GaussProblem(np.eye(2), np.array([-1.0, 1.0]), rows))
     assert s.a == pytest.approx([0.0, 1.0], abs=1e-12) and s.multipliers == pytest.approx([1.0, 0.0], abs=1e-12)

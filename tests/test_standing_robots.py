@@ -16,7 +16,7 @@ PUSHED_STATES = 300
 def robot(request: pytest.FixtureRequest) -> rbd.Robot:
     """Each of the robots that stand out of the box."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rbd.ModelWarning)
+        warnings.simplefilter("ignore", rbd.errors.ModelWarning)
         return rbd.load_robot(request.param)
 
 
@@ -48,7 +48,7 @@ def test_pushed_states_are_solved_or_refused_never_wrong(robot: rbd.Robot):
         state = rbd.State(robot, q)
         noisy = tau + rng.uniform(2.0, 60.0) * rng.normal(size=robot.nu)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rbd.EffortLimitWarning)
+            warnings.simplefilter("ignore", rbd.errors.EffortLimitWarning)
             s = rbd.solve(state, noisy, feet, check=False)
         if s.status != "solved":
             continue

@@ -138,7 +138,7 @@ def test_each_warning_is_told_once(capsys: pytest.CaptureFixture[str]):
     """However often it is given; others, and their order, stay."""
     with answering():
         for words in ("first [/x]", "second", "first [/x]", "second"):
-            warnings.warn(words, rbd.ModelWarning, stacklevel=1)
+            warnings.warn(words, rbd.errors.ModelWarning, stacklevel=1)
         warnings.warn("not for users", DeprecationWarning, stacklevel=1)
     assert capsys.readouterr().err == "warning: first [/x]\nwarning: second\n"
 
@@ -257,7 +257,7 @@ def test_a_motion_stopped_before_it_began_has_no_tables(monkeypatch: pytest.Monk
     """Nothing was computed: the reason alone, and code 1."""
 
     def stop(*arguments: object, **settings: object) -> None:
-        raise rbd.SimulationStopped(
+        raise rbd.errors.SimulationStopped(
             "the start has no solution", state=None, t=0.0, names=(), trajectory=None, cause=ValueError()
         )  # fmt: skip
 

@@ -154,7 +154,7 @@ class Broken:
     """A solver that answers another problem, or spoils the answer."""
 
     before: Callable[[rbd.GaussProblem], rbd.GaussProblem] = lambda problem: problem
-    after: Callable[[rbd.Answer], rbd.Answer] = lambda answer: answer
+    after: Callable[[rbd.problem.Answer], rbd.problem.Answer] = lambda answer: answer
     inner: rbd.ProxQP | rbd.KKT = rbd.ProxQP()
     refuses: str | None = None
 
@@ -167,7 +167,7 @@ class Broken:
         """The inner solver's, or its own."""
         return self.refuses or self.inner.reason_unsupported(problem)
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.problem.Answer:
         """The inner solver's answer to the changed problem, put forward as the answer to this one."""
         return self.after(replace(self.inner.solve(self.before(problem)), problem=problem))
 
@@ -244,14 +244,14 @@ def test_the_residuals_are_those_of_the_certificate(rng):
 
 def test_true_cones_and_coulombs_law_are_judged_by_their_own_equations():
     """The 80 N box: Coulomb's answer passes Coulomb's law alone; the pyramid's passes the convex law, along its axis too."""
-    mu, weight, cone = 0.6, 98.1, rbd.FrictionCone(0.6)
+    mu, weight, cone = 0.6, 98.1, rbd.problem.FrictionCone(0.6)
     rows = Rows("floor", np.eye(3), np.zeros(3), cone)
     problem = rbd.GaussProblem(10.0 * np.eye(3), np.array([80.0, 0.0, -weight]), [rows])
     slides = np.array([-mu * weight, 0.0, weight])
     lifts = rbd.ProxQP().solve(problem)
     for f, passes in ((slides, "coulomb"), (lifts.multipliers, "convex")):
         a = (problem.rhs + f) / 10.0
-        answer = rbd.Answer(problem, a, f, None, "true cones", "by hand", 1, 0.0)
+        answer = rbd.problem.Answer(problem, a, f, None, "true cones", "by hand", 1, 0.0)
         for law in ("coulomb", "convex"):
             assert (max(law_residuals(problem, answer, law).values()) < 1e-9) == (law == passes)
 

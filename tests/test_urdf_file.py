@@ -218,16 +218,16 @@ def test_limits_can_be_raised(tmp_path: Path) -> None:
     for wrong in (0, -1, 2.5, "9", None, True, 2**41, 10**10_000):
         with pytest.raises(InputError, match="FileLimits.max_dof is"):
             FileLimits(max_dof=wrong)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="limits is 300; expected rbd.FileLimits"):
+    with pytest.raises(InputError, match="limits is 300; expected rbd.model.FileLimits"):
         rbd.load_robot(path, limits=300)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("limits", ["", ", limits=rbd.FileLimits(max_links=10**6, max_dof=10**6)"])
+@pytest.mark.parametrize("limits", ["", ", limits=rbd.model.FileLimits(max_links=10**6, max_dof=10**6)"])
 @pytest.mark.parametrize("kind", ["fixed", "revolute"])
 def test_a_chain_that_ends_pinocchio_is_refused(tmp_path: Path, kind: str, limits: str) -> None:
     """4,000 links below each other: an error and no crash, whatever the limits; in a process of its own."""
     path = written(tmp_path, chain(4000, kind))
-    code = f"import rbd\ntry: rbd.load_robot({str(path)!r}{limits})\nexcept rbd.ModelError as e: print(e)"
+    code = f"import rbd\ntry: rbd.load_robot({str(path)!r}{limits})\nexcept rbd.errors.ModelError as e: print(e)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert run.returncode == 0 and "links" in run.stdout, run.stderr
 

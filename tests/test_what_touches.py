@@ -51,10 +51,10 @@ class TestDoors:
             lambda: rbd.hold(high, soles),
             lambda: rbd.solve(high, tau, soles),
             lambda: rbd.solve(high, tau, talos.soles(None), solver=rbd.KKT()),
-            lambda: rbd.solve(high, tau, soles, solver=rbd.ADMM()),
+            lambda: rbd.solve(high, tau, soles, solver=rbd.ConeSolver()),
             lambda: rbd.gauss_problem(high, tau, soles),
-            lambda: rbd.compare_laws(high, tau, soles),
-            lambda: rbd.agree(high, tau, soles),
+            lambda: rbd.studies.compare_laws(high, tau, soles),
+            lambda: rbd.studies.compare_solvers(high, tau, soles),
         ):
             with pytest.warns(DistantContactWarning, match=told) as seen:
                 door()
@@ -166,7 +166,7 @@ class TestPlanes:
         silent(rbd.solve, state, np.zeros(0), [rbd.PointContact("it", "box", friction=0.5, anchor=(0.0, 0.0, 0.5))])
         with pytest.warns(DistantContactWarning, match="'it' 500 mm above"):
             rbd.solve(state, np.zeros(0), [rbd.PointContact("it", "box", friction=0.5, anchor=(0.0, 0.0, 0.0))])
-        pulled = rbd.Baumgarte(10.0).of(rbd.PointContact("it", "box", anchor=(0.0, 0.0, 0.0)))
+        pulled = rbd.constraints.Baumgarte(10.0).of(rbd.PointContact("it", "box", anchor=(0.0, 0.0, 0.0)))
         silent(rbd.solve, state, np.zeros(0), [pulled])  # its feedback is there to bring it back
 
     def test_a_normal_is_that_of_the_plane(self):
@@ -191,7 +191,7 @@ class TestPlanes:
 
     def test_feet_that_are_none_are_refused(self, talos):
         """With the nearest names."""
-        with pytest.raises(rbd.UnknownName, match=r"'left_sol'.*'left_sole'"):
+        with pytest.raises(rbd.errors.UnknownName, match=r"'left_sol'.*'left_sole'"):
             talos.soles(on={"left_sol": 0.1})
 
     @pytest.mark.parametrize("given", [{"normal": (0, 0, 2)}, {"point": (0, 0)}, {"point": (0, 0, np.nan)}, {"normal": "up"}])
@@ -213,7 +213,7 @@ class TestPlanes:
     def test_two_robots(self, talos):
         """The second robot's ground moves with its world."""
         up = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.5]))
-        pair = rbd.combine(talos, talos, placement=up)
+        pair = rbd.robots.merge_robots(talos, talos, placement=up)
         state, feet = pair.standing(), pair.feet()
         silent(rbd.solve, state, np.zeros(pair.nu), feet)
         assert [c.rows(state).patch.on.height for c in feet] == pytest.approx([0.0, 0.0, 0.5, 0.5])
@@ -255,7 +255,9 @@ class TestMotion:
     def test_standing_it_stands(self, talos):
         """On the plane the motion is what it was: held, it does not move."""
         state, soles = talos.standing(), talos.soles()
-        moved = rbd.simulate(state, soles, duration=0.02, step=2e-3, controller=rbd.HoldPosture(state, soles), progress=False)
+        moved = rbd.simulate(
+            state, soles, duration=0.02, step=2e-3, controller=rbd.control.HoldPosture(state, soles), progress=False
+        )
         assert np.abs(moved.q[-1] - state.q).max() < 1e-9
 
     def test_a_ramp_is_the_plane_that_was_told(self):

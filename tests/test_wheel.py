@@ -59,7 +59,7 @@ def test_the_wheel_holds_the_package_and_its_mechanisms(wheel: Path):
 
 def test_mechanisms_load_by_name_from_the_wheel(installed: Path):
     """From the wheel's own folder."""
-    code = "import rbd; r = rbd.load_robot('four_bar'); print(rbd.__file__, r.urdf, len(r.loops), sep='\\n')"
+    code = "import rbd; r = rbd.load_robot('four_bar'); print(rbd.__file__, r.urdf, len(r.loops()), sep='\\n')"
     found = run(installed, "-c", code)
     package, urdf, loops = found.stdout.split("\n")[:3]
     assert Path(package).is_relative_to(installed) and Path(urdf).is_relative_to(installed) and loops == "1", found.stderr

@@ -48,7 +48,7 @@ def cutting_planes(reach: Reach, function: np.ndarray) -> tuple[float, int, floa
 if __name__ == "__main__":
     talos = rbd.load_robot("talos")
     state, soles = talos.standing(), talos.soles(friction=0.5)
-    s = rbd.solve(state, rbd.hold(state, soles).tau, soles, solver=rbd.ADMM(law="coulomb"))
+    s = rbd.solve(state, rbd.hold(state, soles).tau, soles, solver=rbd.ConeSolver(law="coulomb"))
     reach = Reach(admissible(s.problem, s.a, s.multipliers, s.weights, s.law), Work(ENDS_WORK))
     for corner in range(4):
         function = reach.adm.corners[3 * corner + 2]

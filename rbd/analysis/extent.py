@@ -19,7 +19,7 @@ from scipy.sparse import csr_array, hstack, identity
 from rbd.analysis.admissible import Admissible, null_space
 from rbd.analysis.barrier import ConeSet, interior, least
 from rbd.analysis.separable import Separable, least_squares
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import Work
 from rbd.problem.programs import LinearAnswer, linear_program
@@ -168,13 +168,13 @@ class Reach:
         """Where the function is largest; None where the steps do not come to an end that a dual bound proves."""
         T, P = self._rays
         q = function @ T
-        scale = largest(q)
+        scale = max_abs(q)
         q = q / scale
         y, lam = P.c, np.zeros(len(P.b))
         for t in _PROXIMAL:
             step = replace(P, d=np.full(len(q), 1.0 / t), c=-q - y / t)
             found = least_squares(step, lam, self.work)
-            if found is None or not largest(found[0]) <= _FAR:
+            if found is None or not max_abs(found[0]) <= _FAR:
                 return None
             moved, (y, lam) = found[0] - y, found
             # q - moved / t + R^T lam is normal to the sets at y: no point at a distance s is better than by s |moved| / t.
@@ -234,7 +234,7 @@ class Reach:
     def _endless(self, function: Array) -> bool | None:
         """Whether the function is unbounded over the set; None where that was not found."""
         q = function @ self.basis
-        scale = largest(q)
+        scale = max_abs(q)
         if not len(self.adm.mu):
             found = self._along(self.basis @ q / scale)
             return -found.value > 1e-9 if found.solved else None
@@ -245,7 +245,7 @@ class Reach:
 
     def _farthest(self, q: Array) -> Array | None:
         """Where q . z is largest, shape (z,); None where it was not found."""
-        scale = largest(q)
+        scale = max_abs(q)
         if len(self.adm.mu):
             on, centre = self._cone_set
             if self.work.left < 0.0:

@@ -21,7 +21,7 @@ from rbd.analysis.barrier import ConeSet, least
 from rbd.analysis.complementary import admissible
 from rbd.analysis.extent import Reach
 from rbd.analysis.separable import least_squares
-from rbd.arrays import Array, block_diagonal, is_finite, numbers
+from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem
@@ -47,8 +47,8 @@ def minimum_norm(
         problem: What was solved.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: As `rbd.Answer.weights`.
-        law: As `rbd.Answer.law`.
+        weights: As `rbd.problem.Answer.weights`.
+        law: As `rbd.problem.Answer.law`.
         weight: As `rbd.Solution.with_forces` takes it.
 
     Raises:
@@ -92,7 +92,7 @@ def metric(adm: Admissible, weight: Mapping[str, object] | None) -> Array | None
 def _root(name: str, given: object, size: int, each: int) -> Array:
     """A square root of one constraint's weight, shape (size, size)."""
     k = size // each
-    w = numbers(f"weight of {name!r}", given)
+    w = as_array(f"weight of {name!r}", given)
     fits = w.shape in ((), (k,), (size, size)) and is_finite(w)
     if fits and w.ndim < 2 and (w > 0.0).all():
         return np.diag(np.repeat(np.sqrt(np.broadcast_to(w, (k,))), each))

@@ -20,7 +20,7 @@ from itertools import combinations
 import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.errors import InputError
 from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem.problem import GaussProblem, checked
@@ -85,8 +85,8 @@ class Contradiction:
     @property
     def unmet_most(self) -> str:
         """What of the rows that hold cannot be met, in words; empty where they agree."""
-        sizes = {name: largest(s) for name, s in self.unmet.items()}
-        rounding = CONTRADICTS * max([1.0, *(largest(x) for x in self.met.values())])
+        sizes = {name: max_abs(s) for name, s in self.unmet.items()}
+        rounding = CONTRADICTS * max([1.0, *(max_abs(x) for x in self.met.values())])
         worst = sorted((name for name in sizes if sizes[name] > rounding), key=lambda name: -round(sizes[name], 9))
         if not worst:
             return ""
@@ -102,7 +102,7 @@ class Contradiction:
         lines += [f"  {name:<16} {_numbers(self.certificate[name])}" for name in self.rows]
         if self.unmet_most:
             lines.append("Of what the rows that hold require, this part cannot be met (least squares) [m/s2, rad/s2]:")
-            lines += [f"  {name:<16} {_numbers(s)}" for name, s in self.unmet.items() if largest(s) > CONTRADICTS]
+            lines += [f"  {name:<16} {_numbers(s)}" for name, s in self.unmet.items() if max_abs(s) > CONTRADICTS]
         return "\n".join(lines)
 
 
@@ -261,7 +261,7 @@ class _Search:
             # Rays of circular cones that this motion works against most; what carries nothing is left out again.
             sunk = [(c, c.sunk(a)) for c in C.rounds]
             lengths = [float(np.linalg.norm(r)) for _, r in sunk]
-            enough = 1.001 * found.violation if found else CONTRADICTS * max(1.0, largest(C.b))
+            enough = 1.001 * found.violation if found else CONTRADICTS * max(1.0, max_abs(C.b))
             if max(lengths, default=0.0) <= enough:
                 break
             C = C.with_rays([(c, r / n) for (c, r), n in zip(sunk, lengths, strict=True) if n > enough])
@@ -278,10 +278,10 @@ class _Search:
         rubs = C.push.any(axis=1)
         total = float(np.abs(z[~rubs]).sum()) + sum(float(np.linalg.norm(f)) for f in push.values())
         violation = -work / total
-        if violation <= CONTRADICTS * max(1.0, largest(C.b[some])):
+        if violation <= CONTRADICTS * max(1.0, max_abs(C.b[some])):
             return None
         z = z / -work
-        unbalanced = largest(C.A.T @ z)
+        unbalanced = max_abs(C.A.T @ z)
         if unbalanced > BALANCED * float(np.abs(z).sum()) * self.longest:
             return None
         return _Farkas(C.force @ z, {i: f / -work for i, f in push.items()}, violation, unbalanced)
@@ -294,7 +294,7 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
     neither.
     """
     k, nv = C.A.shape
-    rate = largest(C.b)
+    rate = max_abs(C.b)
     if not k or rate == 0.0:
         return np.zeros(k), np.zeros(nv)
     # Rows of unit length, so that HiGHS's tolerances mean the same to all; lines as the difference of two.
@@ -317,7 +317,7 @@ def _polished(C: Conditions, z: Array, longest: float) -> Array:
     length = np.linalg.norm(C.A, axis=1)
     length[length <= _DEPENDENT * longest] = longest or 1.0
     x = z * length
-    some = np.abs(x) > 1e-7 * largest(x)
+    some = np.abs(x) > 1e-7 * max_abs(x)
     while some.any():
         out = np.zeros(len(z))
         U = (C.A[some] / length[some, None]).T
@@ -325,7 +325,7 @@ def _polished(C: Conditions, z: Array, longest: float) -> Array:
         N = Vt[int((s > _DEPENDENT).sum()) :].T
         for _ in range(2):  # twice is exact to rounding
             out[some] = N @ (N.T @ x[some])
-        out[np.abs(out) <= 1e-12 * largest(out)] = 0.0
+        out[np.abs(out) <= 1e-12 * max_abs(out)] = 0.0
         wrong = ~C.holds & (out < 0.0)
         if not wrong.any():
             return out / length

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.problem.limits import Work
 from rbd.problem.parts import project_cones
 
@@ -99,15 +99,15 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
     value, cost = P.value(lam, y), float(len(P.b) + 3) * P.R.size + 1e5
     for _ in range(_STEPS):
         missed = P.b - P.R @ y
-        if largest(missed) <= _DONE * max(largest(magnitude @ np.abs(y)), largest(P.b)):
+        if max_abs(missed) <= _DONE * max(max_abs(magnitude @ np.abs(y)), max_abs(P.b)):
             # Of a set without an inside lam runs off to infinity, and rounding of lam R decides what is projected.
-            size = max(largest(P.c), largest(P.d * y))
-            return (y, lam) if largest(np.abs(lam) @ magnitude) <= _LARGEST * size else None
+            size = max(max_abs(P.c), max_abs(P.d * y))
+            return (y, lam) if max_abs(np.abs(lam) @ magnitude) <= _LARGEST * size else None
         if work is not None and not work.spend(cost):
             return None
         J = P.derivative(p)
         # Where much is at its bound the derivative is singular, or zero: then the damping makes a step uphill of it.
-        J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * largest(missed) / (1.0 + largest(P.b)))) * top
+        J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * max_abs(missed) / (1.0 + max_abs(P.b)))) * top
         _, step, info = lapack.dposv(J, missed)
         if info != 0:
             return None
@@ -117,7 +117,7 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
             new, q = P.at(ahead)
             found = P.value(ahead, new)
             # Near the end the value is rounding; then the equations decide.
-            if found >= value + 1e-4 * t * slope or largest(P.b - P.R @ new) <= 0.5 * largest(missed):
+            if found >= value + 1e-4 * t * slope or max_abs(P.b - P.R @ new) <= 0.5 * max_abs(missed):
                 break
             t *= 0.5
         else:

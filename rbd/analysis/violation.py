@@ -6,7 +6,7 @@ Rows in the units they are given in, W a diagonal of weights. Its dual is a prog
 
     minimise 1/2 |W^-1 f|^2 + f . offset     subject to     J^T f = 0 ,
 
-so that the violation is itself a proof that there is no answer (see `rbd.contradiction`), and J^T f = 0, c + s in K*,
+so that the violation is itself a proof that there is no answer (see `rbd.analysis.contradiction`), and J^T f = 0, c + s in K*,
 f . (c + s) = 0 together prove that no violation is less. An answer is judged by these, never by the QP solver's word.
 """
 
@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from rbd.analysis.conditions import Conditions, Round, conditions_of
-from rbd.arrays import Array, largest, numbers
+from rbd.arrays import Array, as_array, max_abs
 from rbd.errors import InputError, nearest
 from rbd.problem.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem.problem import GaussProblem
@@ -57,7 +57,7 @@ def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) 
             break
         asked = asked.thinned(found.carries).with_rays(worse)
     assert best is not None
-    if largest(best.s) <= ROUNDING * best.rate:
+    if max_abs(best.s) <= ROUNDING * best.rate:
         return np.zeros(P.m), best.miss
     return np.where(np.abs(best.s) > 1e-15 * best.rate, best.s, 0.0), best.miss
 
@@ -76,7 +76,7 @@ def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> A
     for name, value in given.items():
         if name not in P.slices:
             raise InputError(f"weights: no constraint {name!r:.80}; {nearest(name, P.slices)}.")
-        w = numbers(f"weight of {name!r}", value)
+        w = as_array(f"weight of {name!r}", value)
         m = len(out[P.slices[name]])
         if w.shape not in ((), (m,)) or not ((w > 1e-100) & (w < 1e100)).all():
             raise InputError(f"weight of {name!r} is {value!r:.80}; expected one number > 0, or {m} of them.")
@@ -108,7 +108,7 @@ class _LeastSquares:
     """
 
     def __init__(self, C: Conditions, weights: Array) -> None:
-        self.C, self.rate = C, max(1.0, largest(C.b))
+        self.C, self.rate = C, max(1.0, max_abs(C.b))
         self.G = C.force / weights[:, None]  # G z = W s
         self.weights = weights
         self.H = self.G.T @ self.G
@@ -172,7 +172,7 @@ class _LeastSquares:
     def _polish(self, z: Array, a: Array, least: float) -> None:
         """The exact answer if the conditions with z above `least` are those that carry; kept if it is better."""
         C = self.C
-        some = C.holds | (z > least * max(1.0, largest(z)))
+        some = C.holds | (z > least * max(1.0, max_abs(z)))
         N = _null_space(self.U[some].T)
         H = N.T @ self.H[np.ix_(some, some)] @ N
         x = N.T @ z[some]
@@ -189,7 +189,7 @@ class _LeastSquares:
         y = self.C.A @ a + self.H @ z + self.C.b
         wrong = np.where(self.C.holds, np.abs(y), np.maximum(-y, 0.0))
         slack = np.where(self.C.holds, 0.0, np.abs(z * y)) / self.rate
-        miss = max(largest(wrong), largest(slack), largest(self.C.A.T @ z)) / self.rate
+        miss = max(max_abs(wrong), max_abs(slack), max_abs(self.C.A.T @ z)) / self.rate
         if not miss >= getattr(self, "flat", np.inf):
             self.flat, self.a, self.s, self.carries = miss, a, s, z != 0.0
 

@@ -75,7 +75,9 @@ class MechanismReport:
     def __str__(self) -> str:
         robot = self.robot
         joints = ", ".join(name for name in list(robot.model.names)[1:])
-        loops = ", ".join(f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops, *robot.wheels)) or "none"
+        loops = (
+            ", ".join(f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops(), *robot.wheels())) or "none"
+        )
         held = ", ".join(f"{name} = {value:.6g}" for name, value in self.fixed.items())
         parts = [
             ("words", str(self.topology)),
@@ -158,7 +160,7 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
         InputError: a seed or a number of tries that means nothing.
     """
     check_tries(seed, tries)
-    held = (*robot.loops, *robot.wheels)
+    held = (*robot.loops(), *robot.wheels())
     state = assembled(robot, held, State(robot, q))
     left_out: dict[str, str] = {}
     topology, found = classify(robot, held, at=state), mobility(state, held, seed=seed)

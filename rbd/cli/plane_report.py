@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.cli.terminal import Table, counted, facts, numbers_of, save_figure
 from rbd.errors import InputError, NoSolution
 from rbd.planar.angles import beside
@@ -199,7 +199,7 @@ def plane_task(
         raise InputError(f"--space is {space!r:.80}; expected endpoint or joint.")
     if branch not in (0, 1):
         raise InputError(f"--branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
-    if not 0.0 < a_number(duration) < np.inf:
+    if not 0.0 < as_float(duration) < np.inf:
         raise InputError(f"--duration is {duration!r:.80}; expected seconds above zero.")
     first = inverse(chain, numbers_of("--from", start, "metres", names="X,Y"))
     last = numbers_of("--to", stop, "metres", names="X,Y")

@@ -56,7 +56,7 @@ def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | 
         warnings.simplefilter("always")
         robot = load_robot(name, root=root, package_dirs=package_dirs)
     said = root is not None or robot.mechanism.file.root is not None
-    stands = bool(robot.source.feet or robot.loops or robot.wheels)
+    stands = bool(robot.source.feet or robot.loops() or robot.wheels())
     if said or stands or not robot.floating or not robot.nu or robot.urdf.suffix != ".urdf":
         for warning in caught:
             warnings.warn(warning.message, warning.category, stacklevel=2)
@@ -92,7 +92,7 @@ def setup(
         CannotAssemble: its loops do not close.
         InputError: unknown names, a friction that is none.
     """
-    held = (*robot.loops, *robot.wheels)
+    held = (*robot.loops(), *robot.wheels())
     feet: tuple[Constraint, ...] = ()
     if robot.source.feet and robot.floating:
         state, feet = robot.standing(posture), tuple(robot.feet(friction))
@@ -107,7 +107,7 @@ def setup(
     limits = []
     if feet and not bodies:
         limits.append("only its feet touch the ground: whatever else falls goes through it (--bodies lets all shapes touch)")
-    elif not feet and not robot.wheels and not bodies and robot.root != "fixed":
+    elif not feet and not robot.wheels() and not bodies and robot.root != "fixed":
         limits.append("it touches nothing (--bodies lets all shapes touch the ground)")
     if bodies:
         others = _others(robot, feet, friction)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, cross_matrix, three
+from rbd.arrays import Array, as_float, as_vector3, cross_matrix
 from rbd.constraints.collision_shapes import CollisionShapes
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
 from rbd.constraints.touching import Between, Bodies, OnPlane, Touching, joined
@@ -120,7 +120,7 @@ class CollisionContacts:
         put(self, "robot", robot)
         put(self, "friction", float(friction))
         put(self, "facets", int(facets))
-        put(self, "point", three(f"point of {name!r:.80}", point))
+        put(self, "point", as_vector3(f"point of {name!r:.80}", point))
         put(self, "normal", unit_normal(name, normal))
         put(self, "margin", _checked_margin(name, margin))
         shapes = CollisionShapes(name, robot)
@@ -239,7 +239,7 @@ def _made(name: str, robot: CheckedModel, given: dict[str, object]) -> Collision
 
 
 def _checked_margin(name: str, margin: float) -> float:
-    if not 0.0 <= a_number(margin) < 1e6:
+    if not 0.0 <= as_float(margin) < 1e6:
         raise InputError(f"margin of {name!r:.80} is {margin!r:.80}; expected a length >= 0 [m].")
     return float(margin)
 

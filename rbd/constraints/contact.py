@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, three
+from rbd.arrays import Array, as_vector3
 from rbd.constraints.contact_geometry import (
     check_names,
     check_state,
@@ -108,7 +108,7 @@ class PointContact:
         put = object.__setattr__
         put(self, "name", name)
         put(self, "frame", frame)
-        put(self, "offset", three(f"offset of contact {name!r}", offset))
+        put(self, "offset", as_vector3(f"offset of contact {name!r}", offset))
         told = None if normal is None else unit_normal(name, normal)
         X_S0 = anchor_point(name, anchor)
         up = np.array([0.0, 0.0, 1.0]) if told is None and on is None else told

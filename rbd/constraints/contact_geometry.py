@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, is_finite, numbers, three
+from rbd.arrays import Array, as_array, as_vector3, check_finite, is_finite
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.ground import Ground, On
@@ -48,7 +48,7 @@ def unit_normal(name: str, normal: Sequence[float] | Array) -> Array:
     Raises:
         InputError: if it is not of unit length to 1e-6.
     """
-    n = three(f"normal of contact {name!r}", normal)
+    n = as_vector3(f"normal of contact {name!r}", normal)
     length = float(np.linalg.norm(n))
     if abs(length - 1.0) > 1e-6:
         raise InputError(f"normal of contact {name!r} has length {length:.6g}; expected a unit vector.")
@@ -66,12 +66,12 @@ def patch_corners(
     if (half_lengths is None) == (corners is None):
         raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
     if half_lengths is not None:
-        half = numbers(f"half_lengths of contact {name!r}", half_lengths)
+        half = as_array(f"half_lengths of contact {name!r}", half_lengths)
         if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
             raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
         X, Y = half
         return np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
-    given = numbers(f"corners of contact {name!r}", corners)
+    given = as_array(f"corners of contact {name!r}", corners)
     if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
         raise InputError(
             f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 3. "
@@ -135,7 +135,7 @@ def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
     """
     if placement is None:
         return pin.SE3.Identity()
-    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else numbers(what, placement)
+    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else as_array(what, placement)
     R = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
     if not is_finite(matrix) or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
         raise InputError(f"{what} is no rigid placement; expected pin.SE3 or a 4 x 4 matrix.")

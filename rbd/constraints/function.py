@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, is_finite, numbers
+from rbd.arrays import Array, as_array, is_finite
 from rbd.constraints.contact_geometry import check_state
 from rbd.constraints.differences import ROUGH, first_derivative, jacobian, second_derivative
 from rbd.errors import InputError, RbdError
@@ -39,7 +39,7 @@ class FunctionConstraint:
         phi: Takes q, gives a number or an array (m,); an empty one where the constraint is inactive.
         jacobian: Takes q, gives (m, nv); or (nv,) where m = 1. None: by differences.
         bias: Takes q and v, gives J_dot v, shape (m,). None: by differences, of `jacobian` where that is given.
-        cone: Where its forces may live; `rbd.Free(m)` by default. `rbd.NonNegative(m)`: phi >= 0, and it only pushes.
+        cone: Where its forces may live; `rbd.problem.Free(m)` by default. `rbd.problem.NonNegative(m)`: phi >= 0, and it only pushes.
 
     Raises:
         InputError: something that is no function.
@@ -58,7 +58,9 @@ class FunctionConstraint:
         check_function(self.name, "jacobian", self.jacobian, optional=True)
         check_function(self.name, "bias", self.bias, optional=True)
         if self.cone is not None and (isinstance(self.cone, type) or not hasattr(self.cone, "generators")):
-            raise InputError(f"cone of {self.name!r:.80} is {self.cone!r:.80}; expected rbd.Free(m) or rbd.NonNegative(m).")
+            raise InputError(
+                f"cone of {self.name!r:.80} is {self.cone!r:.80}; expected rbd.problem.Free(m) or rbd.problem.NonNegative(m)."
+            )
 
     def rows(self, state: State) -> Rows:
         """One row an entry of phi.
@@ -165,7 +167,7 @@ def _called(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Arr
         raise
     except Exception as error:
         raise InputError(f"{what} of {name!r:.80} raised {type(error).__name__}: {str(error):.200}.") from error
-    return numbers(f"{what} of {name!r:.80}", out)
+    return as_array(f"{what} of {name!r:.80}", out)
 
 
 def rate(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], J: Array, q: Array, v: Array) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, check_finite, numbers
+from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_coordinates import JointPlace, PerRobot, joint_motion, with_one_freedom
@@ -57,7 +57,7 @@ class JointLimit:
         _check_names(self.name, joint=self.joint)
         for side in ("lower", "upper"):
             value = getattr(self, side)
-            if value is not None and math.isnan(a_number(value)):
+            if value is not None and math.isnan(as_float(value)):
                 raise InputError(f"{side} of {self.name!r:.80} is {value!r:.80}; expected a number, or None for the file's.")
         _check_finite(self.name, "margin", self.margin, least=0.0)
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
@@ -324,13 +324,13 @@ def _check_state(state: State, name: str) -> None:
 
 
 def _check_finite(name: str, what: str, value: float, *, least: float = -math.inf) -> None:
-    if not (least <= a_number(value) and abs(a_number(value)) < 1e100):
+    if not (least <= as_float(value) and abs(as_float(value)) < 1e100):
         expected = "a finite number" + (f" >= {least:g}" if least == 0.0 else "")
         raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected {expected}.")
 
 
 def _vector(name: str, what: str, value: float | Sequence[float] | Array) -> Array:
-    out = np.atleast_1d(numbers(f"{what} of {name!r:.80}", value))
+    out = np.atleast_1d(as_array(f"{what} of {name!r:.80}", value))
     if out.ndim != 1:
         raise InputError(f"{what} of {name!r:.80} has shape {out.shape}; expected a number, or the joint's part of q.")
     check_finite(f"{what} of {name!r:.80}", out)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.constraints.contact_geometry import check_names, check_state, ground_of, rigid_placement, unit_normal
 from rbd.constraints.surface import Counterpart, RelativeMotion, anchor_placement, changed, counterpart, remember
 from rbd.errors import InputError
@@ -93,7 +93,7 @@ class LineContact:
     ) -> None:
         check_names(name, frame)
         check_friction(0.0 if friction is None else friction, facets)
-        if not 0.0 < a_number(half_length) < 1e100:
+        if not 0.0 < as_float(half_length) < 1e100:
             raise InputError(f"half_length of contact {name!r} is {half_length!r:.80}; expected a length > 0 [m].")
         put = object.__setattr__
         put(self, "name", name)

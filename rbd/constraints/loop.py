@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_matrix, three
+from rbd.arrays import Array, as_vector3, cross_matrix
 from rbd.constraints.contact_geometry import check_state, contact_axes
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -79,7 +79,7 @@ class LoopClosure:
             raise InputError(f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself; expected frames of two bodies.")
         if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
-        axis = three(f"axis of loop {self.name!r:.80}", self.axis)
+        axis = as_vector3(f"axis of loop {self.name!r:.80}", self.axis)
         length = float(np.linalg.norm(axis))
         if not 1e-9 < length < 1e9:
             raise InputError(f"axis of loop {self.name!r:.80} has length {length:.3g}; expected a direction, e.g. (0, 0, 1).")

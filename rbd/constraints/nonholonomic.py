@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, cross_matrix, numbers, three
+from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix
 from rbd.constraints.contact_geometry import check_state, unit_normal
 from rbd.constraints.function import check_function, matrix_of, rate, vector_of
 from rbd.errors import InputError
@@ -60,7 +60,7 @@ class VelocityConstraint:
         check_function(self.name, "A", self.A if callable(self.A) else None, optional=True)
         check_function(self.name, "bias", self.bias, optional=True)
         if not callable(self.A):
-            A = numbers(f"A of {self.name!r:.80}", self.A)
+            A = as_array(f"A of {self.name!r:.80}", self.A)
             A = A[None] if A.ndim == 1 else A
             if A.ndim != 2 or not A.shape[1]:
                 raise InputError(
@@ -132,7 +132,7 @@ class KnifeEdge:
         put = object.__setattr__
         put(self, "direction", unit_direction(f"direction of {self.name!r:.80}", self.direction))
         put(self, "normal", unit_normal(self.name, self.normal))
-        put(self, "offset", three(f"offset of {self.name!r:.80}", self.offset))
+        put(self, "offset", as_vector3(f"offset of {self.name!r:.80}", self.offset))
         put(self, "_X_FP", pin.SE3(np.eye(3), np.asarray(self.offset)))
 
     def rows(self, state: State) -> Rows:
@@ -184,7 +184,7 @@ def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
     Raises:
         InputError: it is not three finite numbers, or has no length.
     """
-    out = three(what, given)
+    out = as_vector3(what, given)
     length = float(np.linalg.norm(out))
     if not 1e-9 < length < 1e9:
         raise InputError(f"{what} has length {length:.3g}; expected a direction, e.g. (1, 0, 0).")

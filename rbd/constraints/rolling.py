@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number, cross_matrix, three
+from rbd.arrays import Array, as_float, as_vector3, cross_matrix
 from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
 from rbd.constraints.nonholonomic import check_words, unit_direction
 from rbd.constraints.surface import twist
@@ -42,7 +42,7 @@ class RollingBall:
     """A ball on a plane.
 
     Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor leaves, and may
-    spin about the normal. `friction=mu` presses and rubs: it slips where it must, and `rbd.ADMM` takes one that already does.
+    spin about the normal. `friction=mu` presses and rubs: it slips where it must, and `rbd.ConeSolver` takes one that already does.
     `friction=0.0` only presses: the normal row alone. Rolling and spinning resistance are left out.
 
     `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes.
@@ -256,12 +256,12 @@ def _plane(given: RollingBall | RollingDisk | RollingWheel) -> Plane:
     name = given.name
     check_words(name, given.frame)
     check_friction(0.0 if given.friction is None else given.friction, given.facets)
-    if not 0.0 < a_number(given.radius) < 1e50:
+    if not 0.0 < as_float(given.radius) < 1e50:
         raise InputError(f"radius of {name!r:.80} is {given.radius!r:.80}; expected a length > 0 [m].")
-    point = three(f"point of {name!r:.80}", given.point)
+    point = as_vector3(f"point of {name!r:.80}", given.point)
     if given.about is not None and given.velocity is None and given.acceleration is None:
         raise InputError(f"{name!r:.80} has about= without velocity= or acceleration=: it says where these are given.")
-    about = point if given.about is None else three(f"about of {name!r:.80}", given.about)
+    about = point if given.about is None else as_vector3(f"about of {name!r:.80}", given.about)
     u, s = twist(f"velocity of {name!r:.80}", given.velocity), twist(f"acceleration of {name!r:.80}", given.acceleration)
     n = unit_normal(name, given.normal)
     return Plane(point, contact_axes(n), about, u, s, Ground(point=point, normal=n))

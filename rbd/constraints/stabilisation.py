@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, zeros
+from rbd.arrays import Array, as_float, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -38,16 +38,16 @@ class Baumgarte:
     Raises:
         InputError: a frequency that is not positive, a damping ratio that is negative, anything not finite.
 
-    >>> held = rbd.Baumgarte(20.0).of(rbd.JointLock("brake", "arm_left_4_joint", position=-1.5))
+    >>> held = rbd.constraints.Baumgarte(20.0).of(rbd.JointLock("brake", "arm_left_4_joint", position=-1.5))
     """
 
     frequency: float
     damping_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < a_number(self.frequency) < 1e50:
+        if not 0.0 < as_float(self.frequency) < 1e50:
             raise InputError(f"frequency of Baumgarte is {self.frequency!r:.80}; expected a number > 0 [rad/s].")
-        if not 0.0 <= a_number(self.damping_ratio) < 1e50:
+        if not 0.0 <= as_float(self.damping_ratio) < 1e50:
             raise InputError(f"damping_ratio of Baumgarte is {self.damping_ratio!r:.80}; expected a number >= 0 (1: critical).")
 
     def of(self, constraint: Constraint) -> Stabilised:

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, cross_matrix, lazy, numbers, three
+from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix, lazy
 from rbd.constraints.contact_geometry import rigid_placement
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -138,7 +138,7 @@ def counterpart(
         return None
     u, s = twist(f"velocity of contact {name!r}", velocity), twist(f"acceleration of contact {name!r}", acceleration)
     if about is not None:
-        about = three(f"about of contact {name!r}", about)
+        about = as_vector3(f"about of contact {name!r}", about)
         if velocity is None and acceleration is None:
             raise InputError(f"contact {name!r} has about= without velocity= or acceleration=: it says where these are given.")
     if against is not None:
@@ -163,7 +163,7 @@ def twist(what: str, value: Sequence[float] | Array | None) -> Array:
     out = np.zeros(6)
     if value is None:
         return out
-    given = numbers(what, value)
+    given = as_array(what, value)
     if given.shape not in ((3,), (6,)):
         raise InputError(
             f"{what} has shape {given.shape}; expected (3,), linear, or (6,), linear then angular, in world axes: how the "
@@ -180,7 +180,7 @@ def anchor_point(name: str, anchor: Sequence[float] | Array | None) -> pin.SE3 |
     Raises:
         InputError: if it is not three finite numbers.
     """
-    return None if anchor is None else pin.SE3(np.eye(3), three(f"anchor of contact {name!r}", anchor))
+    return None if anchor is None else pin.SE3(np.eye(3), as_vector3(f"anchor of contact {name!r}", anchor))
 
 
 def anchor_placement(name: str, anchor: pin.SE3 | Array | None) -> pin.SE3 | None:

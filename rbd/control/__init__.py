@@ -2,10 +2,10 @@
 
 from rbd.control.posture import HoldPosture
 from rbd.control.pushes import Push, Pushes
-from rbd.control.torques import Sampled, TorqueScript
+from rbd.control.torques import TorqueSchedule, ZeroOrderHold
 from rbd.modules import submodule as _submodule
 
-__all__ = ["HoldPosture", "Push", "Pushes", "Sampled", "TorqueScript"]
+__all__ = ["HoldPosture", "Push", "Pushes", "ZeroOrderHold", "TorqueSchedule"]
 
 
 def __getattr__(name: str) -> object:

@@ -16,7 +16,7 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.points import Source, Structure
 from rbd.constraints.sources import sources_of
@@ -50,7 +50,7 @@ class HoldPosture:
         CannotHold: a posture that the motors cannot hold on its contacts, if all of them touch; says which limit is in the way.
         NotAtRest: the ground moves.
 
-    >>> stand = rbd.HoldPosture(state, robot.feet(0.7))
+    >>> stand = rbd.control.HoldPosture(state, robot.feet(0.7))
     """
 
     state: State
@@ -66,9 +66,9 @@ class HoldPosture:
     def __post_init__(self) -> None:
         if not isinstance(self.state, State):
             raise InputError(f"HoldPosture wants a State first, got {type(self.state).__name__}; e.g. robot.standing().")
-        if not 0.0 < a_number(self.frequency) < 1e6:
+        if not 0.0 < as_float(self.frequency) < 1e6:
             raise InputError(f"frequency of HoldPosture is {self.frequency!r:.80}; expected a number > 0 [rad/s].")
-        if not 0.0 <= a_number(self.damping_ratio) < 1e6:
+        if not 0.0 <= as_float(self.damping_ratio) < 1e6:
             raise InputError(f"damping_ratio of HoldPosture is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
         still = self.state.with_velocity(self.state.robot.zero_v)
         rows_of(still, self.contacts)  # which says what is no list of constraints

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.model.external_force import External, ExternalForce
 from rbd.model.state import State
@@ -38,7 +38,7 @@ class Push:
     Raises:
         InputError: vectors that are not three finite numbers, a time that is not finite, a duration that is not above zero.
 
-    >>> push = rbd.Push("torso_2_link", (0.0, 20.0, 0.0), start=1.0, duration=0.1)
+    >>> push = rbd.control.Push("torso_2_link", (0.0, 20.0, 0.0), start=1.0, duration=0.1)
     """
 
     frame: str
@@ -51,9 +51,9 @@ class Push:
     _force: ExternalForce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not abs(a_number(self.start)) < 1e9:
+        if not abs(as_float(self.start)) < 1e9:
             raise InputError(f"start of the push at {self.frame!r:.80} is {self.start!r:.80}; expected a time [s].")
-        if not 0.0 < a_number(self.duration) < 1e9:
+        if not 0.0 < as_float(self.duration) < 1e9:
             raise InputError(f"duration of the push at {self.frame!r:.80} is {self.duration!r:.80}; expected more than 0 s.")
         given = ExternalForce(self.frame, self.force, self.moment, self.offset)
         for what in ("force", "moment", "offset"):
@@ -99,10 +99,10 @@ class Pushes:
     def __post_init__(self) -> None:
         given = self.pushes
         if isinstance(given, str | bytes) or not isinstance(given, Sequence):
-            raise InputError(f"pushes is {given!r:.80}; expected a list of rbd.Push and rbd.ExternalForce.")
+            raise InputError(f"pushes is {given!r:.80}; expected a list of rbd.control.Push and rbd.ExternalForce.")
         for push in given:
             if not isinstance(push, Push | ExternalForce):
-                raise InputError(f"pushes hold {push!r:.80}; expected rbd.Push or rbd.ExternalForce.")
+                raise InputError(f"pushes hold {push!r:.80}; expected rbd.control.Push or rbd.ExternalForce.")
         object.__setattr__(self, "pushes", tuple(given))
 
     def __call__(self, state: State, t: float) -> tuple[ExternalForce, ...]:

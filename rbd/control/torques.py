@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, check_finite, numbers
+from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.control.pushes import INSTANT
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -31,7 +31,7 @@ def asked(what: str, given: Callable[[State, float], Any], state: State, t: floa
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueScript:
+class TorqueSchedule:
     """Torques of a table of times, whatever the robot does.
 
     Attributes:
@@ -43,7 +43,7 @@ class TorqueScript:
     Raises:
         InputError: times that do not increase, sizes that do not fit, numbers that are not finite.
 
-    >>> script = rbd.TorqueScript([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
+    >>> script = rbd.control.TorqueSchedule([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
     """
 
     times: Sequence[float] | Array
@@ -54,7 +54,7 @@ class TorqueScript:
     def __post_init__(self) -> None:
         if not isinstance(self.held, bool):
             raise InputError(f"held of TorqueScript is {self.held!r:.80}; expected True or False.")
-        times, torques = numbers("times of TorqueScript", self.times), numbers("torques of TorqueScript", self.torques)
+        times, torques = as_array("times of TorqueScript", self.times), as_array("torques of TorqueScript", self.torques)
         check_finite("times of TorqueScript", times)
         check_finite("torques of TorqueScript", torques)
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0.0).any():
@@ -84,7 +84,7 @@ class TorqueScript:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class ZeroOrderHold:
     """A controller that is asked once a period, its torques standing in between: a zero-order hold, as in a real robot.
 
     It answers with the torques of the first state that it sees in a period; so the period should be a whole number of steps of
@@ -98,7 +98,7 @@ class Sampled:
     Raises:
         InputError: a controller that cannot be called, a period that is not above zero.
 
-    >>> slow = rbd.Sampled(rbd.HoldPosture(state, robot.feet(0.7)), period=5e-3)
+    >>> slow = rbd.control.ZeroOrderHold(rbd.control.HoldPosture(state, robot.feet(0.7)), period=5e-3)
     """
 
     controller: Controller
@@ -108,7 +108,7 @@ class Sampled:
     def __post_init__(self) -> None:
         if isinstance(self.controller, type) or not callable(self.controller):
             raise InputError(f"controller is {self.controller!r:.80}; expected a function of (state, t), e.g. a TorqueScript.")
-        if not 2.0 * INSTANT < a_number(self.period) < math.inf:
+        if not 2.0 * INSTANT < as_float(self.period) < math.inf:
             raise InputError(f"period of Sampled is {self.period!r:.80}; expected a time above 0 [s].")
 
     def __call__(self, state: State, t: float) -> Array:
@@ -117,6 +117,10 @@ class Sampled:
         known = self._last.get("sample")
         # At its first time a sample is taken again: integrators guess the end of a step before they reach it.
         if known is None or known[0] != sample or t <= known[1] + INSTANT:
-            known = sample, t, numbers("torques of a sampled controller", asked("controller", self.controller, state, t)).copy()
+            known = (
+                sample,
+                t,
+                as_array("torques of a sampled controller", asked("controller", self.controller, state, t)).copy(),
+            )
             self._last["sample"] = known
         return known[2]

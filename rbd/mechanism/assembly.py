@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, largest
+from rbd.arrays import Array, as_float, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
@@ -93,9 +93,9 @@ def assemble(
         InputError: no constraint with an error, one that can slip or break, values of a wrong size.
         JointNotFound: a fixed joint that is none.
 
-    >>> found = rbd.mechanism.assemble(robot, robot.loops, q0, fixed={"crank": 0.7})
+    >>> found = rbd.mechanism.assemble(robot, robot.loops(), q0, fixed={"crank": 0.7})
     """
-    if not a_number(within) > 0.0:
+    if not as_float(within) > 0.0:
         raise InputError(f"within is {within!r:.80}; expected a number > 0 [rad, m], or inf.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
@@ -162,7 +162,7 @@ def distances(at: Misfit, tolerance: float) -> dict[str, float]:
     out = {}
     for r in at.rows:
         error, _ = unmet(r)
-        if largest(error) > tolerance:
+        if max_abs(error) > tolerance:
             out[r.name] = float(np.linalg.norm(error))
     return dict(sorted(out.items(), key=lambda item: -item[1]))
 
@@ -211,7 +211,7 @@ def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterat
     Raises:
         InputError: with what was expected.
     """
-    if not 0.0 < a_number(tolerance) <= 1e-3:
+    if not 0.0 < as_float(tolerance) <= 1e-3:
         raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
     if isinstance(max_iterations, bool) or not isinstance(max_iterations, int) or not 0 < max_iterations <= 100_000:
         raise InputError(f"{what} is {max_iterations!r:.80}; expected a whole number from 1 to 100000.")

@@ -119,7 +119,7 @@ def branches(
         CannotAssemble: no start closes; says the least distance that is left.
         InputError: the mechanism can still move, so that its poses are a continuum: says what to fix. And as `assemble`.
 
-    >>> print(rbd.mechanism.branches(robot, robot.loops, fixed={"crank": 0.7}))
+    >>> print(rbd.mechanism.branches(robot, robot.loops(), fixed={"crank": 0.7}))
     """
     rng = np.random.default_rng(check_seed(seed))
     if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:

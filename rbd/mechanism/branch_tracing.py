@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, check_finite, largest, numbers
+from rbd.arrays import Array, as_array, as_float, check_finite, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent, check_flag
@@ -135,7 +135,7 @@ def trace(
     wanted = _wanted(values, _whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")
     check_flag("past_limits", past_limits)
-    if not 0.0 < a_number(longest_step) <= 0.5:
+    if not 0.0 < as_float(longest_step) <= 0.5:
         raise InputError(f"longest_step is {longest_step!r:.80}; expected a number > 0, at most 0.5 [rad].")
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
@@ -183,12 +183,12 @@ def _found(motion: Motion, moved: float) -> Trace:
 
 def _wanted(values: Sequence[float] | Array, steps: int) -> Array:
     """The values to visit."""
-    wanted = numbers("values", values)
+    wanted = as_array("values", values)
     if wanted.ndim != 1 or len(wanted) < 2:
         raise InputError(f"values have shape {wanted.shape}; expected (start, stop), or more values in order.")
     check_finite("values", wanted)
-    if largest(wanted) > FARTHEST:
-        raise InputError(f"values reach {largest(wanted):.3g}; at most {FARTHEST:g} is taken [rad, m].")
+    if max_abs(wanted) > FARTHEST:
+        raise InputError(f"values reach {max_abs(wanted):.3g}; at most {FARTHEST:g} is taken [rad, m].")
     return np.linspace(wanted[0], wanted[1], steps + 1) if len(wanted) == 2 else wanted
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
 from rbd.errors import DuplicateName, InputError
@@ -50,7 +50,7 @@ class Misfit:
     @property
     def residual(self) -> float:
         """Largest entry of the error [m, rad]."""
-        return largest(self.error)
+        return max_abs(self.error)
 
 
 class Closure:

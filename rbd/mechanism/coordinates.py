@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, lazy, numbers
+from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.errors import InputError
 from rbd.mechanism.held import characteristic_length, turning
 from rbd.model.checked_model import CheckedModel
@@ -104,7 +104,7 @@ class Coordinates:
         for joint, value in values.items():
             self.robot.joint_id(joint)
             place = self.places[joint]
-            given = np.atleast_1d(numbers(f"{FIXED} {joint!r:.80}", value))
+            given = np.atleast_1d(as_array(f"{FIXED} {joint!r:.80}", value))
             check_finite(f"{FIXED} {joint!r:.80}", given)
             if given.ndim != 1:
                 raise InputError(f"{FIXED} {joint!r:.80} has shape {given.shape}; expected a number, or its part of q.")

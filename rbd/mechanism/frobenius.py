@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import qr
 
-from rbd.arrays import Array, largest, numbers
+from rbd.arrays import Array, as_array, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel, pieces
@@ -195,7 +195,7 @@ def integrability(
 def _given(
     robot: CheckedModel, constraints: Sequence[Constraint] | None, points: Array | Sequence[Array]
 ) -> list[tuple[Held, Linearised]]:
-    listed = np.atleast_2d(numbers("points", points))
+    listed = np.atleast_2d(as_array("points", points))
     if listed.ndim != 2 or not len(listed) or listed.shape[1] != robot.nq:
         raise InputError(f"points have shape {listed.shape}; expected (k, {robot.nq}): configurations.")
     out = []
@@ -213,7 +213,7 @@ def _drawn(robot: CheckedModel, constraints: Sequence[Constraint] | None, seed: 
         at = Held(State(robot, pin.normalize(robot.model, q)), constraints)
         if at.placed.any():
             found = at.project(at.q)
-            if largest(found.error) > 1e-10:
+            if max_abs(found.error) > 1e-10:
                 continue
             at = Held(State(robot, found.q), constraints)
         here = at.at(at.q)

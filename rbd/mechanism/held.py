@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number, largest
+from rbd.arrays import Array, as_float, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
@@ -154,7 +154,7 @@ class Held:
         here = self.placed
         cut = 1e-12 if self.tolerance <= CLOSED else self.zero
         for _ in range(iterations):
-            size = largest(at.error)
+            size = max_abs(at.error)
             if size <= within:
                 break
             U, s, Vt = np.linalg.svd(at.J[here], full_matrices=False)
@@ -165,7 +165,7 @@ class Held:
                 nearer = self.at(self.move(at.q, z if step <= 0.5 else z * (0.5 / step)))
             except InputError:  # a constraint that is not defined there
                 break
-            if largest(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
+            if max_abs(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
                 break
             at = nearer
         return at
@@ -177,7 +177,7 @@ class Held:
             InputError: if it is off the constraints, with the worst row and its distance.
         """
         at = self.at(self.q)
-        if largest(at.error) > self.tolerance:
+        if max_abs(at.error) > self.tolerance:
             worst = int(np.argmax(np.abs(at.error)))
             name, row = self.names[worst]
             off = abs(float(at.error[worst])) / float(self.weights[worst])
@@ -190,7 +190,7 @@ class Held:
 
 def of_its_file(robot: CheckedModel) -> tuple[Constraint, ...]:
     """The loops and wheels that a robot's file states; empty where it states none."""
-    return (*getattr(robot, "loops", ()), *getattr(robot, "wheels", ()))
+    return (*robot.loops(), *robot.wheels())
 
 
 def kernel(J: Array, zero: float = RANK) -> tuple[Array, Array]:
@@ -263,7 +263,7 @@ def check_positive(what: str, value: float, most: float) -> float:
     Raises:
         InputError: it is none.
     """
-    found = a_number(value)
+    found = as_float(value)
     if not 0.0 < found <= most:
         raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}.")
     return found
@@ -297,5 +297,5 @@ def _check(rows: list[Rows]) -> None:
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}); mobility is that of "
                 "constraints that hold. Leave it out, or give it friction=None."
             )
-        if largest(r.velocity) > 1e-12:
+        if max_abs(r.velocity) > 1e-12:
             raise InputError(f"{r.name!r:.80} moves by itself; mobility wants constraints at rest.")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, inertia_factor, largest, lazy, zeros
+from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.model.state import State
 from rbd.problem.cones import Free, Line
@@ -61,12 +61,12 @@ class HeldRows:
     @property
     def drift(self) -> float:
         """Largest position error [m, rad]."""
-        return largest(self.error)
+        return max_abs(self.error)
 
     @property
     def drift_rate(self) -> float:
         """Largest velocity error [m/s, rad/s]."""
-        return largest(self.velocity)
+        return max_abs(self.velocity)
 
     def name_of(self, row: int) -> str:
         """The constraint of a row of the stack."""
@@ -116,4 +116,4 @@ def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
     if rows.holonomic is None:
         return np.zeros(len(rows), bool)
     surface = rows.J @ state.v - rows.velocity
-    return rows.holonomic & (np.abs(surface) <= 1e-12 * max(1.0, largest(surface)))
+    return rows.holonomic & (np.abs(surface) <= 1e-12 * max(1.0, max_abs(surface)))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rbd.arrays import Array, check_finite, largest, numbers
+from rbd.arrays import Array, as_array, check_finite, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import InputError
 from rbd.mechanism.closure import SINGULAR, listed, unmet
@@ -99,9 +99,9 @@ class HeldVelocities:
                     "Give it friction=None to hold it."
                 )
             error, _ = unmet(r)
-            if largest(error) > CLOSED * max(1.0, self.coordinates.reach):
+            if max_abs(error) > CLOSED * max(1.0, self.coordinates.reach):
                 raise InputError(
-                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {largest(error):.3g} m (or rad). "
+                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {max_abs(error):.3g} m (or rad). "
                     "Close it first, with rbd.mechanism.assemble."
                 )
             out.append(r)
@@ -128,7 +128,7 @@ class HeldVelocities:
         mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
         for name, value in known.items():
             at = self.place(name)
-            given = np.atleast_1d(numbers(f"known {what} of {name!r:.80}", value))
+            given = np.atleast_1d(as_array(f"known {what} of {name!r:.80}", value))
             if given.shape != (at.stop - at.start,):
                 raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")
             check_finite(f"known {what} of {name!r:.80}", given)

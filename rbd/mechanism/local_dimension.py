@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.mechanism.held import Held, Linearised, kernel
 
 FAR, NEAR = 0.1, 0.02
@@ -143,7 +143,7 @@ def neighbours(
         for start in (step * z, -step * z):
             found = held.project(held.move(at.q, start))
             moved = float(np.linalg.norm(held.displacement(at.q, found.q)))
-            yield found if largest(found.error) <= held.tolerance and _MOVED * step <= moved <= 3.0 * step else None
+            yield found if max_abs(found.error) <= held.tolerance and _MOVED * step <= moved <= 3.0 * step else None
 
 
 def _regular(held: Held, at: Linearised, rng: np.random.Generator) -> tuple[Linearised, Array]:
@@ -173,7 +173,7 @@ def _tangent(held: Held, at: Linearised, step: float, rng: np.random.Generator) 
     for i in range(len(chords)):
         z = K[:, i] if i < d else _unit(rng, K)
         found = held.project(held.move(at.q, step * z))
-        if largest(found.error) <= held.tolerance:
+        if max_abs(found.error) <= held.tolerance:
             chords[i] = held.displacement(at.q, found.q) / step
             around.append(found)
     _, s, Vt = np.linalg.svd(chords @ K)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError, SingularPose
 from rbd.mechanism.closure import Closure, rank_of
@@ -179,10 +179,10 @@ def acceleration_partition(state: State, constraints: Sequence[Constraint] | Non
     """
     held = HeldVelocities(state, constraints)
     off = held.J @ state.v - held.u
-    if largest(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
+    if max_abs(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
         worst = held.row_names[int(np.argmax(np.abs(off)))]
         raise InputError(
-            f"the velocity of {state.robot.name} breaks {worst!r:.80} by {largest(off):.3g} m/s (or rad/s); accelerations want "
+            f"the velocity of {state.robot.name} breaks {worst!r:.80} by {max_abs(off):.3g} m/s (or rad/s); accelerations want "
             "one that the constraints allow: state.with_velocity(velocity_partition(state, constraints, known).v)."
         )
     bias = np.concatenate([np.zeros(0), *(r.bias for r in held.rows(state))])
@@ -203,7 +203,7 @@ def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[
     columns = Columns(tuple(names[mask]), tuple(names[~mask]), held.J[:, mask], held.J[:, ~mask], s)
     if columns.rank < len(columns.unknown):
         raise _undecided(held, columns, Vt[columns.rank :], what)
-    residual = largest(held.J @ x - rhs)
+    residual = max_abs(held.J @ x - rhs)
     if residual > _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
         raise _contradicted(held, known, rhs, residual, what)
     return x, columns, residual
@@ -254,7 +254,7 @@ def _contradicted(held: HeldVelocities, known: Rates, rhs: Array, residual: floa
     for name in known:
         mask, x = held.values({key: value for key, value in known.items() if key != name}, what)
         s, _ = _filled(held, mask, x, rhs)
-        if rank_of(s) == (~mask).sum() and largest(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
+        if rank_of(s) == (~mask).sum() and max_abs(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
             found = np.array2string(x[held.place(name)], precision=6)[1:-1].strip()
             helps.append(f"{name!r:.80} at {found} (not {known[name]!r:.40})")
     say = f" They agree with {' or '.join(helps[:6])}." if helps else ""
@@ -277,7 +277,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _terms(J: Array, x: Array, rhs: Array) -> float:
     """Largest sum of the sizes of the terms in a row of J x - rhs."""
-    return largest(np.abs(J) @ np.abs(x) + np.abs(rhs))
+    return max_abs(np.abs(J) @ np.abs(x) + np.abs(rhs))
 
 
 def _table(what: str, columns: Columns, x: Array, unknown: Mapping[str, float]) -> str:

@@ -27,7 +27,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, a_number, inertia_factor, largest
+from rbd.arrays import Array, as_float, inertia_factor, max_abs
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.solvers.kkt import independent_factor
@@ -58,7 +58,7 @@ class Projection:
     iterations: int = 20
 
     def __post_init__(self) -> None:
-        if not 0.0 < a_number(self.tolerance) <= 1e-3:
+        if not 0.0 < as_float(self.tolerance) <= 1e-3:
             raise InputError(f"tolerance of Projection is {self.tolerance!r:.80}; expected a number above 0, at most 1e-3.")
         n = self.iterations
         if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= 1000:
@@ -78,14 +78,14 @@ def project_position(state: State, equations: Equations, projection: Projection)
     robot = state.robot
     J, error = equations(state)
     for _ in range(projection.iterations):
-        size = largest(error)
+        size = max_abs(error)
         if size <= projection.tolerance:
             break
         step = shortened(-correction(inertia_factor(state.M), J, error, damping=size))
         for _ in range(HALVINGS):
             nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v)
             J_there, error_there = equations(nearer)
-            if largest(error_there) < size:
+            if max_abs(error_there) < size:
                 break
             step = 0.5 * step
         else:
@@ -120,5 +120,5 @@ def correction(L: Array, J: Array, error: Array, *, damping: float = 0.0, zero: 
 
 def shortened(step: Array) -> Array:
     """The step, no entry of it longer than `FARTHEST`."""
-    longest = largest(step)
+    longest = max_abs(step)
     return step if longest <= FARTHEST else step * (FARTHEST / longest)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, largest, numbers
+from rbd.arrays import Array, as_array, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.mechanism.coordinates import Coordinates
@@ -170,15 +170,15 @@ def singularities_along(
     tolerance = check_positive("tolerance", tolerance, 0.1)
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
-    given = numbers("path", getattr(path, "q", path))
+    given = as_array("path", getattr(path, "q", path))
     if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
         raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")
     held = Held(State(robot, given[0]), constraints)
     matrices = _Matrices(held, inputs, outputs)
     along = [held.project(State(robot, q).q) for q in given]
     for k, point in enumerate(along):
-        if largest(point.error) > 1e-6:
-            off = largest(point.error)
+        if max_abs(point.error) > 1e-6:
+            off = max_abs(point.error)
             raise InputError(f"configuration {k} of the path cannot be brought onto the constraints; {off:.3g} is left.")
     found: list[Singularity] = []
     distances = {}

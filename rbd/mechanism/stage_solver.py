@@ -37,7 +37,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.held_rows import HeldRows
 from rbd.mechanism.projection import ZERO, correction
@@ -101,7 +101,7 @@ class Crossing:
             norms: What rows are divided by.
         """
         q, v, model = held.state.q, held.state.v, held.state.robot.model
-        speed = largest(v)
+        speed = max_abs(v)
         if speed == 0.0 or k == len(Vt) or k == len(v):
             return None
         e = ASIDE / speed
@@ -124,13 +124,13 @@ class Crossing:
         """What is linear in a of the conditions: u . [J_dot a + dv (J_dot v) . a], shape (rank,)."""
         held, v = self.held, self.held.state.v
         a = blas.dtrsv(held.L, y, lower=1, trans=1)
-        size = largest(a)
+        size = max_abs(a)
         if size == 0.0:
             return np.zeros(self.rank)
         # The bias is quadratic in v: central differences of any width are exact, the wider the less rounding.
-        w = a * (largest(v) / size)
+        w = a * (max_abs(v) / size)
         q = held.state.q
-        bias = (held.elsewhere(q, v + w).offset - held.elsewhere(q, v - w).offset) * (size / (2.0 * largest(v)))
+        bias = (held.elsewhere(q, v + w).offset - held.elsewhere(q, v - w).offset) * (size / (2.0 * max_abs(v)))
         return self.u @ (self.J_dot @ a + bias / self.norms)
 
 
@@ -259,7 +259,7 @@ class StageSolver:
         own = np.maximum(np.maximum(np.abs(M) @ np.abs(a), np.abs(rhs)), np.minimum(M.diagonal(), 1.0))
         own = np.maximum(own, np.abs(J).T @ np.abs(f))
         rows = np.maximum(np.abs(J) @ np.abs(a) + np.abs(held.offset), 1.0)
-        return max(largest((M @ a - rhs - J.T @ f) / own), largest((J @ a + held.offset) / rows))
+        return max(max_abs((M @ a - rhs - J.T @ f) / own), max_abs((J @ a + held.offset) / rows))
 
     def back(self, held: HeldRows, error: Array, placed: Array | None, damping: float = 0.0) -> Array:
         """The least x in |.|_M with J x = error in the placed rows, shape (nv,); see `rbd.mechanism.projection`."""
@@ -304,19 +304,19 @@ class StageSolver:
         """(y, what took the place of rows that say nothing)."""
         U, s, Vt = self._taken_apart(held)
         offset = held.offset / self._norms
-        size, owed = max(1.0, largest(offset)), OWED * held.drift
+        size, owed = max(1.0, max_abs(offset)), OWED * held.drift
         near = self._near(s, held)
         if (near < self._rank or self._rank < 0) and not directly:
             crossing = Crossing.of(held, U, Vt, float(s[0]), near, self._norms)
             y, missed = _nearest(U[:, :near], s[:near], Vt[:near], free, offset)
             # Rows of size s cannot ask for more than s |y| on the branch; where they do they turn it away, and do not cross.
-            if crossing is not None and largest(missed) <= 3.0 * max(NEAR, owed) * max(size, float(s[0]) * largest(y)):
+            if crossing is not None and max_abs(missed) <= 3.0 * max(NEAR, owed) * max(size, float(s[0]) * max_abs(y)):
                 self._rank = max(self._rank, near + crossing.rank)
                 return crossing.through(y), crossing
         self._rank = max(self._rank, near)
         k = int((s > max(ZERO, owed) * s[0]).sum())
         y, missed = _nearest(U[:, :k], s[:k], Vt[:k], free, offset)
-        if largest(missed) > max(CONTRADICTION, owed) * size:
+        if max_abs(missed) > max(CONTRADICTION, owed) * size:
             worst = int(np.argmax(np.abs(missed)))
             raise NoSolution(
                 f"no acceleration satisfies the constraints together at t = {t:.6g} s: {held.name_of(worst)!r:.80} misses "

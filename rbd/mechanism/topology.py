@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
@@ -289,7 +289,7 @@ def _configurations(held: Held, at: State | None, seed: int) -> list[Linearised]
         for draw in range(20):
             z = rng.uniform(-1.0, 1.0, size=held.n) * (draw > 0)
             here = held.project(held.move(held.q, z))
-            if largest(here.error) <= 1e-10:
+            if max_abs(here.error) <= 1e-10:
                 break
         else:
             return []

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import largest
+from rbd.arrays import max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import InputError, SingularInertia
 from rbd.mechanism.held import of_its_file
@@ -62,8 +62,8 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
     for _ in range(3):  # once is exact but for rounding, which an ill-conditioned M or J makes large
         y = np.linalg.lstsq(W.T, J @ v - u, rcond=ZERO)[0]  # of least norm: of least |v+ - v| in M
         v = v - blas.dtrsv(L, y, lower=1, trans=1)
-    off = np.abs(J @ v - u) / max(1e-300, largest(np.abs(J) @ np.abs(v)), largest(np.abs(J) @ np.abs(state.v)), largest(u))
-    if largest(off) > MET:
+    off = np.abs(J @ v - u) / max(1e-300, max_abs(np.abs(J) @ np.abs(v)), max_abs(np.abs(J) @ np.abs(state.v)), max_abs(u))
+    if max_abs(off) > MET:
         worst = int(np.argmax(off))
         name = [r.name for r in rows for _ in range(len(r))][worst]
         raise InputError(

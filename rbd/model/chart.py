@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joint_coordinates import joint_motion
 
@@ -49,7 +49,7 @@ class Chart:
         curved, model = self._charts.curved, self._charts.model
         if not len(curved):
             return v
-        if largest(xi[curved]) < _NEAR:
+        if max_abs(xi[curved]) < _NEAR:
             return pin.dDifference(model, self.q0, self.q(xi), pin.ARG1) @ v
         T = pin.dIntegrate(model, self.q0, xi, pin.ARG1)
         out = v.copy()

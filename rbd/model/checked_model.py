@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_finite, largest, numbers
+from rbd.arrays import Array, as_array, check_finite, max_abs
 from rbd.errors import FrameNotFound, InputError, JointNotFound, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.forks import renewed_after_fork
@@ -198,16 +198,16 @@ class CheckedModel:
         return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
 
     def _vector(self, what: str, value: Array, size: int, meaning: str, most: float = math.inf) -> Array:
-        out = numbers(f"{what} of {self.name}", value)
+        out = as_array(f"{what} of {self.name}", value)
         if out.shape != (size,):
             hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
             raise InputError(f"{what} of {self.name} has shape {out.shape}; expected ({size},): {meaning}.{hint}")
         # One pass for both: NaN fails the comparison, and a norm within `most` has entries within it.
         if not np.vdot(out, out) < most * most:
             check_finite(f"{what} of {self.name}", out)
-            if largest(out) > most:
+            if max_abs(out) > most:
                 raise InputError(
-                    f"{what} of {self.name} reaches {largest(out):.3g}; at most {most:g} is taken [m, rad, and per second]: "
+                    f"{what} of {self.name} reaches {max_abs(out):.3g}; at most {most:g} is taken [m, rad, and per second]: "
                     "so far away, rounding eats the millimetres between links."
                 )
         return out

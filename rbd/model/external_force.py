@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, add_wrench, numbers, three
+from rbd.arrays import Array, add_wrench, as_array, as_vector3
 from rbd.errors import InputError
 from rbd.model.state import State
 
@@ -34,7 +34,7 @@ class ExternalForce:
 
     def __post_init__(self) -> None:
         for what in ("force", "moment", "offset"):
-            object.__setattr__(self, what, three(f"{what} of the external force at {self.frame!r}", getattr(self, what)))
+            object.__setattr__(self, what, as_vector3(f"{what} of the external force at {self.frame!r}", getattr(self, what)))
 
 
 External: TypeAlias = Array | Sequence[float] | Sequence[ExternalForce] | ExternalForce | None
@@ -79,7 +79,7 @@ _WANTED = "expected ExternalForces, e.g. [rbd.ExternalForce(frame, (0, 80, 0))],
 
 def _generalised_force(state: State, external: Array | Sequence[float] | Sequence[ExternalForce]) -> tuple[Array, Array]:
     robot, wrench = state.robot, [0.0] * 6
-    tau_ext = numbers("external", external)
+    tau_ext = as_array("external", external)
     if tau_ext.shape in ((3,), (6,)) and len(tau_ext) != robot.nv:
         raise InputError(f"external has {len(tau_ext)} entries, and a generalised force {robot.nv}; {_WANTED}")
     tau_ext = robot.check_v(tau_ext, "external")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, three
+from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 
@@ -126,7 +126,7 @@ class State:
             FrameNotFound: with the nearest names.
             InputError: if the offset is not three finite numbers.
         """
-        X_FP = pin.SE3(np.eye(3), three("offset", offset))
+        X_FP = pin.SE3(np.eye(3), as_vector3("offset", offset))
         X_WF, J, v, bias = self.moving(name, X_FP, pin.LOCAL_WORLD_ALIGNED)
         return FrameKinematics(X_WF, J, v, bias)
 

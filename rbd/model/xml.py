@@ -118,4 +118,4 @@ def _shown(value: object) -> str:
 
 
 def _too_large(file: str, what: str, limit: str) -> ModelError:
-    return ModelError(f"{file} {what}. If that is meant, raise it: load_robot(..., limits=rbd.FileLimits({limit}=...)).")
+    return ModelError(f"{file} {what}. If that is meant, raise it: load_robot(..., limits=rbd.model.FileLimits({limit}=...)).")

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, check_finite, lazy, numbers
+from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.errors import InputError, nearest
 
 JOINT, SEGMENT, VERTICAL = "joint", "segment", "vertical"
@@ -132,7 +132,7 @@ def samples(what: str, values: object, n: int) -> Array:
     Raises:
         InputError: on anything else.
     """
-    given = values if type(values) is np.ndarray and values.dtype == float else numbers(what, values)
+    given = values if type(values) is np.ndarray and values.dtype == float else as_array(what, values)
     if given.ndim not in (1, 2) or given.shape[-1] != n:
         raise InputError(f"{what} came with shape {given.shape}; expected one number per link, ({n},), or (samples, {n}).")
     check_finite(what, given.ravel())
@@ -165,6 +165,6 @@ def plain(what: str, value: object) -> Array:
         value = list(value)
     if isinstance(value, list | tuple) and any(isinstance(x, sympy.Expr) for x in value):
         value = [float(x) if isinstance(x, sympy.Expr) and x.is_number and x.is_finite and x.is_real else x for x in value]
-    out = numbers(what, value)
+    out = as_array(what, value)
     check_finite(what, out.ravel())
     return out

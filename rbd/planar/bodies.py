@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.planar.chain import Chain, check_chain
 
@@ -160,7 +160,7 @@ def _exact(value: Any) -> sp.Expr | None:
     """A number as it is written, 0.1 as 1/10, so that identities hold exactly; None if it is no finite number."""
     if isinstance(value, int) and not isinstance(value, bool):
         return sp.Integer(value)
-    number = a_number(value)
+    number = as_float(value)
     return sp.Rational(repr(number)) if np.isfinite(number) else None
 
 

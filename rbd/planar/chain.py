@@ -16,7 +16,7 @@ import sympy
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
-from rbd.arrays import Array, a_number, lazy
+from rbd.arrays import Array, as_float, lazy
 from rbd.errors import InputError
 from rbd.planar import expressions
 from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention
@@ -312,7 +312,7 @@ def _check_length(k: int, length: object) -> sympy.Expr:
         return length
     exact = isinstance(length, sympy.Expr) and not length.has(sympy.Float)
     try:
-        number = float(length) if isinstance(length, sympy.Expr) else a_number(length)
+        number = float(length) if isinstance(length, sympy.Expr) else as_float(length)
     except (TypeError, ValueError, OverflowError):  # complex, or a zoo
         number = np.nan
     if not SHORTEST <= number <= LONGEST:

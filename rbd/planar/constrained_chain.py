@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, lazy, numbers
+from rbd.arrays import Array, as_array, lazy
 from rbd.errors import InputError, NoSolution
 from rbd.planar import expressions
 from rbd.planar.angles import Symbols, plain
@@ -291,7 +291,7 @@ def _cancelled(expr: sympy.Expr) -> sympy.Expr:
 
 def _spread(what: str, value: Any, places: list[int], n: int) -> Array:
     """Values of some angles as rows of all n of them, zeros elsewhere: those do not occur."""
-    given = numbers(what, value)
+    given = as_array(what, value)
     if given.ndim not in (1, 2) or given.shape[-1] != len(places):
         k = len(places)
         raise InputError(f"{what} has shape {given.shape}; expected one number per free angle, ({k},), or (samples, {k}).")

@@ -19,7 +19,7 @@ from sympy.core.function import AppliedUndef
 from sympy.physics.vector.printing import vlatex
 from sympy.printing.numpy import NumPyPrinter
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.planar.angles import Symbols, samples
 
@@ -210,7 +210,7 @@ def _entries(expr: Any) -> tuple[tuple[int, ...], list[sympy.Expr]]:
         return tuple(expr.shape), list(sympy.flatten(expr.tolist())) if expr.shape else [expr[()]]
     if isinstance(expr, sympy.Expr):
         return (), [expr]
-    number = a_number(expr)
+    number = as_float(expr)
     if not math.isfinite(number):
         raise InputError(f"{expr!r:.80} is no expression; expected SymPy's, or a matrix of them, as chain.acceleration().")
     return (), [sympy.Float(number)]
@@ -229,7 +229,7 @@ def _numbers(free: set[sympy.Symbol], parameters: Mapping[Any, float]) -> dict[s
         if not isinstance(key, str | sympy.Symbol):
             raise InputError(f"a parameter is called {key!r:.80}; expected a symbol, or its name.")
         exact = isinstance(value, sympy.Expr) and value.is_number and value.is_real
-        number = float(value) if exact else a_number(value)
+        number = float(value) if exact else as_float(value)
         if not math.isfinite(number):
             raise InputError(f"parameter {key} is {value!r:.80}; expected a finite number.")
         out.update({symbol: number for symbol in free if str(symbol) == str(key)})

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.planar.angles import beside, plain, units, wrapped
 from rbd.planar.chain import Chain, check_chain
@@ -228,7 +228,7 @@ def check_tolerance(tolerance: object) -> float:
     Raises:
         InputError: if it is none.
     """
-    value = a_number(tolerance)
+    value = as_float(tolerance)
     if not 0.0 <= value <= 0.1:
         raise InputError(f"tolerance is {tolerance!r:.80}; expected a part of the chain's length, 0 to 0.1, as 1e-12.")
     return value

@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rbd.arrays import Array, check_finite, lazy, numbers
+from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.errors import InputError, NoSolution, SingularPose
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import TOLERANCE, inverse
@@ -181,7 +181,7 @@ def _check_path(path: object, shape: tuple[int, ...], expected: str) -> None:
 def _check_times(times: object, path: MinimumJerk) -> Array:
     if times is None:
         return path.times()
-    given = numbers("times", times)
+    given = as_array("times", times)
     if given.ndim != 1 or not len(given):
         raise InputError(f"times have shape {given.shape}; expected a list of times, at least one, (samples,) [s].")
     check_finite("times", given)

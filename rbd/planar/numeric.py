@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, a_number, lazy
+from rbd.arrays import Array, as_float, lazy
 from rbd.errors import InputError, nearest
 from rbd.planar.angles import JOINT, SEGMENT, VERTICAL, AngleMap, angle_map, samples, units
 from rbd.planar.expressions import check_motion
@@ -66,7 +66,7 @@ class Ellipse:
         """
         if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 3 <= count <= 100_000:
             raise InputError(f"count is {count!r:.80}; expected a whole number of points, 3 to 100000.")
-        if not (0.0 < a_number(scale) < np.inf and a_number(longest) > 0.0):
+        if not (0.0 < as_float(scale) < np.inf and as_float(longest) > 0.0):
             raise InputError(f"scale is {scale!r:.80}, longest is {longest!r:.80}; expected positive numbers.")
         axes = np.minimum(scale * self.semi_axes, longest)
         if not np.isfinite(axes).all():

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, check_finite, numbers
+from rbd.arrays import Array, as_array, check_finite
 from rbd.errors import InputError, SingularPose
 from rbd.planar.angles import beside, plain, samples, wrapped
 from rbd.planar.chain import Chain, check_chain
@@ -323,7 +323,7 @@ def joint_rates(
 
 
 def _vectors(what: str, value: Sequence[float] | Array, pose: Array) -> Array:
-    given = numbers(what, value)
+    given = as_array(what, value)
     expected = (*pose.shape[:-1], 2)
     if given.shape != expected:
         raise InputError(f"{what} has shape {given.shape}; expected x and y for every row of q, {expected}.")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, is_finite, numbers
+from rbd.arrays import Array, as_array, as_float, is_finite
 from rbd.errors import InputError
 
 SHAPE = (0.0, 0.0, 0.0, 10.0, -15.0, 6.0)
@@ -59,7 +59,7 @@ class MinimumJerk:
     _step: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        start, stop, duration = _values("start", self.start), _values("stop", self.stop), a_number(self.duration)
+        start, stop, duration = _values("start", self.start), _values("stop", self.stop), as_float(self.duration)
         if start.shape != stop.shape:
             raise InputError(f"start has shape {start.shape} and stop {stop.shape}; expected as many numbers in both.")
         if not 0.0 < duration < math.inf:
@@ -148,7 +148,7 @@ class MinimumJerk:
 
     def _shape(self, t: float | Sequence[float] | Array, derivative: int) -> Array:
         """s(u) or a derivative by time, shaped so that it multiplies `start`."""
-        times = numbers("t", t)
+        times = as_array("t", t)
         if not np.isfinite(times).all():
             raise InputError("t is not finite; expected times in seconds.")
         u = np.clip(times / self.duration, 0.0, 1.0)
@@ -182,7 +182,7 @@ def minimum_jerk(start: float | Sequence[float] | Array, stop: float | Sequence[
 
 
 def _values(what: str, value: object) -> Array:
-    out = numbers(what, value)
+    out = as_array(what, value)
     if not out.size or not is_finite(out.ravel()):
         raise InputError(f"{what} is {value!r:.80}; expected finite numbers, at least one.")
     return out

@@ -15,7 +15,7 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, block_diagonal, cross_matrix, is_finite, lazy, numbers
+from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy
 from rbd.errors import InputError, NoSolution
 from rbd.problem.programs import nonnegative
 
@@ -150,7 +150,7 @@ class Box:
     hi: Array
 
     def __post_init__(self) -> None:
-        lo, hi = np.atleast_1d(numbers("lo of a Box", self.lo)), np.atleast_1d(numbers("hi of a Box", self.hi))
+        lo, hi = np.atleast_1d(as_array("lo of a Box", self.lo)), np.atleast_1d(as_array("hi of a Box", self.hi))
         if lo.shape != hi.shape or lo.ndim != 1 or not ((lo <= hi) & (lo < np.inf) & (hi > -np.inf)).all():
             raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r:.80}, hi = {self.hi!r:.80}.")
         lo.flags.writeable = hi.flags.writeable = False  # rays and parts of a set are kept as long as the set is
@@ -189,7 +189,7 @@ class WrenchCone:
 
     def __post_init__(self) -> None:
         check_friction(self.mu, self.facets)
-        corners = numbers("corners of a WrenchCone", self.corners)
+        corners = as_array("corners of a WrenchCone", self.corners)
         if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
             raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
         corners.flags.writeable = False  # rays and parts of a set are kept as long as the set is
@@ -236,7 +236,7 @@ class LineCone:
 
     def __post_init__(self) -> None:
         check_friction(self.mu, self.facets)
-        if not 0.0 < a_number(self.half_length) < 1e100:
+        if not 0.0 < as_float(self.half_length) < 1e100:
             raise InputError(f"half_length of a LineCone is {self.half_length!r:.80}; expected a length > 0 [m].")
 
     @property
@@ -291,7 +291,9 @@ class Product:
             raise InputError(f"Product wants several sets, got {cones!r:.80}.") from None
         for cone in members:
             if isinstance(cone, type) or not (hasattr(cone, "dim") and hasattr(cone, "generators")):
-                raise InputError(f"{cone!r:.80} is no set of forces; expected e.g. rbd.Free(3) or rbd.FrictionCone(0.7).")
+                raise InputError(
+                    f"{cone!r:.80} is no set of forces; expected e.g. rbd.problem.Free(3) or rbd.problem.FrictionCone(0.7)."
+                )
         object.__setattr__(self, "cones", members)
 
     @property
@@ -328,7 +330,7 @@ def check_friction(mu: float, facets: int) -> None:
     Raises:
         InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.
     """
-    if not 0.0 <= a_number(mu) < 1e100:
+    if not 0.0 <= as_float(mu) < 1e100:
         raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a contact that holds.")
     if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or not 3 <= facets <= 1000:
         raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")

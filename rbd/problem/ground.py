@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, three
+from rbd.arrays import Array, as_float, as_vector3
 from rbd.errors import InputError, UnknownName, nearest
 
 TOUCHES = 1e-3
@@ -34,7 +34,7 @@ class Ground:
     level: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        point, n = three("point of the ground", self.point), three("normal of the ground", self.normal)
+        point, n = as_vector3("point of the ground", self.point), as_vector3("normal of the ground", self.normal)
         length = float(np.linalg.norm(n))
         if abs(length - 1.0) > 1e-6:
             raise InputError(f"normal of the ground has length {length:.6g}; expected a unit vector.")
@@ -72,7 +72,7 @@ class Ground:
         """
         if given is None or isinstance(given, Ground):
             return given
-        height = a_number(given)
+        height = as_float(given)
         if not abs(height) < 1e100:
             raise InputError(
                 f"on of {name!r:.80} is {given!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level "

@@ -32,7 +32,7 @@ QP_FEWEST_STEPS = 30
 """Outer iterations that a setting has at least, however large the program."""
 
 SEARCH_WORK = 3e9
-"""Multiplications of all starts of one `rbd.ADMM`, about 3 s: steps times unknowns cubed. A hundred contacts need 1e8."""
+"""Multiplications of all starts of one `rbd.ConeSolver`, about 3 s: steps times unknowns cubed. A hundred contacts need 1e8."""
 
 ENDS_WORK = 1.2e10
 """Multiplications for all ranges of one `Solution.uniqueness()`, about 4 s on one core."""

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, a_number, check_finite, inertia_factor, is_finite, lazy, numbers
+from rbd.arrays import Array, as_array, as_float, check_finite, inertia_factor, is_finite, lazy
 from rbd.errors import DuplicateName, InputError
 from rbd.problem.cones import Cone, Interval, Line, Product, SecondOrderCone
 from rbd.problem.openings import Opening
@@ -91,7 +91,7 @@ class GaussProblem:
         if not from_state:
             self._check_inertia()
         if self.rest_speed is not REST_SPEED:
-            if not 0.0 <= a_number(self.rest_speed) < 1e100:
+            if not 0.0 <= as_float(self.rest_speed) < 1e100:
                 raise InputError(f"rest_speed is {self.rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
             object.__setattr__(self, "rest_speed", float(self.rest_speed))
         rows = _rows(self.rows)
@@ -110,7 +110,7 @@ class GaussProblem:
                 check_finite(f"feedback of rows {r.name!r}", r.feedback)
 
     def _check_inertia(self) -> None:
-        M, rhs = numbers("M", self.M), numbers("rhs", self.rhs)
+        M, rhs = as_array("M", self.M), as_array("rhs", self.rhs)
         object.__setattr__(self, "M", M)
         object.__setattr__(self, "rhs", rhs)
         if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape[0] == 0:

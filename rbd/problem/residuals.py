@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, add_wrench, is_finite, largest, lazy
+from rbd.arrays import Array, add_wrench, is_finite, lazy, max_abs
 from rbd.problem.parts import bounded_weights
 from rbd.problem.problem import GaussProblem
 from rbd.problem.scales import Scales
@@ -152,11 +152,11 @@ class Residuals:
         if i == 1:
             return acceleration
         if i == 2:
-            return 1.0 / max(1.0, normal**2 * largest(P.delassus.diagonal()))
+            return 1.0 / max(1.0, normal**2 * max_abs(P.delassus.diagonal()))
         slack, own = self._terms.slack, np.abs(self._terms.weights)
         # Of a point that pushes, its weight is less than the scale of its weights: what is left is its acceleration.
         with np.errstate(over="ignore"):  # a weight of zero beside a bound of 1e100: no lower bound but zero
-            return acceleration * largest(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
+            return acceleration * max_abs(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
 
     def _of(self, i: int) -> float:
         """The scaled residual of equation i."""
@@ -218,13 +218,13 @@ def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | Non
     if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
         nan = math.nan
         return Residuals((nan, nan, nan, nan, None if P.balance is None else nan), answer)
-    stationarity, centroidal = largest(P.M @ a - P.rhs - P.J.T @ f), None
+    stationarity, centroidal = max_abs(P.M @ a - P.rhs - P.J.T @ f), None
     if P.balance is not None:
         centroidal = max(map(abs, _imbalance(P, a, f)))
     if P.bilateral:
-        return Residuals((stationarity, largest(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
+        return Residuals((stationarity, max_abs(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
     terms = _terms(P, a, f, weights, law)
-    gap, off_cone, slack = largest(terms.gap), largest(terms.off_cone), largest(terms.slack)
+    gap, off_cone, slack = max_abs(terms.gap), max_abs(terms.off_cone), max_abs(terms.slack)
     found = Residuals((stationarity, gap, off_cone, slack, centroidal), answer)
     found.__dict__["_terms"] = terms
     return found
@@ -357,7 +357,7 @@ def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law:
             (slacks[columns], terms.slack[columns], "pushes while it opens: by {:.2g} N m/s2"),
         ):
             most = float(quotient.max(initial=-1.0))
-            found.append((math.inf if math.isnan(most) else most, f"{rows.name} {words.format(largest(value))}"))
+            found.append((math.inf if math.isnan(most) else most, f"{rows.name} {words.format(max_abs(value))}"))
     return max(found)[1]
 
 

@@ -7,7 +7,7 @@ from math import hypot, inf
 
 import numpy as np
 
-from rbd.arrays import Array, is_finite, numbers, zeros
+from rbd.arrays import Array, as_array, is_finite, zeros
 from rbd.errors import InputError
 from rbd.problem.cones import Cone
 from rbd.problem.ground import TOUCHES, Ground
@@ -119,7 +119,7 @@ class Rows:
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"the name of rows is {self.name!r:.80}; expected a word, e.g. 'left_sole'.")
         if type(self.J) is not np.ndarray or self.J.dtype != float:
-            object.__setattr__(self, "J", numbers(f"J of rows {self.name!r}", self.J))
+            object.__setattr__(self, "J", as_array(f"J of rows {self.name!r}", self.J))
         if self.J.ndim != 2:
             raise InputError(f"rows {self.name!r}: J has shape {self.J.shape}; expected (m, nv).")
         m = self.J.shape[0]
@@ -136,7 +136,7 @@ class Rows:
         if self.patch is None and not (is_finite(self.velocity) and (self.error is None or is_finite(self.error))):
             raise InputError(f"rows {self.name!r}: velocity or error is not finite.")
         if not hasattr(self.cone, "generators"):
-            raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.Free({m}).")
+            raise InputError(f"rows {self.name!r}: the cone is {self.cone!r:.80}; expected e.g. rbd.problem.Free({m}).")
         if self.cone.dim != m:
             raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
         if self.resultant is not None:
@@ -153,7 +153,7 @@ class Rows:
     def _check_resultant(self, m: int) -> None:
         resultant = self.resultant
         if type(resultant) is not np.ndarray or resultant.dtype != float:
-            resultant = numbers(f"resultant of rows {self.name!r}", resultant)
+            resultant = as_array(f"resultant of rows {self.name!r}", resultant)
             object.__setattr__(self, "resultant", resultant)
         if resultant.ndim != 2 or resultant.shape[1] != m or not is_finite(resultant):
             raise InputError(f"rows {self.name!r}: resultant has shape {resultant.shape}; expected (k, {m}) finite numbers.")
@@ -184,7 +184,7 @@ class Rows:
 
 
 def _vector(name: str, what: str, value: object, m: int) -> Array:
-    out = numbers(f"{what} of rows {name!r}", value)
+    out = as_array(f"{what} of rows {name!r}", value)
     if out.shape != (m,):
         raise InputError(f"rows {name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
     return out

@@ -57,7 +57,7 @@ SUMMARY = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class ModelIssue:
     """One thing that the doctor found.
 
     Attributes:
@@ -72,7 +72,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Report:
+class ModelReport:
     """What the doctor found.
 
     Attributes:
@@ -83,9 +83,9 @@ class Report:
     """
 
     robot: str
-    errors: tuple[Finding, ...]
-    warnings: tuple[Finding, ...]
-    notes: tuple[Finding, ...] = ()
+    errors: tuple[ModelIssue, ...]
+    warnings: tuple[ModelIssue, ...]
+    notes: tuple[ModelIssue, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -114,7 +114,7 @@ class Report:
         return f"{self.robot}: {'; '.join(told)}. {REMEDY}" if told else ""
 
 
-def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> Report:
+def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> ModelReport:
     """The report on a model and its file, already read."""
     errors = [*_bad_numbers(robot.model), *_lost(robot, file)]
     bodies = Bodies.of(file)
@@ -123,17 +123,17 @@ def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array],
     warnings = [
         *bodies.strange(),
         *_outside(robot.model, postures),
-        *(Finding("mesh", mesh, "is in none of the package folders") for mesh in file.missing_meshes(package_dirs)),
+        *(ModelIssue("mesh", mesh, "is in none of the package folders") for mesh in file.missing_meshes(package_dirs)),
         *_unlimited(robot),
         *_friction(robot.model),
-        *(Finding(kind, where, text) for kind, where, text in file.remarks),
+        *(ModelIssue(kind, where, text) for kind, where, text in file.remarks),
     ]
     notes = [] if errors else list(_loops(robot, postures))
     warnings += [f for f, closed in notes if not closed]
-    return Report(robot.name, tuple(errors), tuple(warnings), tuple(f for f, closed in notes if closed))
+    return ModelReport(robot.name, tuple(errors), tuple(warnings), tuple(f for f, closed in notes if closed))
 
 
-def refuse(report: Report, file: str) -> None:
+def refuse(report: ModelReport, file: str) -> None:
     """Raise if there are errors: the first by name, the others counted.
 
     Raises:
@@ -145,33 +145,33 @@ def refuse(report: Report, file: str) -> None:
         raise ModelError(f"{file}: {first.text}{more}")
 
 
-def _bad_numbers(model: pin.Model) -> Iterator[Finding]:
+def _bad_numbers(model: pin.Model) -> Iterator[ModelIssue]:
     for name, inertia, placement in zip(model.names, model.inertias, model.jointPlacements, strict=True):
         if not np.isfinite(inertia.toDynamicParameters()).all() or not np.isfinite(placement.homogeneous).all():
-            yield Finding("number", name, f"the bodies at joint {name!r} have a mass, inertia or origin that is not finite.")
+            yield ModelIssue("number", name, f"the bodies at joint {name!r} have a mass, inertia or origin that is not finite.")
         elif inertia.mass < 0.0:
-            yield Finding("mass", name, f"the bodies at joint {name!r} weigh {inertia.mass:g} kg.")
+            yield ModelIssue("mass", name, f"the bodies at joint {name!r} weigh {inertia.mass:g} kg.")
     swapped = np.flatnonzero(~(model.lowerPositionLimit <= model.upperPositionLimit))
     for name in dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in swapped):
-        yield Finding("limit", name, f"joint {name!r} has its limits swapped, or not finite.")
+        yield ModelIssue("limit", name, f"joint {name!r} has its limits swapped, or not finite.")
     names = list(model.names)
     for name in {name for name in names if names.count(name) > 1}:
-        yield Finding("name", name, f"two joints are called {name!r}; expected different names.")
+        yield ModelIssue("name", name, f"two joints are called {name!r}; expected different names.")
 
 
-def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[Finding]:
+def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
     """Bodies and mass that are in the file and not in the model."""
     frames = set(robot.frames())
     for name in file.bodies:
         if name not in frames:
-            yield Finding("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
+            yield ModelIssue("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
     lost, rounding = file.mass - robot.mass, 1e-9 * max(1.0, file.mass)
     if abs(lost) > rounding:
         told = f"the moving links of the file weigh {file.mass:.9g} kg, and the model {robot.mass:.9g} kg"
-        yield Finding("mass", robot.name, f"{told}: mass was lost between them.")
+        yield ModelIssue("mass", robot.name, f"{told}: mass was lost between them.")
 
 
-def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[Finding]:
+def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
     """Joints whose outboard bodies leave M singular or indefinite, at neutral or at random configurations.
 
     M = U D U^T, eliminated from the tips inward, has as D the articulated inertias: what a joint's motor feels when all
@@ -201,7 +201,7 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[Finding]:
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in _subtree(model, name)]
     what = "an indefinite inertia: M has a negative eigenvalue" if indefinite else "no inertia about it: M is singular"
     told = f"the bodies beyond joint {name!r} ({_some(links)}) have {what}. Give them mass and inertia, or weld it."
-    yield Finding("singular", name, told)
+    yield ModelIssue("singular", name, told)
 
 
 def _subtree(model: pin.Model, joint: str) -> set[int]:
@@ -247,7 +247,7 @@ class Bodies:
         """Whether all can be, though some may be points: then M has no negative eigenvalue anywhere."""
         return not self.broken.any()
 
-    def strange(self) -> Iterator[Finding]:
+    def strange(self) -> Iterator[ModelIssue]:
         """Those that no body has: broken ones, those of a point or a line, and inertia without mass."""
         small, _, large = self.moments.T
         broken, thin, massless = self.broken, (self.masses > 0.0) & (small <= 0.0), (self.masses == 0.0) & (large > 0.0)
@@ -260,14 +260,14 @@ class Bodies:
                 told = f"{self.masses[i]:.3g} kg without extension: principal moments {a:.3g}, {b:.3g}, {c:.3g} kg m2"
             else:
                 told = f"an inertia of up to {c:.3g} kg m2, but no mass"
-            yield Finding("inertia", self.names[i], f"{self.what} {self.names[i]!r} has {told}; no body has")
+            yield ModelIssue("inertia", self.names[i], f"{self.what} {self.names[i]!r} has {told}; no body has")
 
 
 def _moments(tensors: Array) -> Array:
     return np.linalg.eigvalsh(tensors.reshape(-1, 3, 3))
 
 
-def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[Finding]:
+def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[ModelIssue]:
     if not postures:
         return
     q = np.array(list(postures.values()))
@@ -275,27 +275,27 @@ def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[Findin
     for k, name in enumerate(postures):
         if (over[k] > 1e-6).any():  # files round
             joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > 1e-6))
-            yield Finding("posture", name, f"{_some(joints)} outside the limits, by up to {over[k].max():.3g}")
+            yield ModelIssue("posture", name, f"{_some(joints)} outside the limits, by up to {over[k].max():.3g}")
 
 
-def _unlimited(robot: CheckedModel) -> Iterator[Finding]:
+def _unlimited(robot: CheckedModel) -> Iterator[ModelIssue]:
     for name in dict.fromkeys(np.array(robot.actuated_names)[~np.isfinite(robot.effort_limit)].tolist()):
-        yield Finding("effort", name, "the file states no effort limit; torques are not checked against one")
+        yield ModelIssue("effort", name, "the file states no effort limit; torques are not checked against one")
 
 
-def _friction(model: pin.Model) -> Iterator[Finding]:
+def _friction(model: pin.Model) -> Iterator[ModelIssue]:
     damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
     for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
         name = _joint_of(model, int(i), "idx_v", "nv")
         told = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
-        yield Finding("friction", name, told)
+        yield ModelIssue("friction", name, told)
 
 
-def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[Finding, bool]]:
+def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[ModelIssue, bool]]:
     """Each loop and wheel with where it is closed, and whether that is anywhere."""
     given = {**{repr(name): q for name, q in postures.items()}, "the neutral posture": pin.neutral(robot.model)}
-    states = [(where, State(robot, q)) for where, q in given.items()] if getattr(robot, "loops", ()) else []
-    for loop in getattr(robot, "loops", ()):
+    states = [(where, State(robot, q)) for where, q in given.items()] if robot.loops() else []
+    for loop in robot.loops():
         found = [(where, *gap) for where, state in states if (gap := _gap(loop, state)) is not None]
         closed = [where + (f" (to {gap:.1g})" if gap > CLOSED else "") for where, gap, way in found if _closes(gap, way)]
         told, fine = f"{type(loop).__name__}: ", bool(closed) or not found
@@ -306,9 +306,9 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
         else:
             where, least, _ = min(found, key=lambda each: each[1])
             told += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
-        yield Finding("loop", loop.name, told), fine
-    for wheel in getattr(robot, "wheels", ()):
-        yield Finding("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
+        yield ModelIssue("loop", loop.name, told), fine
+    for wheel in robot.wheels():
+        yield ModelIssue("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
 
 
 def _gap(loop: Any, state: State) -> tuple[float, float] | None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError, ModelError
 from rbd.model.output_files import check_place, write_text
 from rbd.model.state import State
@@ -272,7 +272,7 @@ def lengths(what: str, **given: object) -> list[float]:
     """
     out = []
     for name, value in given.items():
-        number = a_number(value)
+        number = as_float(value)
         if not 1e-6 <= number <= 1e4:
             raise InputError(f"{name} of {what} is {value!r:.80}; expected a number from 1e-6 to 1e4, in metres or kilograms.")
         out.append(number)

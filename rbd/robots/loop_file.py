@@ -32,7 +32,7 @@ from typing import Any, Literal, NoReturn, TypeVar
 
 import yaml
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.errors import ModelError, nearest
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
 
@@ -199,7 +199,7 @@ class _Reader:
         return tuple(self.word(f"{what}[{i}]", each) for i, each in enumerate(value))
 
     def number(self, what: str, value: object, most: float = LARGEST) -> float:
-        number = a_number(value)
+        number = as_float(value)
         if not abs(number) <= most:
             self.stop(f"{what} is {_shown(value)}; expected a finite number, at most {most:g}.")
         return number

@@ -22,10 +22,10 @@ from rbd.problem.ground import Ground
 Contact = TypeVar("Contact", PointContact, SurfaceContact, LineContact, PointContact | SurfaceContact)
 
 
-class Pair(CheckedModel):
+class RobotPair(CheckedModel):
     """Two robots in one model, side by side: joints, frames and motors of the first, then of the second.
 
-    Made by `combine`. Its vectors are those of the two one after the other: q = (q_1, q_2), v, a and tau likewise; the
+    Made by `merge_robots`. Its vectors are those of the two one after the other: q = (q_1, q_2), v, a and tau likewise; the
     free-flyer of a floating second is in W, not in its `placement`. Beside what `CheckedModel` has:
 
     Attributes:
@@ -48,7 +48,7 @@ class Pair(CheckedModel):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are made anew from copies of the two robots, in another process too."""
-        return Pair, (*self.members, self.placement, self.prefixes), {"sound": self.sound}
+        return RobotPair, (*self.members, self.placement, self.prefixes), {"sound": self.sound}
 
     def neutral(self) -> Array:
         """The configuration with every joint at zero, the second's base at `placement`, shape (nq,)."""
@@ -175,13 +175,13 @@ class Pair(CheckedModel):
         return changed(contact, **changes)
 
 
-def combine(
+def merge_robots(
     first: CheckedModel,
     second: CheckedModel,
     *,
     placement: pin.SE3 | Array | None = None,
     names: Sequence[str] = ("a_", "b_"),
-) -> Pair:
+) -> RobotPair:
     """Two robots, or a robot and an object that it holds, in one model.
 
     Each keeps its joints, motors, passive joints and floating base; M is block-diagonal. They meet in contacts with
@@ -192,7 +192,7 @@ def combine(
         first: A robot, or anything with a checked model.
         second: Another, or the same once more.
         placement: Where the second's world stands in the first's, pin.SE3 or a 4 x 4 matrix: moves a fixed base for good,
-            and a floating one in `Pair.q`, `together` and `standing`. By default both worlds are one.
+            and a floating one in `RobotPair.q`, `together` and `standing`. By default both worlds are one.
         names: What stands before the names of joints and frames of each; they are to be told apart by it.
 
     Raises:
@@ -214,7 +214,7 @@ def combine(
         both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
         if both:
             raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that tell them apart, as ('a_', 'b_').")
-    left = [c.name for robot in (first, second) for c in (*getattr(robot, "loops", ()), *getattr(robot, "wheels", ()))]
+    left = [c.name for robot in (first, second) for c in (*robot.loops(), *robot.wheels())]
     if left:
         warnings.warn(
             f"the pair has no loops or wheels of its own: {', '.join(map(repr, left))[:80]} name frames without prefixes. Make "
@@ -222,7 +222,7 @@ def combine(
             ModelWarning,
             stacklevel=2,
         )
-    return Pair(first, second, rigid_placement("placement of the second robot", placement), prefixes)
+    return RobotPair(first, second, rigid_placement("placement of the second robot", placement), prefixes)
 
 
 def _checked_names(names: Sequence[str]) -> tuple[str, str]:
@@ -249,7 +249,7 @@ def _standing(robot: Any) -> State:
 
 
 def _feet(robot: Any, friction: float | None, facets: int) -> list[SurfaceContact | PointContact]:
-    if isinstance(robot, Pair):
+    if isinstance(robot, RobotPair):
         own = [_feet(member, friction, facets) for member in robot.members]
         return robot.contacts(*own)
     return robot.feet(friction, facets=facets) if hasattr(robot, "source") and robot.source.feet else []

@@ -23,7 +23,7 @@ from rbd.model.urdf import BASE_JOINT, UrdfFile
 from rbd.model.xml import FileLimits, read_xml
 from rbd.problem.ground import On, grounds_of
 from rbd.robots import catalogue
-from rbd.robots.diagnosis import Report, examine, refuse
+from rbd.robots.diagnosis import ModelReport, examine, refuse
 from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
 from rbd.robots.loops import Loop, Mechanism, Rolling, mechanism
 from rbd.robots.posture import configuration, semantic_postures, stand
@@ -40,7 +40,7 @@ class Robot(CheckedModel):
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
         loops: The constraints that close its tree, of the loop file beside the URDF or of an MJCF's <equality>; empty for a
-            tree. They are in force only where they are given: `rbd.solve(state, tau, robot.loops)`.
+            tree. They are in force only where they are given: `rbd.solve(state, tau, robot.loops())`.
         wheels: Wheels, balls and blades on the ground, likewise.
         leave_out: Parts of an MJCF file that were left out, as `load_robot` was told.
         report: What the doctor found when it was loaded; None where it was not loaded from a file.
@@ -64,7 +64,7 @@ class Robot(CheckedModel):
         self.root: Root = root
         self.limits = limits
         self.leave_out = frozenset(leave_out)
-        self.report: Report | None = None
+        self.report: ModelReport | None = None
         found = {} if source.srdf is None else semantic_postures(self, source.srdf)
         for keyframe in model.referenceConfigurations:  # of an MJCF file
             found[keyframe.key()] = pin.normalize(model, keyframe.data())
@@ -298,7 +298,7 @@ def load_robot(
     if root is not None and (not isinstance(root, str) or root not in ROOTS):
         raise InputError(f"root is {root!r:.80}; expected 'free_flyer', 'planar' or 'fixed'.")
     if limits is not None and not isinstance(limits, FileLimits):
-        raise InputError(f"limits is {limits!r:.80}; expected rbd.FileLimits(max_dof=...).")
+        raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     _check_leave_out(leave_out)
     source = catalogue.find(name_or_path, package_dirs)

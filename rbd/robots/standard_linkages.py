@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.errors import InputError
 from rbd.robots.linkage import Link, Linkage, bar_masses, lengths, meeting, radius, wrapped
 from rbd.robots.robot import Robot
@@ -66,7 +66,7 @@ def four_bar(
         raise InputError(missing)
     sizes = {"crank": a, "coupler": b, "rocker": c}
     kg = bar_masses("the four-bar", sizes, masses, mass_per_length)
-    th2 = _four_bar_angle(a, b, c, d) if crank_angle is None else a_number(crank_angle)
+    th2 = _four_bar_angle(a, b, c, d) if crank_angle is None else as_float(crank_angle)
     if not abs(th2) < 1e6:
         raise InputError(f"crank_angle is {crank_angle!r:.80}; expected an angle [rad].")
     postures = {}
@@ -178,7 +178,7 @@ def slider_crank(
     1.732051
     """
     crank, rod = lengths("the slider-crank", crank=crank, rod=rod)
-    height = a_number(offset)
+    height = as_float(offset)
     if not abs(height) <= 1e4:
         raise InputError(f"offset of the slider-crank is {offset!r:.80}; expected a length [m], at most 1e4.")
     if abs(height) > crank + rod:
@@ -188,7 +188,7 @@ def slider_crank(
         )
     sizes = {"crank": crank, "rod": rod, "slider": crank}
     kg = bar_masses("the slider-crank", sizes, masses, mass_per_length)
-    th = _slider_crank_angle(crank, rod, height) if crank_angle is None else a_number(crank_angle)
+    th = _slider_crank_angle(crank, rod, height) if crank_angle is None else as_float(crank_angle)
     if not abs(th) < 1e6:
         raise InputError(f"crank_angle is {crank_angle!r:.80}; expected an angle [rad].")
     x, z = crank * math.cos(th), crank * math.sin(th)

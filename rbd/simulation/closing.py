@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, inertia_factor, largest
+from rbd.arrays import Array, inertia_factor, max_abs
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
 from rbd.mechanism.stage_solver import OWED
 from rbd.model.state import State
@@ -52,7 +52,7 @@ class Nearness:
     """
 
     def __init__(self, start: State) -> None:
-        self._sizes, self._slides, self._far = _sizes(start), _sliding(start), largest(start.q)
+        self._sizes, self._slides, self._far = _sizes(start), _sliding(start), max_abs(start.q)
         self._last: tuple[Layout, Near] | None = None
 
     def of(self, at: Snapshot) -> Near:
@@ -68,7 +68,7 @@ class Nearness:
         size = np.where(moves, self._sizes, 1.0).min(axis=1, initial=1.0)
         # What has no place has a gap in metres only where a slider has it to itself; else it may be an angle.
         size = np.where(placed | ((moves.sum(axis=1) == 1) & (moves & self._slides).any(axis=1)), size, 1.0)
-        tight = TIGHT * size + _ROUNDING * (size + max(self._far, largest(at.state.q)))
+        tight = TIGHT * size + _ROUNDING * (size + max(self._far, max_abs(at.state.q)))
         return Near(np.maximum(LOOSE * size, tight), tight, size)
 
 
@@ -135,7 +135,7 @@ class Closing:
         size = self.nearness.of(at).size
         pressed = layout.pushes & (closed | (at.gap < -CLOSED * size))
         size = size[pressed]
-        if largest(at.error[held]) <= self.projection.tolerance and largest(at.gap[pressed] / size) <= CLOSED:
+        if max_abs(at.error[held]) <= self.projection.tolerance and max_abs(at.gap[pressed] / size) <= CLOSED:
             return at
         rows = np.concatenate([np.flatnonzero(held), layout.normals[pressed]])
         units = np.concatenate([np.ones(int(held.sum())), size])
@@ -156,7 +156,7 @@ class Closing:
         """
         held = at.layout.held
         rate = at.velocity[held]
-        if largest(rate) <= self.projection.tolerance:
+        if max_abs(rate) <= self.projection.tolerance:
             return at
         state, zero = at.state, max(ZERO, OWED * at.drift)
         less = correction(inertia_factor(state.M), at.J[held], rate, zero=zero)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import DOP853
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.events import Moment
@@ -29,7 +29,7 @@ class RungeKutta4:
     compare two steps, or `rbd.DormandPrince8`. A step must be short against the fastest oscillation w: beyond 2.8 / w it is
     unstable.
 
-    >>> trajectory = rbd.simulate(state, robot.loops, duration=10.0, step=1e-3, integrator=rbd.RungeKutta4())
+    >>> trajectory = rbd.simulate(state, robot.loops(), duration=10.0, step=1e-3, integrator=rbd.RungeKutta4())
     """
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
@@ -87,11 +87,11 @@ class DormandPrince8:
     longest: float = 0.05
 
     def __post_init__(self) -> None:
-        if not 1e-13 <= a_number(self.rtol) <= 1e-2:
+        if not 1e-13 <= as_float(self.rtol) <= 1e-2:
             raise InputError(f"rtol of DormandPrince8 is {self.rtol!r:.80}; expected a number from 1e-13 to 1e-2.")
-        if not 1e-18 <= a_number(self.atol) <= 1e-2:
+        if not 1e-18 <= as_float(self.atol) <= 1e-2:
             raise InputError(f"atol of DormandPrince8 is {self.atol!r:.80}; expected a number from 1e-18 to 1e-2.")
-        if not a_number(self.longest) > 0.0:
+        if not as_float(self.longest) > 0.0:
             raise InputError(f"longest of DormandPrince8 is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.points import Measured, Structure
 from rbd.problem.cones import Free
 from rbd.problem.problem import GaussProblem
@@ -92,12 +92,12 @@ def _shortest(G: Array, g: Array) -> Array | None:
         return None
     L, pivots = np.tril(L[:, :rank]), pivots - 1
     R = lapack.dpotrf(L.T @ L, lower=0, clean=0)[0]  # its columns are independent: they have pivots
-    L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * largest(g)
+    L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * max_abs(g)
     for _ in range(_ROUNDS):  # y = L z is in the range of G G^T, and so the shortest
         z = lapack.dpotrs(R, blas.dtrsv(L11, (G @ missed)[pivots[:rank]], lower=1))[0]
         y[pivots] += L @ z
         missed = g - G.T @ y
-        if largest(missed) <= enough:
+        if max_abs(missed) <= enough:
             return y
     return None
 
@@ -105,7 +105,7 @@ def _shortest(G: Array, g: Array) -> Array | None:
 def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
     """Whether forces are in their cones, and within bounds."""
     layout, n = at.layout, at.layout.normals
-    slack = 1e-12 * max(1.0, largest(force))
+    slack = 1e-12 * max(1.0, max_abs(force))
     if (force[n][layout.pushes] < -slack).any():
         return False
     if layout.rubs.any():

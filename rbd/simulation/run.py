@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rbd.arrays import a_number, largest
+from rbd.arrays import as_float, max_abs
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.pushes import ExternalAt
@@ -171,7 +171,7 @@ def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Tra
 
 def _check(moment: Moment) -> None:
     """Nothing that is not finite goes on; q and v were checked by their State."""
-    if not math.isfinite(largest(moment.a)) or np.isnan(moment.a).any():
+    if not math.isfinite(max_abs(moment.a)) or np.isnan(moment.a).any():
         raise NoSolution(f"the acceleration at t = {moment.t:.6g} s is not finite.")
 
 
@@ -197,7 +197,9 @@ def _motion(
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r:.80}; expected a function of state and time that gives torques (nu,).")
     if stabilisation is not None and not isinstance(stabilisation, Projection | Baumgarte):
-        raise InputError(f"stabilisation is {stabilisation!r:.80}; expected rbd.Projection(), rbd.Baumgarte(...) or None.")
+        raise InputError(
+            f"stabilisation is {stabilisation!r:.80}; expected rbd.simulation.Projection(), rbd.constraints.Baumgarte(...) or None."
+        )
     e = _restitution(restitution, names)
     return Motion(state.robot, given, controller, external, law, e, stabilisation, every)
 
@@ -207,15 +209,15 @@ def _restitution(given: float | Mapping[str, float], names: list[str]) -> dict[s
     for name, e in out.items():
         if name not in names:
             raise UnknownName(f"restitution names {name!r:.80}, which is no constraint; {nearest(name, names)}.")
-        if not 0.0 <= a_number(e) <= 1.0:
+        if not 0.0 <= as_float(e) <= 1.0:
             raise InputError(f"restitution of {name!r} is {e!r:.80}; expected a number from 0 (plastic) to 1 (elastic).")
     return out
 
 
 def _times(duration: float, step: float) -> list[float]:
-    if not 0.0 < a_number(duration) < 1e9:
+    if not 0.0 < as_float(duration) < 1e9:
         raise InputError(f"duration is {duration!r:.80}; expected a time above 0 [s], less than 1e9.")
-    if not 0.0 < a_number(step) < 1e9:
+    if not 0.0 < as_float(step) < 1e9:
         raise InputError(f"step is {step!r:.80}; expected a time above 0 [s], less than 1e9.")
     if duration / step > MOST_STEPS:
         raise InputError(f"{duration:g} s by {step:g} s are {duration / step:.3g} steps; expected at most {MOST_STEPS:,}.")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, is_finite, largest
+from rbd.arrays import Array, is_finite, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint import JointLock
 from rbd.constraints.stabilisation import Baumgarte
@@ -141,7 +141,7 @@ class SmoothMotion:
     def _projected(self, held: HeldRows, projection: Projection, t: float) -> HeldRows:
         """Newton's steps in position, and with each of them velocity: a step's error is small, so that one of both will do."""
         solver = self._solver
-        if held.drift > OPEN + self._open or held.drift_rate > TORN * max(1.0, largest(held.state.v)):
+        if held.drift > OPEN + self._open or held.drift_rate > TORN * max(1.0, max_abs(held.state.v)):
             worst = int(np.argmax(np.abs(held.error) if held.drift > OPEN + self._open else np.abs(held.velocity)))
             raise NoSolution(
                 f"the step to t = {t:.6g} s of {self.motion.robot.name} is too long for how sharply it turns: it leaves "
@@ -233,7 +233,7 @@ class SmoothMotion:
         state, solver = held.state, self._solver
         v, forces, chart = state.v, rhs + state.h, self.charts.at(state.q)
         e1, mean = ASIDE * NEAR / rate, []
-        if 3.0 * e1 * largest(a) > largest(v):
+        if 3.0 * e1 * max_abs(a) > max_abs(v):
             return a  # so slow that it turns round here
         for e in (e1, 2.0 * e1, 3.0 * e1):
             found = []
@@ -242,7 +242,7 @@ class SmoothMotion:
                 beside = self._held(self._state(chart.q(xi), v + side * a, t), self._anchored)
                 there = self._projected(beside, projection, t)
                 moved = pin.difference(self.motion.robot.model, beside.state.q, there.state.q)
-                if largest(moved) > AVOIDED * largest(xi) ** 2:
+                if max_abs(moved) > AVOIDED * max_abs(xi) ** 2:
                     return solver.acceleration(held, rhs, t, directly=True).a
                 found.append(solver.acceleration(there, forces - there.state.h, t, directly=True).a)
             mean.append(0.5 * (found[0] + found[1]))
@@ -266,13 +266,13 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
             )
         if not isinstance(motion.stabilisation, Projection) or not len(r):
             continue
-        off = 0.0 if r.error is None else largest(r.error)
+        off = 0.0 if r.error is None else max_abs(r.error)
         if off > OPEN:
             return (
                 f"{r.name!r:.80} is off by {off:.3g} m (or rad) at the start. Close it first, with rbd.mechanism.assemble, or "
-                "give stabilisation=rbd.Baumgarte(frequency), which pulls it together."
+                "give stabilisation=rbd.constraints.Baumgarte(frequency), which pulls it together."
             )
-        speed = largest(velocity_of(r, state))
+        speed = max_abs(velocity_of(r, state))
         if speed > MOVES:
             return (
                 f"{r.name!r:.80} holds, and moves at {speed:.3g} m/s (or rad/s) at the start: that is an impact. Give a state "

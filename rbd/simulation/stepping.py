@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, zeros
+from rbd.arrays import Array, as_float, zeros
 from rbd.constraints.sources import sources_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError
@@ -66,7 +66,7 @@ class TimeStepping:
     extrapolate: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 < a_number(self.impact_speed) <= 1e3:
+        if not 0.0 < as_float(self.impact_speed) <= 1e3:
             raise InputError(f"impact_speed is {self.impact_speed!r:.80}; expected a speed above 0 [m/s].")
         if isinstance(self.impacts, bool) or not isinstance(self.impacts, int | np.integer) or not 0 <= self.impacts <= 10_000:
             raise InputError(f"impacts is {self.impacts!r:.80}; expected a whole number from 0.")

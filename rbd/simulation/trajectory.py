@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast, overload
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.control.pushes import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -217,7 +217,7 @@ class Trajectory:
         Raises:
             InputError: a time outside the trajectory.
         """
-        if not self.times[0] <= a_number(t) <= self.times[-1]:
+        if not self.times[0] <= as_float(t) <= self.times[-1]:
             raise InputError(f"t is {t!r:.80}; expected a time from {self.times[0]:g} to {self.times[-1]:g} s.")
         i = int(np.searchsorted(self.times, t, side="right")) - 1
         if self.times[i] == t:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import Array, a_number
+from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
@@ -93,7 +93,7 @@ def fields_of(
         "points": {name: found(f"points_{key[name]}") for name in contacts},
         "point_forces": {name: found(f"point_forces_{key[name]}") for name in contacts},
         "events": tuple(_event(given) for given in _list(header, "events")),
-        "step": a_number(header.get("step")),
+        "step": as_float(header.get("step")),
         **{word: header.get(word) for word in WORDS},
     }
 

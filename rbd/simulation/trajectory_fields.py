@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, numbers
+from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.simulation.events import Event
@@ -97,7 +97,7 @@ def checked(fields: Fields) -> dict[str, Any]:
     for word in WORDS:
         if not isinstance(fields[word], str):
             raise InputError(f"{word} of a trajectory is {fields[word]!r:.80}; expected text.")
-    if not a_number(fields["step"]) >= 0.0 or a_number(fields["step"]) == np.inf:
+    if not as_float(fields["step"]) >= 0.0 or as_float(fields["step"]) == np.inf:
         raise InputError(f"step of a trajectory is {fields['step']!r:.80}; expected seconds.")
     return out
 
@@ -116,7 +116,7 @@ def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = 
     """
     out = value
     if type(value) is not np.ndarray or value.dtype != float or value.flags.writeable:
-        out = numbers(f"{what} of a trajectory", value)
+        out = as_array(f"{what} of a trajectory", value)
         out.flags.writeable = False
     if len(out.shape) != len(shape) or any(k is not None and k != m for k, m in zip(shape, out.shape, strict=True)):
         told = ", ".join("any" if k is None else str(k) for k in shape)

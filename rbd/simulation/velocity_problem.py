@@ -9,7 +9,7 @@ M = L L^T, W = L^-1 J^T and y = L^-1 (M v + h (...)),
     u+ = W^T W p + W^T y + offset,        v+ = L^-T (y + W p)
 
 What is tried, in order: the shortest impulses that hold every row still, and those near the last ones; Newton's steps; all that
-`rbd.ADMM` tries. The problem itself is put together only for the last.
+`rbd.ConeSolver` tries. The problem itself is put together only for the last.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, inertia_factor, is_finite, largest
+from rbd.arrays import Array, inertia_factor, is_finite, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
@@ -31,7 +31,7 @@ from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
-from rbd.solvers.admm import ADMM, holding
+from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.contact_solve import Stillness
 from rbd.solvers.kkt import independent_factor
 from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
@@ -135,7 +135,7 @@ class VelocitySolver:
             D, u = W.T @ W, W.T @ y + c
             if not is_finite(u):
                 raise NoSolution(f"the velocity of {_names(chosen)} is not finite at this state.")
-            if largest(u) < _NOTHING:
+            if max_abs(u) < _NOTHING:
                 u = np.zeros(len(u))
 
             def problem() -> GaussProblem:
@@ -144,7 +144,7 @@ class VelocitySolver:
 
             f, merit, least = self._impulses(chosen, D, u, guess[index], None if shift is None else shift[index], h, problem)
             if left_out:
-                merit = max(merit, self._contradiction(chosen, at, left_out / (max(h, largest(u)) or 1.0)))
+                merit = max(merit, self._contradiction(chosen, at, left_out / (max(h, max_abs(u)) or 1.0)))
             impulse[index] = f
             y = y + W @ f
         v = blas.dtrsv(L, y, lower=1, trans=1)
@@ -175,7 +175,7 @@ class VelocitySolver:
     ) -> tuple[Array, float, bool]:
         """(row impulses, how far they are from the law, whether they are known to be the shortest)."""
         if chosen.bilateral:
-            return *_held(D, u, max(h, largest(u)) or 1.0, problem), False
+            return *_held(D, u, max(h, max_abs(u)) or 1.0, problem), False
         if shift is None and chosen.stillness is not None:
             shortest = chosen.stillness.impulses(D, u, np.zeros(len(u)), STILL, others=False)
             if shortest is not None:
@@ -211,8 +211,8 @@ class VelocitySolver:
         return x, merit, S
 
     def _searched(self, P: GaussProblem) -> tuple[Array, float]:
-        """The long way: all that `rbd.ADMM` tries."""
-        found = Solution.of(ADMM(law=self.law).solve(P))
+        """The long way: all that `rbd.ConeSolver` tries."""
+        found = Solution.of(ConeSolver(law=self.law).solve(P))
         if not found.residuals.within(USABLE):
             names = ", ".join(r.name for r in P.rows)
             raise NoSolution(
@@ -281,7 +281,7 @@ class RedundantRows:
         within = Vt.T @ (Vt @ told)
         W, c = W.copy(), c.copy()
         W[:, held], c[held] = (U * s) @ Vt * norms, within * norms
-        return W, c, largest((told - within) * norms)
+        return W, c, max_abs((told - within) * norms)
 
 
 def _exact(S: Scaled) -> float:
@@ -323,7 +323,7 @@ def _held(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) 
     else:
         W = problem().whitened
         f = np.linalg.lstsq(W, -np.linalg.lstsq(W.T, u, rcond=1e-10)[0], rcond=1e-10)[0]
-    return f, largest(D @ f + u) / size
+    return f, max_abs(D @ f + u) / size
 
 
 def _names(chosen: _Chosen) -> str:

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, largest, lazy
+from rbd.arrays import Array, lazy, max_abs
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
@@ -46,7 +46,7 @@ _FIXED_POINT_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class ADMM:
+class ConeSolver:
     """Contact forces in true cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
     Weights w in the product of the parts (`problem.parts`) with
@@ -100,7 +100,7 @@ class ADMM:
             point = T.sliding[0]
             return (
                 f"{point.rows!r} slides at {point.speed:.3g} m/s: its friction follows its motion, which the convex law does "
-                "not know. Use rbd.ADMM(law='coulomb')."
+                "not know. Use rbd.ConeSolver(law='coulomb')."
             )
         return None
 
@@ -112,7 +112,7 @@ class ADMM:
         start = time.perf_counter()
         P = checked(problem)
         if P.bilateral:
-            return replace(KKT().solve(P), solver="ADMM")
+            return replace(KKT().solve(P), solver="ConeSolver")
         if P.parts.sliding:
             return _of_sliding(P, start)
         return _Search(P, self.law, start).run(self.starts if self.law == "coulomb" else 1)
@@ -125,7 +125,7 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
     answers = sliding_answers(P)
     found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.parts.size)),)
     solutions = [
-        Answer(P, a, f, w, "coulomb", "ADMM", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
+        Answer(P, a, f, w, "coulomb", "ConeSolver", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
     ]
     return replace(solutions[0], others=tuple(solutions[1:]))
 
@@ -148,7 +148,7 @@ class _Search:
         T = self.P.parts
         w = holding(self.P)
         first = T.project(w)
-        holds = wanted == 1 and largest(first - w) <= 1e-13 * largest(w)
+        holds = wanted == 1 and max_abs(first - w) <= 1e-13 * max_abs(w)
         if holds and (self._judge(first) or self._judge(self._firmer(first))):
             return self.answers[0]
         S, W = self.S, self.W
@@ -273,14 +273,14 @@ class _Search:
         f = self.P.parts.G @ w
         a = constrained(self.P, f)
         seconds, redundant = time.perf_counter() - self.start, self.redundant
-        found = Answer(self.P, a, f, w, self.law, "ADMM", self.iterations, seconds, reason=reason, redundant=redundant)
+        found = Answer(self.P, a, f, w, self.law, "ConeSolver", self.iterations, seconds, reason=reason, redundant=redundant)
         if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
             found = refined(found, by_newton(self.S, self.P.parts, coulomb=self.coulomb), self.P.parts)
         if not found.residuals.within(SOLVED):
             if self.best is None or found.residuals.less_than(self.best.residuals):
                 self.best = found
             return False
-        if all(largest(found.a - other.a) > 1e-6 * max(1.0, largest(found.a)) for other in self.answers):
+        if all(max_abs(found.a - other.a) > 1e-6 * max(1.0, max_abs(found.a)) for other in self.answers):
             self.answers.append(found)
         return True
 

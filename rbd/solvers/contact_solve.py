@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.problem.parts import Parts
 
 _DAMPING = 1e-7
@@ -45,7 +45,7 @@ class Stillness:
             others: Whether to look farther from the guess where the nearest answer is outside the sets.
         """
         sizes = [size for size in D.diagonal().tolist() if size > 0.0]  # a row that moves nothing, as in a plane, is still
-        rate = largest(u)
+        rate = max_abs(u)
         if not sizes or rate == 0.0:
             return None
         top, least = max(sizes), min(sizes)
@@ -65,7 +65,7 @@ class Stillness:
                     return None
                 w = other
             missed = D @ w + u
-            merit = unit * largest(missed)
+            merit = unit * max_abs(missed)
             if merit <= exact and (others or last):  # from zero one more round, to rounding: what rests is not to creep
                 return (w, merit) if i == 0 or self._allow(w) else None
             last = merit <= exact

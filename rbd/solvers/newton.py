@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
-from rbd.arrays import Array, identity, largest
+from rbd.arrays import Array, identity, max_abs
 from rbd.problem.parts import Parts
 
 PROXIMAL = 1e-7
@@ -114,7 +114,7 @@ def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
     floor = 1e-12 * size.max(initial=0.0)
     s = 1.0 / np.sqrt(np.maximum(size, floor if floor > 0.0 else 1.0))
     q = s * y_free
-    rate = largest(q)
+    rate = max_abs(q)
     lower, upper = order.lower, order.upper
     if order.singles:
         lower, upper = lower / s[: order.singles], upper / s[: order.singles]
@@ -152,7 +152,7 @@ def steps_from(
     D, q = problem.D, problem.q
     shifted = D + (proximal - 1.0) * identity(len(w))  # Newton's matrix I - V + V D is I + V (D - I)
     gap, edges = _gap(problem, w, D @ w + q, coulomb)
-    merit, square = largest(gap), float(gap @ gap)
+    merit, square = max_abs(gap), float(gap @ gap)
     best, least = w, merit
     step = 0
     while step < iterations and least > exact and square < math.inf:
@@ -167,7 +167,7 @@ def steps_from(
             if square <= before * (1.0 - 1e-4 * t):
                 break
             t *= 0.5
-        w, merit, step = new, largest(gap), step + 1
+        w, merit, step = new, max_abs(gap), step + 1
         if merit < least:
             best, least = w, merit
         if before < 1e-22 and square > 0.1 * before:  # rounding
@@ -193,7 +193,7 @@ def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, 
     for _ in range(outer):
         about = replace(firm, q=problem.q - _YIELDS * w)
         w, reached, _ = steps_from(about, w, coulomb=coulomb, iterations=iterations, proximal=0.0)
-        merit = largest(_gap(problem, w, problem.D @ w + problem.q, coulomb)[0])
+        merit = max_abs(_gap(problem, w, problem.D @ w + problem.q, coulomb)[0])
         if not merit < least:
             break
         best, least = w, merit

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, identity, is_finite, largest, zeros
+from rbd.arrays import Array, identity, is_finite, max_abs, zeros
 from rbd.problem.answer import Answer
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import nonnegative
@@ -59,7 +59,7 @@ class ProxQP:
         r = problem.slipping[0]
         return (
             f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid of forces says. "
-            "Use rbd.ADMM()."
+            "Use rbd.ConeSolver()."
         )
 
     def solve(self, problem: GaussProblem) -> Answer:
@@ -89,7 +89,7 @@ class ProxQP:
         if bounded is not None:
             along, opening, holds = bounded.along, bounded.opening, bounded.holds
         # Of the QP's data; far from one, its tolerances would mean nothing.
-        length, rate = _size(math.sqrt(largest(P.delassus.diagonal()))), _size(largest(opening))
+        length, rate = _size(math.sqrt(max_abs(P.delassus.diagonal()))), _size(max_abs(opening))
         A: Array | None = along if length == 1.0 else along / length
         b: Array | None = opening * (-1.0 / rate)
         C: Array | None = None
@@ -161,7 +161,7 @@ def too_steep(failed: Answer) -> str:
             most = lost
             out = (
                 f"{rows.name} has friction {mu:.3g}, too much for a pyramid in double precision: its normal force is a sum of "
-                "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ADMM(), whose "
+                "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ConeSolver(), whose "
                 "cones are true ones, or friction=None for a contact that holds"
             )
     return out
@@ -238,8 +238,8 @@ def _size(top: float) -> float:
 def _exact(found: Answer) -> bool:
     """Whether residuals are at most `POLISH` times the largest numbers of the problem, and solved."""
     P, (momentum, gap, off_cone, slack, _) = found.problem, found.residuals.values
-    force = POLISH * max(1.0, largest(P.rhs), largest(found.multipliers))
-    rate = max(1.0, largest(found.a))
+    force = POLISH * max(1.0, max_abs(P.rhs), max_abs(found.multipliers))
+    rate = max(1.0, max_abs(found.a))
     near = momentum <= force and gap <= POLISH * rate and off_cone <= force and slack <= force * rate
     return near and found.residuals.within(SOLVED)
 

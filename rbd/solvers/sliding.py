@@ -14,7 +14,7 @@ from itertools import combinations, islice, product
 
 import numpy as np
 
-from rbd.arrays import Array, identity, largest
+from rbd.arrays import Array, identity, max_abs
 from rbd.problem.answer import Answer
 from rbd.problem.parts import Sliding
 from rbd.problem.problem import GaussProblem, checked
@@ -114,7 +114,7 @@ class _Search:
         """What weights give, refined where they are near an answer."""
         w = self.T.project(w)
         f = self.T.G @ w
-        found = Answer(self.P, constrained(self.P, f), f, w, "coulomb", "ADMM", 1, 0.0)
+        found = Answer(self.P, constrained(self.P, f), f, w, "coulomb", "ConeSolver", 1, 0.0)
         if found.residuals.within(SOLVED) or not found.residuals.within(NEAR):
             return found
         S = scaled(self.mixed.A, self.mixed.b, self.T)
@@ -154,14 +154,14 @@ class _Search:
     def _undecided(self, w: Array) -> list[str]:
         """The contacts whose loads can change together with the motion, each contact point kept in its mode."""
         M, T = self.mixed, self.T
-        scale, y, small = float(np.abs(M.A.diagonal()).max()), M.A @ w + M.b, 1e-9 * largest(w)
+        scale, y, small = float(np.abs(M.A.diagonal()).max()), M.A @ w + M.b, 1e-9 * max_abs(w)
         free = (w > M.lower + small) & (w < M.upper - small)
         K = np.where(free[:, None], M.A, scale * np.eye(len(w)))  # K dw = 0 keeps the modes: y = 0, or w where it is
         for i, mu in zip(T.cone_at.tolist(), T.mu.tolist(), strict=True):
             at, t, n, rate = slice(i, i + 2), float(np.hypot(w[i], w[i + 1])), float(w[i + 2]), float(np.hypot(y[i], y[i + 1]))
             if n <= small:
                 K[i : i + 3] = scale * np.eye(len(w))[i : i + 3]
-            elif t > (1.0 - 1e-6) * mu * n and rate > 1e-9 * largest(M.b):  # slips: w_t = -mu w_n d, d along y_t
+            elif t > (1.0 - 1e-6) * mu * n and rate > 1e-9 * max_abs(M.b):  # slips: w_t = -mu w_n d, d along y_t
                 d = y[at] / rate
                 turns = scale * mu * n / rate * (np.eye(2) - np.outer(d, d)) @ M.A[at]
                 K[at] = turns
@@ -172,7 +172,7 @@ class _Search:
         N = Vt[s <= 1e-11 * s[0]].T
         _, moved, turned = np.linalg.svd(M.V @ N, full_matrices=False)
         changes = N @ turned[moved > 1e-5 * np.sqrt(scale)].T
-        return [r.name for r, c in zip(self.P.rows, T.slices, strict=True) if largest(changes[c].ravel()) > 1e-6]
+        return [r.name for r, c in zip(self.P.rows, T.slices, strict=True) if max_abs(changes[c].ravel()) > 1e-6]
 
     def _starts(self, stuck: tuple[Array, ...]) -> Iterator[Array]:
         """Weights with the contacts at rest stuck, and every combination of sliding patches pressing or not."""
@@ -198,7 +198,7 @@ class _Search:
         if holds.any():
             inner, free = M.A[np.ix_(holds, holds)], M.b[holds]
             inverse = np.linalg.pinv(inner, rcond=1e-10)
-            if largest(inner @ (inverse @ free) - free) > 1e-6 * max(1.0, largest(free)):
+            if max_abs(inner @ (inverse @ free) - free) > 1e-6 * max(1.0, max_abs(free)):
                 names = [r.name for r, c in zip(self.P.rows, self.T.slices, strict=True) if holds[c].any()]
                 return f"{what}: rows that hold contradict each other, among {_listed(map(repr, names))}"
             D = D - M.A[np.ix_(own, holds)] @ inverse @ M.A[np.ix_(holds, own)]
@@ -219,7 +219,7 @@ class _Search:
         tells, groups = [], _groups(self.T.sliding)
         for w in weights[:4]:
             load = {name: sum(float(w[s.column]) for s in group) for name, group in groups.items()}
-            leaves = {name: N <= 1e-9 * largest(w) for name, N in load.items()}
+            leaves = {name: N <= 1e-9 * max_abs(w) for name, N in load.items()}
             tells.append(", ".join(f"{n!r} leaves" if leaves[n] else f"{n!r} presses with {load[n]:.4g} N" for n in load))
         listed = "; ".join(f"({i}) {tell}" for i, tell in enumerate(tells, 1))
         more = f"; and {len(weights) - 4} more" if len(weights) > 4 else ""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, largest
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import NoSolution
 from rbd.least_constraint import assembled
@@ -21,7 +21,7 @@ from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
-from rbd.solvers.admm import ADMM
+from rbd.solvers.admm import ConeSolver
 from rbd.solvers.kkt import KKT
 from rbd.solvers.proxqp import ProxQP, law_name
 
@@ -53,7 +53,7 @@ class SolverAnswer:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Agreement:
+class SolverComparison:
     """What every solver said, and where they differ.
 
     Attributes:
@@ -78,7 +78,7 @@ class Agreement:
         return all(x.status is Status.SOLVED for x in self.answers) and self.worst <= SAME
 
     def __repr__(self) -> str:
-        return f"Agreement({len(self.answers)} answers, worst {self.worst:.1e} within a law)"
+        return f"SolverComparison({len(self.answers)} answers, worst {self.worst:.1e} within a law)"
 
     def __str__(self) -> str:
         lines = [f"  {'solver':<24}{'law':<20}{'status':<12}{'worst residual':>15}{'time':>12}"]
@@ -94,17 +94,17 @@ class Agreement:
         return "\n".join([f"{len(self.answers)} solvers; {verdict}, to {self.worst:.1e}", *lines])
 
 
-def agree(
+def compare_solvers(
     state: State,
     tau: Array,
     constraints: Sequence[Constraint] = (),
     *,
     external: External = None,
     rest_speed: float = REST_SPEED,
-) -> Agreement:
+) -> SolverComparison:
     """Every solver's answer to one problem, and where they differ, in a and in what is unique of the forces.
 
-    Asked are `KKT`, `ProxQP`, `ADMM` under both laws, and, where friction cones occur, `ADMM` on ProxQP's own pyramids, so that
+    Asked are `KKT`, `ProxQP`, `ConeSolver` under both laws, and, where friction cones occur, `ConeSolver` on ProxQP's own pyramids, so that
     each law that pyramids stand for has two solvers. What is unique of the forces is their part in the range of J: J^T f
     decides it.
 
@@ -126,11 +126,11 @@ def agree(
     asked: list[tuple[str, Solver, GaussProblem]] = [
         ("KKT", KKT(), problem),
         ("ProxQP", ProxQP(), problem),
-        ("ADMM, convex", ADMM(law="convex"), problem),
-        ("ADMM, coulomb", ADMM(law="coulomb"), problem),
+        ("ConeSolver, convex", ConeSolver(law="convex"), problem),
+        ("ConeSolver, coulomb", ConeSolver(law="coulomb"), problem),
     ]
     if problem.rays.facets and ProxQP().reason_unsupported(problem) is None:
-        asked.insert(2, ("ADMM on pyramids", ADMM(law="convex"), _pyramidal(problem)))
+        asked.insert(2, ("ConeSolver on pyramids", ConeSolver(law="convex"), _pyramidal(problem)))
     answers, refused = [], {}
     unique = _projector(problem)
     for name, solver, posed in asked:
@@ -145,7 +145,7 @@ def agree(
             + [f"{name} does not take it: {why}" for name, why in refused.items()]
         )
         raise NoSolution(f"no solver has an answer ({tried}). rbd.solve says why.", problem=problem)
-    return Agreement(tuple(answers), refused, tuple(_differences(answers)))
+    return SolverComparison(tuple(answers), refused, tuple(_differences(answers)))
 
 
 def _differences(answers: Sequence[SolverAnswer]) -> list[tuple[str, str, float, float]]:
@@ -158,7 +158,7 @@ def _differences(answers: Sequence[SolverAnswer]) -> list[tuple[str, str, float,
 
 
 def _relative(x: Array, y: Array) -> float:
-    return largest(x - y) / max(1.0, largest(x), largest(y))
+    return max_abs(x - y) / max(1.0, max_abs(x), max_abs(y))
 
 
 def _projector(problem: GaussProblem) -> Array:

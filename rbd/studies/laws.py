@@ -16,7 +16,7 @@ from rbd.problem.contact_force import CARRIES_NOTHING_N
 from rbd.problem.parts import REST_SPEED
 from rbd.problem.rays import rays_of
 from rbd.solution import Solution
-from rbd.solvers.admm import ADMM
+from rbd.solvers.admm import ConeSolver
 
 SAME = 1e-7
 """Accelerations of the two laws that differ by less, over max(1, the largest), are the same."""
@@ -125,8 +125,8 @@ def compare_laws(
         NoSolution, ContactMoves, InputError: as `rbd.solve`; a contact that already slides has no convex law.
     """
     problem = assembled(state, tau, constraints, external, rest_speed)
-    convex = answered(problem, ADMM(law="convex"))
-    coulomb = answered(problem, ADMM(law="coulomb"))
+    convex = answered(problem, ConeSolver(law="convex"))
+    coulomb = answered(problem, ConeSolver(law="coulomb"))
     return LawComparison(convex, coulomb, _under(convex), _under(coulomb))
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rbd.arrays import Array, a_number, numbers
+from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -219,7 +219,7 @@ def positive(what: str, value: object, most: float, unit: str) -> float:
     Raises:
         InputError: if it is not.
     """
-    number = a_number(value)
+    number = as_float(value)
     if not 0.0 < number <= most:
         raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
     return number
@@ -271,7 +271,7 @@ def _a_title(title: str | None, trajectory: Trajectory) -> str:
 
 
 def _a_time(what: str, value: object, first: float, last: float) -> float:
-    t = a_number(value)
+    t = as_float(value)
     # A time that was computed as the end may lie a rounding beyond it.
     if not first - 1e-9 <= t <= last + 1e-9:
         raise InputError(f"{what} is {value!r:.80}; the motion runs from {first:g} s to {last:g} s.")
@@ -281,7 +281,7 @@ def _a_time(what: str, value: object, first: float, last: float) -> float:
 def _picture_times(times: Sequence[float] | Array | int, first: float, last: float) -> list[float]:
     if isinstance(times, int | np.integer) and not isinstance(times, bool):
         return [float(t) for t in np.linspace(first, last, a_count("times", times, MOST_PICTURES))]
-    given = numbers("times", times)
+    given = as_array("times", times)
     if given.ndim != 1 or not 1 <= len(given) <= MOST_PICTURES:
         raise InputError(f"times have the shape {given.shape}; expected 1 to {MOST_PICTURES} times in a list.")
     return [_a_time("a time", float(t), first, last) for t in given]

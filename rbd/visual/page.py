@@ -23,7 +23,7 @@ from typing import Any, Protocol
 
 import umsgpack
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.errors import InputError, PictureError
 from rbd.model.forks import renewed_after_fork
 from rbd.model.output_files import check_place, write_file, write_text
@@ -230,7 +230,7 @@ def screenshot(
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
     width, height = a_count("width", width), a_count("height", height)
-    if at is not None and not math.isfinite(a_number(at)):
+    if at is not None and not math.isfinite(as_float(at)):
         raise InputError(f"at is {at!r:.80}; expected a time in seconds.")
     if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from meshcat.geometry import MeshLambertMaterial, MeshPhongMaterial, TriangularMeshGeometry
 
-from rbd.arrays import Array, three
+from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -74,7 +74,7 @@ class Scene:
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
         if arrow_per_weight is not None:
             arrow_per_weight = a_length("arrow_per_weight", arrow_per_weight)
-        seen = three("seen_from", FRONT_LEFT if seen_from is None else seen_from)
+        seen = as_vector3("seen_from", FRONT_LEFT if seen_from is None else seen_from)
         if not seen[:2].any():
             raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
         self._seen_from = None if seen_from is None else seen

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rbd.arrays import a_number
+from rbd.arrays import as_float
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place
 
@@ -127,7 +127,7 @@ def a_length(what: str, value: object) -> float:
     Raises:
         InputError: if it is not.
     """
-    length = a_number(value)
+    length = as_float(value)
     if not 0.0 < length < 1e100:
         raise InputError(f"{what} is {value!r:.80}; expected a length above zero, in metres.")
     return length

@@ -23,7 +23,7 @@ BEAD = rbd.PointContact("floor", "box", friction=MU)  # at the centre of mass: a
 def moved(contacts: Sequence[object], push: Sequence[float], v: Sequence[float] = (0.0,) * 6) -> rbd.Solution:
     """A box under Coulomb's law."""
     state = rbd.State(ROBOT, pin.neutral(ROBOT.model), np.array(v))
-    return rbd.solve(state, np.zeros(0), contacts, external=rbd.ExternalForce("box", push), solver=rbd.ADMM())
+    return rbd.solve(state, np.zeros(0), contacts, external=rbd.ExternalForce("box", push), solver=rbd.ConeSolver())
 
 
 class Spin:
@@ -33,7 +33,7 @@ class Spin:
 
     def rows(self, state: rbd.State) -> Rows:
         """One row of the angular velocity."""
-        return Rows("spin", np.eye(6)[5:], np.zeros(1), rbd.Free(1))
+        return Rows("spin", np.eye(6)[5:], np.zeros(1), rbd.problem.Free(1))
 
 
 def test_what_is_held_beside_a_point_that_slides_leaves_its_friction_alone() -> None:
@@ -52,7 +52,7 @@ def test_a_point_that_moves_away_and_a_joint_that_rubs_as_it_moves_have_no_say()
     assert away.active == {"floor": ("opens",)} and not away.forces["floor"].dexternal.any()
     arm = rbd.load_robot("panda", root="fixed")
     state = rbd.State(arm, arm.neutral(), np.full(arm.nv, 0.3))
-    rubs = rbd.solve(state, np.zeros(arm.nu), [rbd.JointFriction("rub", arm.model.names[2], 3.0)], solver=rbd.ADMM())
+    rubs = rbd.solve(state, np.zeros(arm.nu), [rbd.JointFriction("rub", arm.model.names[2], 3.0)], solver=rbd.ConeSolver())
     pushed = -3.0 * np.eye(arm.nv)[1]
     alone = rbd.solve(state, np.zeros(arm.nu), [], external=pushed)
     assert np.abs(rubs.a - alone.a).max() < 1e-9 and rubs.derivatives().active == {"rub": ("yields",)}
@@ -89,7 +89,7 @@ def test_a_patch_that_slips_straight_resists_a_turn_by_where_its_load_stands() -
 
 def test_rows_that_repeat_each_other_and_are_driven_apart_are_refused() -> None:
     """Twice the same row: moved alike it follows, moved apart there is no motion."""
-    twice = [Rows(name, np.eye(2)[:1], np.zeros(1), rbd.Free(1)) for name in ("one", "other")]
+    twice = [Rows(name, np.eye(2)[:1], np.zeros(1), rbd.problem.Free(1)) for name in ("one", "other")]
     held = ActiveSet(rbd.KKT().solve(rbd.GaussProblem(np.eye(2), np.ones(2), twice)))
     none = np.zeros((2, 1))
     da, _ = held.derivative(none, np.array([[1.0], [1.0]]), none)
@@ -101,12 +101,12 @@ def test_rows_that_repeat_each_other_and_are_driven_apart_are_refused() -> None:
 def test_where_friction_and_what_slides_lock_each_other_there_is_no_derivative() -> None:
     """Painleve's limit, n . J M^-1 J^T (n - mu t) = 0: any normal force gives one and the same normal acceleration."""
     J = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    floor = Rows("floor", J, np.zeros(3), rbd.FrictionCone(1.0), velocity=np.array([0.5, 0.0, 0.0]))
+    floor = Rows("floor", J, np.zeros(3), rbd.problem.FrictionCone(1.0), velocity=np.array([0.5, 0.0, 0.0]))
     P = rbd.GaussProblem(np.eye(3), np.zeros(3), [floor])
     w = np.array([10.0])
     f = P.parts.G @ w
     s = rbd.Solution(P, J.T @ f, f, w, "coulomb", "by hand", 1, 0.0)
-    assert s.status is rbd.Status.SOLVED and f == pytest.approx([-10.0, 0.0, 10.0])
+    assert s.status is rbd.problem.Status.SOLVED and f == pytest.approx([-10.0, 0.0, 10.0])
     with pytest.raises(NotDifferentiable, match="lock each other"):
         ActiveSet(s)
 

@@ -23,7 +23,7 @@ def _pushed(corners, push, at=(0.0, 0.0, 0.0), friction=0.6, law="coulomb") -> r
         rbd.PointContact(f"c{i}", "box", offset=(0.2 * x, 0.2 * y, -0.1), friction=friction) for i, (x, y) in enumerate(corners)
     ]
     force = rbd.ExternalForce("box", push, offset=at)
-    return rbd.solve(rbd.State(robot, q), np.zeros(0), points, external=force, solver=rbd.ADMM(law=law))
+    return rbd.solve(rbd.State(robot, q), np.zeros(0), points, external=force, solver=rbd.ConeSolver(law=law))
 
 
 FOUR = [(1, 1), (1, -1), (-1, -1), (-1, 1)]

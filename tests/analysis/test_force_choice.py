@@ -49,7 +49,7 @@ def noisy(talos) -> list[rbd.Solution]:
     found = []
     for size in (0.0, 6.0, 12.0, 20.0):
         noise = size * rng.normal(size=talos.nu)
-        for solver in (rbd.ProxQP(), rbd.ADMM(law="coulomb"), rbd.ADMM(law="convex")):
+        for solver in (rbd.ProxQP(), rbd.ConeSolver(law="coulomb"), rbd.ConeSolver(law="convex")):
             found.append(rbd.solve(state, tau + noise, talos.soles(0.5), solver=solver))
     assert {s.law for s in found} == {"convex, 4 facets", "coulomb", "convex"}
     return found
@@ -66,11 +66,11 @@ def noisy(talos) -> list[rbd.Solution]:
         ((0.45, 0.2), 0.5, (250.0, 100.0, 50.0, 0.0)),
     ],
 )
-@pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ADMM(law="coulomb")], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ConeSolver(law="coulomb")], ids=lambda s: type(s).__name__)
 def test_the_table_stands_on_its_shortest_forces(com, friction, expected, solver):
     """Closed form: f = f0 + t (1, -1, -1, 1); least at t = 0, or where the leg that would pull carries nothing."""
     if friction is not None and solver == rbd.KKT():
-        solver = rbd.ADMM(law="convex")
+        solver = rbd.ConeSolver(law="convex")
     s = table(com, friction, solver)
     chosen = s.with_forces()
     assert chosen.force_choice == CHOSEN and chosen.status == "solved"
@@ -105,7 +105,7 @@ def test_two_held_feet_share_a_load_with_the_least_corner_forces():
     corners = np.concatenate([s.corner_forces[name].ravel() for name in ("left", "right")])
     C = np.zeros((12, 24))
     for i, rows in enumerate(s.problem.rows):
-        C[6 * i : 6 * i + 6, 12 * i : 12 * i + 12] = rbd.WrenchCone(rows.patch.corners, 0.0).corner_map
+        C[6 * i : 6 * i + 6, 12 * i : 12 * i + 12] = rbd.problem.WrenchCone(rows.patch.corners, 0.0).corner_map
     assert C @ corners == pytest.approx(s.multipliers, abs=1e-10)
     shortest = np.linalg.pinv(s.problem.J.T @ C) @ (s.problem.J.T @ s.multipliers)  # all corners at once, no rows
     assert corners == pytest.approx(shortest, abs=1e-9)
@@ -196,7 +196,9 @@ def test_where_rows_are_independent_the_row_forces_stay_as_they_are(noisy):
 def test_what_is_unique_is_said_to_be():
     """One foot on a point: nothing to choose."""
     s = rbd.solve_problem(
-        rbd.GaussProblem(np.eye(3), np.array([1.0, 0.0, -9.0]), [Rows("toe", np.eye(3), np.zeros(3), rbd.FrictionCone(0.5))])
+        rbd.GaussProblem(
+            np.eye(3), np.array([1.0, 0.0, -9.0]), [Rows("toe", np.eye(3), np.zeros(3), rbd.problem.FrictionCone(0.5))]
+        )
     )
     assert s.force_choice == "unique" and s.with_forces().force_choice == "unique"
 
@@ -207,7 +209,7 @@ def test_what_is_unique_is_said_to_be():
 )
 def test_weights_move_the_load_to_where_it_costs_less(weight, t):
     """Minimise sum w f^2 along f0 + t (1, -1, -1, 1): t = -sum(w n f0) / sum(w), up to where a leg carries nothing."""
-    for s in (table((0.15, -0.1), 0.0), table((0.15, -0.1), 0.5), table((0.15, -0.1), 0.5, rbd.ADMM())):
+    for s in (table((0.15, -0.1), 0.0), table((0.15, -0.1), 0.5), table((0.15, -0.1), 0.5, rbd.ConeSolver())):
         chosen = s.with_forces(weight)
         assert chosen.force_choice == "minimum of the given weight" and chosen.status == "solved"
         expected = np.array([100, 150, 50, 100]) + t * np.array([1, -1, -1, 1])
@@ -271,7 +273,7 @@ def test_a_weight_names_its_contact():
 def test_what_is_no_answer_has_no_other_forces(talos):
     """Rows that contradict each other: with_forces refuses, settled returns the same, and the choice is the solver's."""
     e = np.eye(3)
-    rows = [Rows("one", e[:1], np.zeros(1), rbd.Free(1)), Rows("two", e[:1], np.ones(1), rbd.Free(1))]
+    rows = [Rows("one", e[:1], np.zeros(1), rbd.problem.Free(1)), Rows("two", e[:1], np.ones(1), rbd.problem.Free(1))]
     s = rbd.solve_problem(rbd.GaussProblem(np.eye(3), np.ones(3), rows), solver=rbd.KKT(), check=False)
     with pytest.raises(NoSolution):
         s.with_forces()
@@ -282,8 +284,15 @@ def test_rows_without_corners_count_with_their_own_forces():
     """Two parallel rows in other units share a load of 6: least f1^2 + f2^2 with f1 + 2 f2 = 6."""
     patch = Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), None)
     rows = [
-        Rows("plain", np.array([[1.0]]), np.zeros(1), rbd.NonNegative(1)),
-        Rows("toe", np.array([[2.0]]), np.zeros(1), rbd.NonNegative(1), resultant=np.array([[0.0], [0.0], [1.0]]), patch=patch),
+        Rows("plain", np.array([[1.0]]), np.zeros(1), rbd.problem.NonNegative(1)),
+        Rows(
+            "toe",
+            np.array([[2.0]]),
+            np.zeros(1),
+            rbd.problem.NonNegative(1),
+            resultant=np.array([[0.0], [0.0], [1.0]]),
+            patch=patch,
+        ),
     ]
     s = rbd.solve_problem(rbd.GaussProblem(np.eye(1), np.array([-6.0]), rows)).with_forces()
     assert s.multipliers == pytest.approx([1.2, 2.4], abs=1e-12) and s.corner_forces.keys() == {"toe"}
@@ -406,7 +415,7 @@ class TestOtherWays:
         feet = [rbd.PointContact(name, "box", offset=(x, 0.0, -0.1), friction=0.6) for name, x in places.items()]
         state, push = rbd.State(box(), np.array([0, 0, 0.1, 0, 0, 0, 1.0])), 0.6 * 98.1
         force = rbd.ExternalForce("box", (push, 0.0, 0.0))
-        s = rbd.solve(state, np.zeros(0), feet, external=force, solver=rbd.ADMM(law="coulomb"))
+        s = rbd.solve(state, np.zeros(0), feet, external=force, solver=rbd.ConeSolver(law="coulomb"))
         monkeypatch.setattr("rbd.analysis.force_choice.least_squares", lambda *_: None)
         for name, sign in (("front", 1.0), ("back", -1.0)):
             N = 0.5 * 98.1 + sign * push * 0.1 / 0.4
@@ -419,14 +428,14 @@ def test_weights_that_are_not_given_are_any_that_make_the_force(noisy):
     f, w = minimum_norm(sticks.problem, sticks.a, sticks.multipliers, None, sticks.law)
     assert f == pytest.approx(sticks.multipliers, abs=1e-9) and sticks.problem.rays.G @ w == pytest.approx(f, abs=1e-9)
     slips = replace(noisy[9], weights=None)
-    assert noisy[9].status is rbd.Status.SOLVED and slips.status is rbd.Status.FAILED
+    assert noisy[9].status is rbd.problem.Status.SOLVED and slips.status is rbd.problem.Status.FAILED
     with pytest.raises(NoSolution):
         slips.with_forces()
 
 
 def test_rays_without_friction_are_all_one():
     """Of mu = 0 the four rays are the normal; two cones side by side share a load of 6 evenly, whichever rays carried it."""
-    rows = [Rows(name, np.eye(3), np.zeros(3), rbd.FrictionCone(0.0)) for name in ("one", "two")]
+    rows = [Rows(name, np.eye(3), np.zeros(3), rbd.problem.FrictionCone(0.0)) for name in ("one", "two")]
     P = rbd.GaussProblem(np.eye(3), np.array([0.0, 0.0, -6.0]), rows)
     f, weights = np.array([0, 0, 6.0, 0, 0, 0]), np.r_[1.0, 2.0, 0.0, 3.0, np.zeros(4)]
     f, w = minimum_norm(P, np.zeros(3), f, weights, "convex, 4 facets")

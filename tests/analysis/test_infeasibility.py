@@ -23,7 +23,7 @@ from rbd.solvers.qp import QPResult
 from rbd.testing.reference import box
 
 MU = 0.5
-RUB = rbd.Box([-1.0], [2.0])  # type: ignore[arg-type]
+RUB = rbd.problem.Box([-1.0], [2.0])  # type: ignore[arg-type]
 TINY = 1e-11
 
 
@@ -47,17 +47,17 @@ def stacked(P: rbd.GaussProblem, parts: dict[str, Array]) -> Array:
 
 def off_cone(cone: rbd.problem.cones.Cone, f: Array, law: str) -> float:
     """Distance of row forces to what may push or pull, by closed forms; for Coulomb's law along normals alone."""
-    if isinstance(cone, rbd.FrictionCone) and "facets" in law:
+    if isinstance(cone, rbd.problem.FrictionCone) and "facets" in law:
         return max(0.0, abs(f[0]) - cone.mu * f[2], abs(f[1]) - cone.mu * f[2])  # four facets
-    if isinstance(cone, rbd.FrictionCone) and law == "coulomb":
+    if isinstance(cone, rbd.problem.FrictionCone) and law == "coulomb":
         return float(np.hypot(f[0], f[1]) + max(0.0, -f[2]))
-    if isinstance(cone, rbd.FrictionCone):
+    if isinstance(cone, rbd.problem.FrictionCone):
         return float(max(0.0, np.hypot(f[0], f[1]) - cone.mu * f[2]))
-    if isinstance(cone, rbd.NonNegative):
+    if isinstance(cone, rbd.problem.NonNegative):
         return float(np.maximum(-f, 0.0).max())
-    if isinstance(cone, rbd.Box):
+    if isinstance(cone, rbd.problem.Box):
         return float(np.abs(f).max())
-    assert isinstance(cone, rbd.Free)
+    assert isinstance(cone, rbd.problem.Free)
     return 0.0
 
 
@@ -87,7 +87,7 @@ def driven(r: Rows, away: float) -> Rows:
 
 def squeezed() -> rbd.GaussProblem:
     """One coordinate between two stops with opposite feedback: a >= 1 and a <= -2."""
-    return problem(rows("low", [[1]], [-1], rbd.NonNegative(1)), rows("high", [[-1]], [-2], rbd.NonNegative(1)))
+    return problem(rows("low", [[1]], [-1], rbd.problem.NonNegative(1)), rows("high", [[-1]], [-2], rbd.problem.NonNegative(1)))
 
 
 @pytest.mark.parametrize("law", ["convex", "coulomb", "convex, 4 facets"])
@@ -103,9 +103,9 @@ def test_two_stops_squeeze(law: str) -> None:
 def test_a_joint_limit_against_a_held_frame() -> None:
     """A bar of 0.8 m at its stop (angle must grow), its tip drawn down by 2 m/s2: the two are named, a third joint is not."""
     P = problem(
-        rows("stop", [[1, 0]], [0], rbd.NonNegative(1)),
-        rows("tip", [[0.8, 0]], [2], rbd.Free(1)),
-        rows("neck", [[0, 1]], [5], rbd.Free(1)),
+        rows("stop", [[1, 0]], [0], rbd.problem.NonNegative(1)),
+        rows("tip", [[0.8, 0]], [2], rbd.problem.Free(1)),
+        rows("neck", [[0, 1]], [5], rbd.problem.Free(1)),
     )
     found = contradiction(P)
     assert_proved(P, found)
@@ -117,9 +117,9 @@ def test_a_joint_limit_against_a_held_frame() -> None:
 def test_three_that_contradict_each_other_though_every_two_agree() -> None:
     """Asked for x >= 1, y >= 1, x + y <= 1/2: the corner of a triangle turned inside out; violation 1/2 each."""
     P = problem(
-        rows("right", [[1, 0]], [-1], rbd.NonNegative(1)),
-        rows("up", [[0, 1]], [-1], rbd.NonNegative(1)),
-        rows("back", [[-1, -1]], [0.5], rbd.NonNegative(1)),
+        rows("right", [[1, 0]], [-1], rbd.problem.NonNegative(1)),
+        rows("up", [[0, 1]], [-1], rbd.problem.NonNegative(1)),
+        rows("back", [[-1, -1]], [0.5], rbd.problem.NonNegative(1)),
     )
     found = contradiction(P)
     assert_proved(P, found)
@@ -131,11 +131,11 @@ def test_three_that_contradict_each_other_though_every_two_agree() -> None:
 def test_the_smallest_of_two_contradictions_is_named() -> None:
     """Three rows contradict each other by 100, two others by 0.01: the two are named, as they are fewer."""
     P = problem(
-        rows("a", [[1, 0, 0]], [-100], rbd.NonNegative(1)),
-        rows("b", [[0, 1, 0]], [-100], rbd.NonNegative(1)),
-        rows("c", [[-1, -1, 0]], [-100], rbd.NonNegative(1)),
-        rows("d", [[0, 0, 1]], [0], rbd.Free(1)),
-        rows("e", [[0, 0, 2]], [0.02], rbd.Free(1)),
+        rows("a", [[1, 0, 0]], [-100], rbd.problem.NonNegative(1)),
+        rows("b", [[0, 1, 0]], [-100], rbd.problem.NonNegative(1)),
+        rows("c", [[-1, -1, 0]], [-100], rbd.problem.NonNegative(1)),
+        rows("d", [[0, 0, 1]], [0], rbd.problem.Free(1)),
+        rows("e", [[0, 0, 2]], [0.02], rbd.problem.Free(1)),
     )
     found = contradiction(P)
     assert_proved(P, found)
@@ -146,7 +146,9 @@ def test_a_constraint_may_contradict_itself_and_its_rows_are_named() -> None:
     """Rows 2 and 4 of five ask for two accelerations of one coordinate."""
     J = np.eye(5)
     J[3] = J[1]
-    P = problem(rows("hand", J, [0, 1, 2, 3, 4], rbd.Free(5)), rows("knee", [[0, 0, 0, 1, 0]], [1], rbd.Free(1)))
+    P = problem(
+        rows("hand", J, [0, 1, 2, 3, 4], rbd.problem.Free(5)), rows("knee", [[0, 0, 0, 1, 0]], [1], rbd.problem.Free(1))
+    )
     found = contradiction(P, "bilateral")
     assert_proved(P, found)
     assert found is not None and dict(found.rows) == {"hand": ("row 2", "row 4")}
@@ -155,14 +157,14 @@ def test_a_constraint_may_contradict_itself_and_its_rows_are_named() -> None:
 
 def test_redundant_rows_that_agree_are_no_contradiction() -> None:
     """The same row thrice, scaled, with the same demand; and four held corners of a box at rest."""
-    P = problem(*[rows(str(i), [[s, 0], [0, -s]], [-s, 2 * s], rbd.Free(2)) for i, s in enumerate((1.0, -3.0, 1e-3))])
+    P = problem(*[rows(str(i), [[s, 0], [0, -s]], [-s, 2 * s], rbd.problem.Free(2)) for i, s in enumerate((1.0, -3.0, 1e-3))])
     assert contradiction(P) is None
     assert contradiction(rbd.gauss_problem(box_state(0.0), [], corners())) is None
 
 
 def test_no_rows_and_rows_that_ask_nothing_do_not_contradict() -> None:
     """Intervals allow any acceleration; no row allows more."""
-    assert contradiction(problem(Rows("none", np.zeros((0, 2)), np.zeros(0), rbd.Free(0)))) is None
+    assert contradiction(problem(Rows("none", np.zeros((0, 2)), np.zeros(0), rbd.problem.Free(0)))) is None
     rub = [rows(str(i), [[1.0]], [7.0 * i], RUB) for i in range(3)]
     assert contradiction(problem(*rub)) is None
 
@@ -177,7 +179,7 @@ def test_random_systems_with_a_known_contradiction(seed: int) -> None:
     A[k - 1] = -(z[:-1] @ A[: k - 1]) / z[-1]
     b[k - 1] -= (z @ b[:k] + rng.uniform(0.1, 1.0)) / z[-1]  # so that z . b < 0
     order = rng.permutation(k + more)
-    P = problem(*[rows(f"row {i}", A[[i]], b[[i]], rbd.NonNegative(1)) for i in order])
+    P = problem(*[rows(f"row {i}", A[[i]], b[[i]], rbd.problem.NonNegative(1)) for i in order])
     found = contradiction(P)
     assert_proved(P, found)
     assert found is not None and set(found.rows) == {f"row {i}" for i in range(k)} and found.smallest
@@ -189,8 +191,8 @@ def test_random_systems_with_a_known_contradiction(seed: int) -> None:
 def floor_and_pull(normal: float, facets: int = 4) -> rbd.GaussProblem:
     """A point on a rough floor that is drawn along (1, 1, normal) m/s2."""
     return problem(
-        rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU, facets)),
-        rows("pull", np.eye(3), [-1, -1, -normal], rbd.Free(3)),
+        rows("floor", np.eye(3), [0, 0, 0], rbd.problem.FrictionCone(MU, facets)),
+        rows("pull", np.eye(3), [-1, -1, -normal], rbd.problem.Free(3)),
     )
 
 
@@ -212,7 +214,9 @@ def test_true_cones_that_miss_each_other(mu: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     angle, R = rng.uniform(0.0, 2.0 * math.pi), np.linalg.qr(rng.normal(size=(3, 3)))[0]
     c = np.array([math.cos(angle), math.sin(angle), 0.9 * mu])
-    P = problem(rows("floor", R, np.zeros(3), rbd.FrictionCone(mu)), rows("pull", np.eye(3), -R.T @ c, rbd.Free(3)))
+    P = problem(
+        rows("floor", R, np.zeros(3), rbd.problem.FrictionCone(mu)), rows("pull", np.eye(3), -R.T @ c, rbd.problem.Free(3))
+    )
     found = contradiction(P)
     assert_proved(P, found)
     # With the pull met, the floor misses by the distance of c to its dual: no more than that is claimed.
@@ -224,8 +228,8 @@ def test_floor_and_ceiling_with_feedback(law: str) -> None:
     """Both press a point away with 1 m/s2: no acceleration does both; normals alone prove it, under every law."""
     down = np.diag([1.0, -1.0, -1.0])
     P = problem(
-        Rows("floor", np.eye(3), np.zeros(3), rbd.FrictionCone(MU), feedback=np.array([0.0, 0.0, -1.0])),
-        Rows("ceiling", down, np.zeros(3), rbd.FrictionCone(MU), feedback=np.array([0.0, 0.0, -1.0])),
+        Rows("floor", np.eye(3), np.zeros(3), rbd.problem.FrictionCone(MU), feedback=np.array([0.0, 0.0, -1.0])),
+        Rows("ceiling", down, np.zeros(3), rbd.problem.FrictionCone(MU), feedback=np.array([0.0, 0.0, -1.0])),
     )
     found = contradiction(P, law)
     assert_proved(P, found, law)
@@ -236,8 +240,12 @@ def test_floor_and_ceiling_with_feedback(law: str) -> None:
 @pytest.mark.parametrize("law", ["convex", "coulomb", "convex, 4 facets"])
 def test_what_moves_away_takes_no_part(law: str) -> None:
     """A floor that the point leaves at 1 m/s pushes nothing: of a lift and a lid the two are named, and never the floor."""
-    leaves = replace(rows("floor", np.eye(3), [0, 0, 3], rbd.FrictionCone(MU)), velocity=np.array([0.0, 0.0, 1.0]))
-    P = problem(leaves, rows("lift", [[0, 0, 1]], [-1], rbd.NonNegative(1)), rows("lid", [[0, 0, -1]], [0], rbd.NonNegative(1)))
+    leaves = replace(rows("floor", np.eye(3), [0, 0, 3], rbd.problem.FrictionCone(MU)), velocity=np.array([0.0, 0.0, 1.0]))
+    P = problem(
+        leaves,
+        rows("lift", [[0, 0, 1]], [-1], rbd.problem.NonNegative(1)),
+        rows("lid", [[0, 0, -1]], [0], rbd.problem.NonNegative(1)),
+    )
     found = contradiction(P, law)
     assert found is not None and set(found.rows) == {"lift", "lid"} and found.smallest
     assert found.violation == pytest.approx(0.5, abs=TINY) and not found.certificate["floor"].any()
@@ -246,7 +254,7 @@ def test_what_moves_away_takes_no_part(law: str) -> None:
 def test_rows_of_a_patch_that_are_no_wrench_are_counted() -> None:
     """Two rows at a place, neither a force nor a wrench: rows 1 and 2, not axes."""
     patch = Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), None)
-    P = problem(replace(rows("odd", [[1.0, 0.0], [1.0, 0.0]], [1.0, 2.0], rbd.Free(2)), patch=patch))
+    P = problem(replace(rows("odd", [[1.0, 0.0], [1.0, 0.0]], [1.0, 2.0], rbd.problem.Free(2)), patch=patch))
     found = contradiction(P)
     assert found is not None and dict(found.rows) == {"odd": ("row 1", "row 2")}
     assert "'odd' (row 1, row 2) contradicts itself" in found.claim
@@ -254,13 +262,13 @@ def test_rows_of_a_patch_that_are_no_wrench_are_counted() -> None:
 
 def test_a_sliding_point_counts_along_its_normal() -> None:
     """Under Coulomb's law a point that slides must not sink; its friction proves nothing, so f is along the normal."""
-    slides = Rows("floor", np.eye(3), np.array([0.0, 0.0, -1.0]), rbd.FrictionCone(MU), np.array([1.0, 0.0, 0.0]))
-    P = problem(slides, rows("pull", [[0, 0, 1]], [0.5], rbd.Free(1)))
+    slides = Rows("floor", np.eye(3), np.array([0.0, 0.0, -1.0]), rbd.problem.FrictionCone(MU), np.array([1.0, 0.0, 0.0]))
+    P = problem(slides, rows("pull", [[0, 0, 1]], [0.5], rbd.problem.Free(1)))
     found = contradiction(P, "coulomb")
     assert_proved(P, found, "coulomb")
-    assert contradiction(problem(slides, rows("pull", [[1, 0, 0]], [9], rbd.Free(1))), "coulomb") is None
-    away = Rows("floor", np.eye(3), np.array([0.0, 0.0, -1.0]), rbd.FrictionCone(MU), np.array([1.0, 0.0, 1.0]))
-    assert contradiction(problem(away, rows("pull", [[0, 0, 1]], [0.5], rbd.Free(1))), "coulomb") is None
+    assert contradiction(problem(slides, rows("pull", [[1, 0, 0]], [9], rbd.problem.Free(1))), "coulomb") is None
+    away = Rows("floor", np.eye(3), np.array([0.0, 0.0, -1.0]), rbd.problem.FrictionCone(MU), np.array([1.0, 0.0, 1.0]))
+    assert contradiction(problem(away, rows("pull", [[0, 0, 1]], [0.5], rbd.problem.Free(1))), "coulomb") is None
 
 
 def box_state(turn: float, tilt: float = 0.0) -> rbd.State:
@@ -358,25 +366,27 @@ def test_rounding_is_no_contradiction(size: float) -> None:
     """Two held rows 1e-12 apart, relative to what they ask: none; and solved. 1e-6 apart: contradictory, and not solved."""
     for apart, wrong in ((1e-12, False), (1e-5, True)):
         far = apart * max(1.0, size)
-        P = problem(rows("one", [[1.0]], [size], rbd.Free(1)), rows("other", [[1.0]], [size + far], rbd.Free(1)))
+        P = problem(
+            rows("one", [[1.0]], [size], rbd.problem.Free(1)), rows("other", [[1.0]], [size + far], rbd.problem.Free(1))
+        )
         assert (contradiction(P) is not None) == wrong
         for solver in (rbd.ProxQP(), rbd.KKT()):
-            assert (rbd.solve_problem(P, solver=solver, check=False).status is rbd.Status.INFEASIBLE) == wrong
-            assert (rbd.solve_problem(P, solver=solver, check=False).status is rbd.Status.SOLVED) != wrong
+            assert (rbd.solve_problem(P, solver=solver, check=False).status is rbd.problem.Status.INFEASIBLE) == wrong
+            assert (rbd.solve_problem(P, solver=solver, check=False).status is rbd.problem.Status.SOLVED) != wrong
 
 
 def test_dependence_to_rounding_is_needed_not_to_a_thousandth() -> None:
     """Rows that are nearly the same can still be met, by a large motion."""
     for angle in (1e-2, 1e-4):
-        P = problem(rows("one", [[1, 0]], [0], rbd.Free(1)), rows("other", [[1, angle]], [1], rbd.Free(1)))
+        P = problem(rows("one", [[1, 0]], [0], rbd.problem.Free(1)), rows("other", [[1, angle]], [1], rbd.problem.Free(1)))
         assert contradiction(P) is None
 
 
 def ladder_of_stops(n: int) -> rbd.GaussProblem:
     """a_1 >= 1, each next one at least 1 above, and the last at most n / 2: n + 1 rows, none of which can be left out."""
     J = np.eye(n) - np.eye(n, k=-1)
-    steps = [rows(f"step {i}", J[i : i + 1], [-1.0], rbd.NonNegative(1)) for i in range(n)]
-    return problem(*steps, rows("lid", -np.eye(n)[-1:], [0.5 * n], rbd.NonNegative(1)))
+    steps = [rows(f"step {i}", J[i : i + 1], [-1.0], rbd.problem.NonNegative(1)) for i in range(n)]
+    return problem(*steps, rows("lid", -np.eye(n)[-1:], [0.5 * n], rbd.problem.NonNegative(1)))
 
 
 def test_of_many_that_contradict_each_other_eight_are_named() -> None:
@@ -414,7 +424,7 @@ def test_a_linear_program_that_gives_up_proves_nothing(monkeypatch: pytest.Monke
 
 def test_forces_of_the_wrong_sign_leave_a_certificate() -> None:
     """Three stops on one line, 1 + 1e-5, 1 and 1e-6: balance would make the third pull, so the first two are left, even."""
-    P = problem(*(rows(n, [[s]], [-1.0], rbd.NonNegative(1)) for n, s in (("a", 1.0), ("b", -1.0), ("c", 1.0))))
+    P = problem(*(rows(n, [[s]], [-1.0], rbd.problem.NonNegative(1)) for n, s in (("a", 1.0), ("b", -1.0), ("c", 1.0))))
     z = _polished(conditions_of(P, "convex").fan(), np.array([1.0 + 1e-5, 1.0, 1e-6]), 1.0)
     assert z[2] == 0.0 and z[0] == pytest.approx(1.0 + 5e-6, abs=1e-12) and abs(z[0] - z[1]) < 1e-15
     assert not _polished(conditions_of(P, "convex").fan(), np.array([1.0, 0.0, 0.0]), 1.0).any()  # one force cannot balance
@@ -432,15 +442,15 @@ def test_a_law_that_is_none_is_refused() -> None:
 
 def test_stops_give_way_to_each_other_by_their_weights() -> None:
     """Asked for a >= 1 and a <= -2: a = -1/2; where the lower stop's square counts w^2 times, a = (w^2 - 2) / (1 + w^2)."""
-    near = rbd.nearest_motion(squeezed())
+    near = rbd.solution.nearest_motion(squeezed())
     assert near.a == pytest.approx([-0.5], abs=TINY)
     assert near.violation["low"] == pytest.approx([1.5], abs=TINY) and near.optimality < TINY
-    near = rbd.nearest_motion(squeezed(), weights={"low": 3.0})
+    near = rbd.solution.nearest_motion(squeezed(), weights={"low": 3.0})
     assert near.a == pytest.approx([(9.0 - 2.0) / 10.0], abs=TINY)
     assert near.violation["low"] == pytest.approx([0.3], abs=TINY)
 
 
-def assert_least(P: rbd.GaussProblem, near: rbd.NearestMotion) -> None:
+def assert_least(P: rbd.GaussProblem, near: rbd.solution.NearestMotion) -> None:
     """Its own proof, from outside: s in K with J^T s = 0 and s . offset = -|s|^2, so no a has a row distance below |s|."""
     s = stacked(P, dict(near.violation))
     size = max(1.0, float(np.abs(s).max())) ** 2
@@ -455,12 +465,18 @@ def test_the_violation_is_the_least(seed: int) -> None:
     """Random cones and one held row too many: s proves itself, the relaxed problem is solved, no other a comes nearer."""
     rng = np.random.default_rng(seed)
     nv = int(rng.integers(1, 4))
-    cones = [rbd.FrictionCone(0.6), rbd.NonNegative(2), rbd.Free(nv + 1), rbd.FrictionCone(1.2), RUB]
+    cones = [
+        rbd.problem.FrictionCone(0.6),
+        rbd.problem.NonNegative(2),
+        rbd.problem.Free(nv + 1),
+        rbd.problem.FrictionCone(1.2),
+        RUB,
+    ]
     P = problem(*[rows(str(i), rng.normal(size=(c.dim, nv)), 3.0 * rng.normal(size=c.dim), c) for i, c in enumerate(cones)])
     assert contradiction(P, "convex, 4 facets") is not None
-    near = rbd.nearest_motion(P)
+    near = rbd.solution.nearest_motion(P)
     assert_least(P, near)
-    assert near.solution.status is rbd.Status.SOLVED and near.optimality < 1e-9
+    assert near.solution.status is rbd.problem.Status.SOLVED and near.optimality < 1e-9
     s = stacked(P, dict(near.violation))
     for _ in range(50):
         a = near.a + rng.normal(size=nv) * 10.0 ** rng.uniform(-3, 1)
@@ -473,11 +489,11 @@ def distance_to_dual(P: rbd.GaussProblem, a: Array) -> float:
     c, total = P.J @ a + P.offset, 0.0
     for r in P.rows:
         part = c[P.slices[r.name]]
-        if isinstance(r.cone, rbd.FrictionCone):
+        if isinstance(r.cone, rbd.problem.FrictionCone):
             total += nearest_in_pyramid(-part, r.cone.mu)
-        elif isinstance(r.cone, rbd.NonNegative):
+        elif isinstance(r.cone, rbd.problem.NonNegative):
             total += float((np.minimum(part, 0.0) ** 2).sum())
-        elif isinstance(r.cone, rbd.Free):
+        elif isinstance(r.cone, rbd.problem.Free):
             total += float(part @ part)
     return math.sqrt(total)
 
@@ -500,7 +516,7 @@ def test_of_what_can_be_solved_the_nearest_motion_is_the_answer(talos: rbd.Robot
     state, soles = talos.standing(), talos.soles()
     tau = rbd.hold(state, soles).tau * 0.9
     P = rbd.gauss_problem(state, tau, soles)
-    near = rbd.nearest_motion(P)
+    near = rbd.solution.nearest_motion(P)
     assert near.worst == 0.0
     assert np.abs(near.a - rbd.solve(state, tau, soles).a).max() < 1e-9
 
@@ -513,13 +529,13 @@ def test_a_box_turning_on_four_held_corners_moves_as_on_one_patch(solver: rbd.Pr
     patch = rbd.SurfaceContact("patch", "box", corners=SITES * [1, 1, 0], placement=at)
     six = rbd.solve(state, [], [patch])
     P = rbd.gauss_problem(state, [], corners())
-    near = rbd.nearest_motion(P, solver=solver)
+    near = rbd.solution.nearest_motion(P, solver=solver)
     best = rbd.solve(state, [], corners(), solver=solver, check=False)
     for answer in (near.solution, best):
         assert np.abs(answer.a - six.a).max() < 1e-9
         assert np.abs(P.J.T @ answer.multipliers - six.problem.J.T @ six.multipliers).max() < 1e-8
         assert np.abs(answer.multipliers).max() < 50.0  # 98.1 N on four corners, and nothing of 1e5 N
-    assert best.status is rbd.Status.INFEASIBLE
+    assert best.status is rbd.problem.Status.INFEASIBLE
 
 
 @pytest.mark.parametrize("solver", [rbd.ProxQP(), rbd.KKT()])
@@ -531,7 +547,7 @@ def test_talos_turning_on_four_held_points_moves_as_on_a_sole(talos: rbd.Robot, 
     state = talos.standing().with_velocity(rng.normal(size=talos.nv))
     tau = rbd.hold(talos.standing(), talos.soles()).tau
     P = rbd.gauss_problem(state, tau, points)
-    near = rbd.nearest_motion(P, solver=solver)
+    near = rbd.solution.nearest_motion(P, solver=solver)
     met = np.concatenate([near.violation[p.name] for p in points])
     assert np.abs(met).max() > 0.01
     # Accelerations of the corners are B times that of the patch, so six rows with B^+ of the corners' offsets say the same.
@@ -539,7 +555,7 @@ def test_talos_turning_on_four_held_points_moves_as_on_a_sole(talos: rbd.Robot, 
     world = r.patch.axes if r.patch is not None else np.eye(3)
     B = np.vstack([np.hstack([world, -world @ rbd.problem.cones.cross_matrix(p)]) for p in sole.corners])
     assert np.abs(B @ r.J - P.J).max() < 1e-12
-    six = Rows("sole", r.J, np.linalg.lstsq(B, P.offset)[0], rbd.Free(6))
+    six = Rows("sole", r.J, np.linalg.lstsq(B, P.offset)[0], rbd.problem.Free(6))
     expected = rbd.KKT().solve(rbd.GaussProblem(P.M, P.rhs, [six]))
     best = rbd.solve(state, tau, points, solver=solver, check=False)
     for answer in (near.solution, best):
@@ -554,7 +570,7 @@ def test_true_cones_have_a_nearest_motion_too(law: str) -> None:
     """A point drawn along its floor: circular cone, distance of (1, 1, n) and (0, 0, 0) shared by two rows, half each."""
     normal = 0.3 if law == "convex" else -0.3
     P = floor_and_pull(normal)
-    near = rbd.nearest_motion(P, solver=rbd.ADMM(law=law))  # type: ignore[arg-type]
+    near = rbd.solution.nearest_motion(P, solver=rbd.ConeSolver(law=law))  # type: ignore[arg-type]
     assert_least(P, near)
     slope = MU if law == "convex" else 0.0  # c_n >= slope |c_t|
     apart = (slope * math.sqrt(2.0) - normal) / math.hypot(1.0, slope)
@@ -566,8 +582,11 @@ def test_true_cones_have_a_nearest_motion_too(law: str) -> None:
 def test_a_true_cone_is_met_where_it_is_not_along_a_first_ray(angle: float) -> None:
     """Drawn along any direction: rays are added where the cone is sunk into, until the shared distance is the closed form's."""
     along = np.array([math.cos(angle), math.sin(angle)])
-    P = problem(rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU)), rows("pull", np.eye(3), [*-along, 0.0], rbd.Free(3)))
-    near = rbd.nearest_motion(P, solver=rbd.ADMM(law="convex"))
+    P = problem(
+        rows("floor", np.eye(3), [0, 0, 0], rbd.problem.FrictionCone(MU)),
+        rows("pull", np.eye(3), [*-along, 0.0], rbd.problem.Free(3)),
+    )
+    near = rbd.solution.nearest_motion(P, solver=rbd.ConeSolver(law="convex"))
     assert_least(P, near)
     half = 0.5 * MU / math.hypot(1.0, MU)  # from (along, 0) to c_n >= mu |c_t|, shared by two
     expected = half * np.r_[-MU * along, 1.0] / math.hypot(1.0, MU)
@@ -578,8 +597,8 @@ def test_a_true_cone_is_met_where_it_is_not_along_a_first_ray(angle: float) -> N
 
 def drawn_along() -> rbd.GaussProblem:
     """A point on a rough floor that is drawn along it, at a radian from x."""
-    pull = rows("pull", np.eye(3), [-math.cos(1.0), -math.sin(1.0), 0.0], rbd.Free(3))
-    return problem(rows("floor", np.eye(3), [0, 0, 0], rbd.FrictionCone(MU)), pull)
+    pull = rows("pull", np.eye(3), [-math.cos(1.0), -math.sin(1.0), 0.0], rbd.problem.Free(3))
+    return problem(rows("floor", np.eye(3), [0, 0, 0], rbd.problem.FrictionCone(MU)), pull)
 
 
 @pytest.mark.parametrize("P", [drawn_along(), squeezed()], ids=["cone", "stops"])
@@ -616,11 +635,11 @@ def test_weights_that_are_none_are_refused() -> None:
         ([1.0], "expected {constraint: weight}"),
     ):
         with pytest.raises(InputError, match=said):
-            rbd.nearest_motion(squeezed(), weights=weights)  # type: ignore[arg-type]
+            rbd.solution.nearest_motion(squeezed(), weights=weights)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="solver is"):
-        rbd.nearest_motion(squeezed(), solver=rbd.ProxQP)  # type: ignore[arg-type]
-    with pytest.raises(rbd.Unsupported, match="KKT"):
-        rbd.nearest_motion(squeezed(), solver=rbd.KKT())
+        rbd.solution.nearest_motion(squeezed(), solver=rbd.ProxQP)  # type: ignore[arg-type]
+    with pytest.raises(rbd.errors.Unsupported, match="KKT"):
+        rbd.solution.nearest_motion(squeezed(), solver=rbd.KKT())
 
 
 # The error
@@ -673,10 +692,10 @@ class GivesUp:
         """It takes anything."""
         return None
 
-    def solve(self, problem: rbd.GaussProblem) -> rbd.Answer:
+    def solve(self, problem: rbd.GaussProblem) -> rbd.problem.Answer:
         """Nothing moves."""
         a, f = np.zeros(problem.nv), np.zeros(problem.m)
-        return rbd.Answer(problem, a, f, None, "bilateral", "GivesUp", 0, 0.0, reason="the rod jams")
+        return rbd.problem.Answer(problem, a, f, None, "bilateral", "GivesUp", 0, 0.0, reason="the rod jams")
 
 
 def test_a_solvers_own_reason_is_said_where_rows_do_not_contradict_each_other(talos: rbd.Robot) -> None:
@@ -688,10 +707,10 @@ def test_a_solvers_own_reason_is_said_where_rows_do_not_contradict_each_other(ta
 
 def test_a_status_is_infeasible_where_it_is_proved() -> None:
     """Whatever the solver says."""
-    agrees = problem(rows("one", [[1.0]], [3.0], rbd.Free(1)))
-    against = problem(rows("one", [[1.0]], [3.0], rbd.Free(1)), rows("other", [[1.0]], [2.0], rbd.Free(1)))
-    assert rbd.solve_problem(agrees, solver=GivesUp(), check=False).status is rbd.Status.FAILED
-    assert rbd.solve_problem(against, solver=GivesUp(), check=False).status is rbd.Status.INFEASIBLE
+    agrees = problem(rows("one", [[1.0]], [3.0], rbd.problem.Free(1)))
+    against = problem(rows("one", [[1.0]], [3.0], rbd.problem.Free(1)), rows("other", [[1.0]], [2.0], rbd.problem.Free(1)))
+    assert rbd.solve_problem(agrees, solver=GivesUp(), check=False).status is rbd.problem.Status.FAILED
+    assert rbd.solve_problem(against, solver=GivesUp(), check=False).status is rbd.problem.Status.INFEASIBLE
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -706,10 +725,10 @@ def test_unchecked_answers_of_contradictory_contacts_are_bounded(talos: rbd.Robo
     pushed = [driven(r, x) for r, x in zip((below, above), out, strict=True)]
     P = rbd.GaussProblem(state.M, rbd.gauss_problem(state, tau, []).rhs, pushed)
     found = rbd.solve_problem(P, check=False)
-    assert found.status is rbd.Status.INFEASIBLE
+    assert found.status is rbd.problem.Status.INFEASIBLE
     assert np.abs(found.multipliers).max() < 10.0 * talos.mass * 9.81
-    near = rbd.nearest_motion(P)
-    assert near.solution.status is rbd.Status.SOLVED and np.abs(found.a - near.a).max() < 1e-7
+    near = rbd.solution.nearest_motion(P)
+    assert near.solution.status is rbd.problem.Status.SOLVED and np.abs(found.a - near.a).max() < 1e-7
     s = stacked(P, dict(near.violation))
     # The two normals share what they are apart; so does the sole's moment, of the ceiling's lever about its centre.
     assert below.patch is not None and above.patch is not None

@@ -25,7 +25,7 @@ from rbd.testing import box
 URDF = Path(__file__).parents[2] / "urdf"
 G = 9.81
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
-LAWS = [rbd.ADMM(law="coulomb"), rbd.ADMM(law="convex"), rbd.ProxQP()]
+LAWS = [rbd.ConeSolver(law="coulomb"), rbd.ConeSolver(law="convex"), rbd.ProxQP()]
 IDS = ["coulomb", "convex", "pyramids"]
 
 
@@ -258,7 +258,7 @@ class TestWork:
         s = sole((55.0, 0.0, 0.0))
         monkeypatch.setattr(force_choice, "least_squares", lambda *_: None)
         monkeypatch.setattr(force_choice, "FORCE_CHOICE_WORK", 0.0)
-        assert s.with_forces().force_choice == "as ADMM left it"
+        assert s.with_forces().force_choice == "as ConeSolver left it"
         with pytest.raises(NoSolution, match="not found within"):
             force_choice.minimum_norm(s.problem, s.a, s.multipliers, s.weights, s.law)
 
@@ -285,7 +285,7 @@ class TestWork:
 
     def test_the_wrench_nearest_in_a_cone_may_not_be_found(self, monkeypatch):
         """Our own error."""
-        cone = rbd.WrenchCone(np.array([[x, y, 0.0] for x in (0.1, -0.1) for y in (0.1, -0.1)]), 0.6)
+        cone = rbd.problem.WrenchCone(np.array([[x, y, 0.0] for x in (0.1, -0.1) for y in (0.1, -0.1)]), 0.6)
         assert cone.project(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])) == pytest.approx([0, 0, 1, 0, 0, 0])
         monkeypatch.setattr("rbd.problem.cones.nonnegative", lambda *_: None)
         with pytest.raises(NoSolution):

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")
 
 G = 9.81
 URDF = Path(__file__).parents[2] / "urdf"
-SOLVERS = [rbd.ProxQP(), rbd.ADMM(law="coulomb"), rbd.ADMM(law="convex")]
+SOLVERS = [rbd.ProxQP(), rbd.ConeSolver(law="coulomb"), rbd.ConeSolver(law="convex")]
 LEGS = {"++": (0.6, 0.4), "+-": (0.6, -0.4), "-+": (-0.6, 0.4), "--": (-0.6, -0.4)}
 
 
@@ -56,7 +56,7 @@ def ends(r) -> tuple[float, float]:
     return r.lowest, r.highest
 
 
-def all_ranges(u: rbd.Uniqueness) -> list:
+def all_ranges(u: rbd.analysis.Uniqueness) -> list:
     """Every range of an answer, with the constraint it belongs to and what to look at in the forces."""
     found = []
     for name, c in u.contacts.items():
@@ -173,7 +173,7 @@ def _highest_by_rays(s, name, facets, inscribed) -> float:
 
 def test_circular_cones_lie_between_pyramids_inside_and_around_them():
     """On a funnel: 128 rays from inside and outside are close, and four facets admit more."""
-    s = funnel(rbd.ADMM(law="coulomb"))
+    s = funnel(rbd.ConeSolver(law="coulomb"))
     assert np.abs(s.a).max() < 1e-8
     four = []
     for name, c in s.uniqueness().contacts.items():
@@ -221,11 +221,11 @@ def _walk(s, steps: int, rng):
 def test_random_forces_stay_inside_and_nearly_reach_the_ends(contacts, rng):
     """Hit and run over all forces with the same motion: never beyond an end, and within 15 % of the width from each."""
     if contacts == "funnel":
-        s = funnel(rbd.ADMM(law="coulomb"))
+        s = funnel(rbd.ConeSolver(law="coulomb"))
     elif contacts == "legs":
-        s = table((0.15, -0.1), 0.5, rbd.ADMM(law="coulomb"))
+        s = table((0.15, -0.1), 0.5, rbd.ConeSolver(law="coulomb"))
     else:
-        s = pushed([patch()], (20.0, 5.0, 0.0), rbd.ADMM(law="coulomb"))
+        s = pushed([patch()], (20.0, 5.0, 0.0), rbd.ConeSolver(law="coulomb"))
     u = s.uniqueness()
     ranges = [r for c in u.contacts.values() for r in c.corners]
     seen = np.array([w[2::3] for w in _walk(s, 6000, rng)])
@@ -288,7 +288,7 @@ def test_held_contacts_pull_without_end_unless_they_are_unique():
 
 def test_what_slips_keeps_fewer_choices():
     """80 N against mu = 0.6: each corner force lies on one edge, so four normals with three equations remain."""
-    s = pushed([patch()], (80.0, 0.0, 0.0), rbd.ADMM(law="coulomb"))
+    s = pushed([patch()], (80.0, 0.0, 0.0), rbd.ConeSolver(law="coulomb"))
     u = s.uniqueness()
     assert s.a[0] == pytest.approx(2.114) and (u.row_freedom, u.corner_freedom, u.active_rank) == (0, 1, 3)
     # Moments about the front edge: the push acts 0.1 m above the floor, at the centre of mass.
@@ -312,7 +312,7 @@ def test_at_the_point_of_tipping_little_is_left_to_choose(solver):
 
 def test_at_the_limit_of_friction_the_ends_are_exact():
     """Pushed with mu m g, all corners rub as hard as they can: n + t (1, -1, 1, -1)."""
-    s = pushed([patch()], (0.6 * 98.1, 0.0, 0.0), rbd.ADMM(law="coulomb"))
+    s = pushed([patch()], (0.6 * 98.1, 0.0, 0.0), rbd.ConeSolver(law="coulomb"))
     u = s.uniqueness()
     shift = 0.1 * 0.6 * 98.1 / 0.4 / 2  # the push acts 0.1 m above the floor
     for corner, x in zip(u.contacts["floor"].corners, s.problem.rows[0].patch.corners[:, 0], strict=True):
@@ -350,7 +350,10 @@ def test_two_edges_know_their_loads_but_not_where_they_carry(solver):
 def test_rows_that_are_no_contacts_have_ranges_too():
     """Two stops share a push of 6 N: 0 to 6 each; a bounded one up to its bound."""
     one = np.ones((1, 1))
-    rows = [Rows("stop", one, np.zeros(1), rbd.NonNegative(1)), Rows("rub", one, np.zeros(1), rbd.Box(-2.0, 2.0))]
+    rows = [
+        Rows("stop", one, np.zeros(1), rbd.problem.NonNegative(1)),
+        Rows("rub", one, np.zeros(1), rbd.problem.Box(-2.0, 2.0)),
+    ]
     s = rbd.solve_problem(rbd.GaussProblem(one, np.array([-6.0]), rows))
     u = s.uniqueness()
     assert ends(u.others["stop"][0]) == pytest.approx((4.0, 8.0), abs=1e-9)
@@ -364,7 +367,7 @@ def test_rows_that_are_no_contacts_have_ranges_too():
 def test_what_already_slides_has_one_force():
     """A box that slides at 1 m/s: friction against the motion; its corners share the load along one line."""
     state = at(box(), 0.1).with_velocity(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    s = rbd.solve(state, np.zeros(0), [patch()], solver=rbd.ADMM(law="coulomb"))
+    s = rbd.solve(state, np.zeros(0), [patch()], solver=rbd.ConeSolver(law="coulomb"))
     u = s.uniqueness()
     assert s.a[0] == pytest.approx(-0.6 * G) and u.corner_freedom == 1 and u.contacts["floor"].unique_wrench
 
@@ -381,14 +384,14 @@ def test_the_table_has_a_line_for_each_contact():
 def test_what_is_no_answer_has_no_uniqueness():
     """Rows that contradict each other."""
     e = np.eye(3)[:1]
-    rows = [Rows("one", e, np.zeros(1), rbd.Free(1)), Rows("two", e, np.ones(1), rbd.Free(1))]
+    rows = [Rows("one", e, np.zeros(1), rbd.problem.Free(1)), Rows("two", e, np.ones(1), rbd.problem.Free(1))]
     with pytest.raises(NoSolution, match="no answer, and its uniqueness"):
         rbd.solve_problem(rbd.GaussProblem(np.eye(3), np.ones(3), rows), solver=rbd.KKT(), check=False).uniqueness()
 
 
 def test_a_contact_that_happens_to_carry_nothing_is_judged_where_it_carries():
     """Two soles in one place, all load on the first: the second could take it, anywhere within the sole."""
-    s = pushed([patch(name="one"), patch(name="other")], solver=rbd.ADMM(law="coulomb"))
+    s = pushed([patch(name="one"), patch(name="other")], solver=rbd.ConeSolver(law="coulomb"))
     idle = s.uniqueness().contacts["other"].normal.at_lowest
     assert idle is not None
     one_carries = replace(s, multipliers=idle.multipliers, weights=idle.weights, chosen_corners=None)
@@ -405,7 +408,7 @@ def test_walls_that_carry_nothing_but_could_have_no_one_centre_of_pressure():
         X[:3, :3] = np.array([[0.0, 0.0, -side], [0.0, 1.0, 0.0], [side, 0.0, 0.0]])
         X[:3, 3] = side * 0.2, 0.0, 0.0
         walls.append(rbd.SurfaceContact(name, "box", half_lengths=(0.05, 0.1), placement=X, friction=0.0))
-    u = pushed([*walls, patch(friction=0.6)], solver=rbd.ADMM(law="coulomb")).uniqueness()
+    u = pushed([*walls, patch(friction=0.6)], solver=rbd.ConeSolver(law="coulomb")).uniqueness()
     for name in ("a", "b"):
         c = u.contacts[name]
         assert abs(c.normal.value) < 1e-9 and c.normal.highest == np.inf and c.unique_centre_of_pressure is False
@@ -413,7 +416,7 @@ def test_walls_that_carry_nothing_but_could_have_no_one_centre_of_pressure():
 
 def test_what_every_choice_agrees_on_is_reached_as_it_is():
     """The weight of a box is carried whatever its corners do: its largest value is its value; a corner's is not."""
-    adm = pushed([patch()], solver=rbd.ADMM(law="coulomb"))._admissible
+    adm = pushed([patch()], solver=rbd.ConeSolver(law="coulomb"))._admissible
     reach = Reach(adm, Work(1e12))
     weight = np.tile([0.0, 0.0, 1.0], 4) @ adm.corners
     found = reach.largest(weight)

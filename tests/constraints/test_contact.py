@@ -80,7 +80,8 @@ def test_a_contact_says_what_it_is(talos):
 
 
 @pytest.mark.parametrize(
-    ("friction", "kind", "point_rows"), [(None, rbd.Free, 3), (0.0, rbd.NonNegative, 1), (0.5, rbd.FrictionCone, 3)]
+    ("friction", "kind", "point_rows"),
+    [(None, rbd.problem.Free, 3), (0.0, rbd.problem.NonNegative, 1), (0.5, rbd.problem.FrictionCone, 3)],
 )
 def test_friction_chooses_the_rows_and_the_cone(talos, friction, kind, point_rows):
     """None holds, zero only pushes, mu pushes and rubs."""
@@ -88,7 +89,7 @@ def test_friction_chooses_the_rows_and_the_cone(talos, friction, kind, point_row
     point = rbd.PointContact("p", "left_sole_link", friction=friction).rows(state)
     assert isinstance(point.cone, kind) and len(point) == point_rows
     surface = talos.soles(friction)[0].rows(state)
-    assert isinstance(surface.cone, rbd.Free if friction is None else rbd.WrenchCone) and len(surface) == 6
+    assert isinstance(surface.cone, rbd.problem.Free if friction is None else rbd.problem.WrenchCone) and len(surface) == 6
 
 
 def test_a_sole_at_rest_on_a_slope_pushes_along_its_normal():
@@ -147,7 +148,7 @@ class TestMoving:
         v[0] = 0.5
         state = talos.standing().with_velocity(v)
         for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.3)):
-            with pytest.raises(rbd.ContactMoves, match=r"'right_sole'.*0\.5 m/s.*friction=None"):
+            with pytest.raises(rbd.errors.ContactMoves, match=r"'right_sole'.*0\.5 m/s.*friction=None"):
                 rbd.solve(state, np.zeros(talos.nu), [contact])
         rbd.solve(state, np.zeros(talos.nu), talos.soles(None))
 
@@ -158,7 +159,7 @@ class TestMoving:
         state, tau = talos.standing().with_velocity(v), np.zeros(talos.nu)
         free = rbd.dynamics.free_acceleration(state, tau)
         for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.0)):
-            with pytest.warns(rbd.OpeningContactWarning, match="'right_sole' at .*0.5 m/s"):
+            with pytest.warns(rbd.errors.OpeningContactWarning, match="'right_sole' at .*0.5 m/s"):
                 s = rbd.solve(state, tau, [contact])
             assert not s.forces["right_sole"].any() and np.abs(s.a - free).max() < 1e-10 * np.abs(free).max()
 
@@ -169,7 +170,7 @@ class TestMoving:
         v[0] = speed
         state = talos.standing().with_velocity(v)
         if refused:
-            with pytest.raises(rbd.ContactMoves):
+            with pytest.raises(rbd.errors.ContactMoves):
                 rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5))
         else:
             rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5))
@@ -180,7 +181,7 @@ class TestMoving:
         state = talos.standing()
         J = sole.rows(state).J
         v = np.linalg.pinv(J) @ np.array([0, 0, 0, 0, 0, 0.2])
-        with pytest.raises(rbd.ContactMoves, match="'left_sole'"):
+        with pytest.raises(rbd.errors.ContactMoves, match="'left_sole'"):
             rbd.solve(state.with_velocity(v), np.zeros(talos.nu), [sole])
 
     def test_a_smooth_point_may_slide(self):

@@ -16,7 +16,7 @@ from rbd.testing import check_constraint
 
 G = 9.81
 ROBOTS = ["talos", "tiago", "panda", "ur5"]
-SOLVERS = [rbd.ProxQP(), rbd.ADMM(law="convex"), rbd.ADMM(law="coulomb")]
+SOLVERS = [rbd.ProxQP(), rbd.ConeSolver(law="convex"), rbd.ConeSolver(law="coulomb")]
 IDENTITY = pin.SE3.Identity()
 
 
@@ -98,7 +98,7 @@ class TestLimit:
     def test_every_limit_of_a_robot_describes_its_motion(self, name):
         """Both sides, the joint well beyond its bound; `error` is the distance to it."""
         robot = rbd.load_robot(name, root="fixed")
-        for limit in rbd.joint_limits(robot):
+        for limit in rbd.constraints.joint_limits(robot):
             for side, bound, out in zip(("lower", "upper"), limit.bounds(robot), (-0.3, 0.3), strict=True):
                 q = robot.neutral()
                 q[robot.model.joints[robot.joint_id(limit.joint)].idx_q] = bound + out
@@ -124,13 +124,13 @@ class TestLimit:
 
     def test_away_from_its_bounds_it_has_no_rows(self, talos):
         """Zero rows of width nv, not None; the answer is that without it, by KKT too. Closed grippers are at theirs."""
-        tau, limits, q = np.zeros(talos.nu), rbd.joint_limits(talos), talos.standing().q.copy()
+        tau, limits, q = np.zeros(talos.nu), rbd.constraints.joint_limits(talos), talos.standing().q.copy()
         assert [x.joint for x in limits if x.side(talos.at(q)) == "upper"] == ["gripper_left_joint", "gripper_right_joint"]
         for gripper in ("gripper_left_joint", "gripper_right_joint"):
             q[talos.model.joints[talos.joint_id(gripper)].idx_q] = -0.1
         state = talos.at(q)
         assert all(limit.rows(state).J.shape == (0, talos.nv) and limit.side(state) == "" for limit in limits)
-        for solver in (rbd.KKT(), rbd.ProxQP(), rbd.ADMM(law="coulomb")):
+        for solver in (rbd.KKT(), rbd.ProxQP(), rbd.ConeSolver(law="coulomb")):
             bare, limited = (rbd.solve(state, tau, [*talos.soles(None), *more], solver=solver) for more in ([], limits))
             assert np.abs(bare.a - limited.a).max() < 1e-9
             assert limited.forces[limits[0].name].shape == (0,) and limits[0].name not in str(limited)
@@ -146,10 +146,10 @@ class TestLimit:
         robot, q = pendulum(), np.array([0.5])
         stop = rbd.JointLimit("stop", "hinge", lower=0.5)
         for solver in SOLVERS:
-            with pytest.warns(rbd.OpeningContactWarning, match="'stop' at 1 m/s"):
+            with pytest.warns(rbd.errors.OpeningContactWarning, match="'stop' at 1 m/s"):
                 s = rbd.solve(rbd.State(robot, q, np.array([1.0])), np.zeros(1), [stop], solver=solver)
             assert s.forces["stop"] == pytest.approx([0.0]) and s.a == pytest.approx([-G / 0.5 * math.sin(0.5)])
-            with pytest.raises(rbd.ContactMoves, match="'stop' approaches at 1 m/s: an impact"):
+            with pytest.raises(rbd.errors.ContactMoves, match="'stop' approaches at 1 m/s: an impact"):
                 rbd.solve(rbd.State(robot, q, np.array([-1.0])), np.zeros(1), [stop], solver=solver)
 
     def test_a_range_of_nothing_holds_from_both_sides(self):
@@ -174,10 +174,10 @@ class TestLimit:
     def test_the_list_of_a_robot_has_every_bound_once(self):
         """Tiago: all joints but its base and the two wheels, which turn for ever."""
         tiago = rbd.load_robot("tiago")
-        named = {limit.joint for limit in rbd.joint_limits(tiago, margin=1e-3)}
+        named = {limit.joint for limit in rbd.constraints.joint_limits(tiago, margin=1e-3)}
         one = {n for n in tiago.joints() if tiago.model.joints[tiago.joint_id(n)].nv == 1}
         assert one - named == {"wheel_left_joint", "wheel_right_joint"} and named < one
-        assert {limit.margin for limit in rbd.joint_limits(tiago, margin=1e-3)} == {1e-3}
+        assert {limit.margin for limit in rbd.constraints.joint_limits(tiago, margin=1e-3)} == {1e-3}
 
     def test_joints_without_a_bound_are_refused(self):
         """One that turns for ever, one with several freedoms, one whose file states nothing; with what to do."""
@@ -190,7 +190,7 @@ class TestLimit:
         ):
             with pytest.raises(rbd.InputError, match=said):
                 rbd.JointLimit("stop", joint).rows(state)
-        assert rbd.joint_limits(chain) == []
+        assert rbd.constraints.joint_limits(chain) == []
         assert rbd.JointLimit("stop", "slider", upper=0.0).side(state) == "upper"
         with pytest.raises(rbd.InputError, match="lower bound 9 above its upper one"):
             rbd.JointLimit("stop", "leg_left_4_joint", lower=9.0).bounds(rbd.load_robot("talos"))
@@ -319,7 +319,7 @@ class TestCoupling:
     def test_mimics_of_a_file_are_its_gears(self):
         """Panda's second finger follows the first: pushed alone, it takes the first along."""
         panda = rbd.load_robot("panda", root="fixed")
-        (gear,) = rbd.mimics(panda)
+        (gear,) = rbd.constraints.mimics(panda)
         assert (gear.joint, gear.to, gear.ratio, gear.offset) == ("panda_finger_joint2", "panda_finger_joint1", 1.0, 0.0)
         state, tau = panda.at(np.r_[0.3, -0.5, 0.4, -1.9, 0.2, 1.6, 0.7, 0.01, 0.01]), np.zeros(panda.nu)
         tau[-1] = 0.5
@@ -346,13 +346,13 @@ class TestCoupling:
             + joint("little", "a", "f", "<mimic joint='nail'/>")
             + "</robot>"
         )
-        found = {m.name: (m.joint, m.to, m.ratio, m.offset) for m in rbd.mimics(rbd.load_robot(path, root="fixed"))}
+        found = {m.name: (m.joint, m.to, m.ratio, m.offset) for m in rbd.constraints.mimics(rbd.load_robot(path, root="fixed"))}
         assert found == {"index_mimic": ("index", "thumb", -2.0, 0.1), "ring_mimic": ("ring", "thumb", 1.0, 0.0)}
 
     def test_a_robot_without_a_urdf_has_none_to_read(self, tmp_path):
         """A model built by hand; an MJCF file."""
         with pytest.raises(rbd.InputError, match="no file to read mimics from"):
-            rbd.mimics(pendulum())
+            rbd.constraints.mimics(pendulum())
         path = tmp_path / "bar.xml"
         path.write_text(
             "<mujoco><worldbody><body name='bar'><joint name='hinge' axis='0 1 0' frictionloss='0.25'/>"
@@ -360,9 +360,9 @@ class TestCoupling:
         )
         bar = rbd.load_robot(path, root="fixed")
         with pytest.raises(rbd.InputError, match="MJCF"):
-            rbd.mimics(bar)
-        assert [(f.name, f.torque) for f in rbd.joint_frictions(bar)] == [("hinge_friction", 0.25)]
-        assert rbd.joint_limits(bar) == []  # no range in the file
+            rbd.constraints.mimics(bar)
+        assert [(f.name, f.torque) for f in rbd.constraints.joint_frictions(bar)] == [("hinge_friction", 0.25)]
+        assert rbd.constraints.joint_limits(bar) == []  # no range in the file
 
 
 class TestFriction:
@@ -378,7 +378,7 @@ class TestFriction:
         state = rbd.State(wheels(0.5), np.zeros(1), np.array([v]))
         s = rbd.solve(state, np.array([tau]), [rbd.JointFriction("axle", "wheel0", 2.0)], solver=solver)
         assert s.forces["axle"] == pytest.approx([force], abs=1e-9) and s.a == pytest.approx([(tau + force) / 0.5], abs=1e-9)
-        assert s.status is rbd.Status.SOLVED
+        assert s.status is rbd.problem.Status.SOLVED
 
     def test_it_describes_its_motion(self, talos):
         """One row, the joint's own rate."""
@@ -386,9 +386,9 @@ class TestFriction:
 
     def test_the_files_friction_is_a_list(self, talos):
         """20 of Talos's joints have 1 N m; a robot whose file states none has none."""
-        found = rbd.joint_frictions(talos)
+        found = rbd.constraints.joint_frictions(talos)
         assert len(found) == 20 and {f.torque for f in found} == {1.0}
-        assert rbd.joint_frictions(rbd.load_robot("g1")) == []
+        assert rbd.constraints.joint_frictions(rbd.load_robot("g1")) == []
 
     def test_no_friction_is_no_force(self):
         """A torque of zero is allowed, at rest and moving."""
@@ -405,7 +405,7 @@ class TestFriction:
         rubbing = [rbd.JointFriction(f"{j} rubs", j, 2.0) for j in talos.joints() if j != "root_joint"]
         answers = [
             rbd.solve(talos.at(q, v), np.zeros(talos.nu), [*talos.soles(None), *rubbing], solver=solver)
-            for solver in (rbd.ProxQP(), rbd.ADMM(law="coulomb"))
+            for solver in (rbd.ProxQP(), rbd.ConeSolver(law="coulomb"))
         ]
         for f in rubbing:
             rate = float(v[column(talos, f.joint)])
@@ -415,7 +415,7 @@ class TestFriction:
 
 @pytest.mark.parametrize("name", ["talos", "panda", "ur5"])
 def test_all_kinds_together_are_answered_alike_by_both_codes(name):
-    """Stops, locks, gears, friction (and rubbing soles, sticking): ProxQP and ADMM agree, on robots that move or rest."""
+    """Stops, locks, gears, friction (and rubbing soles, sticking): ProxQP and ConeSolver agree, on robots that move or rest."""
     robot, rng = rbd.load_robot(name, root="free_flyer" if name == "talos" else "fixed"), np.random.default_rng(11)
     q = robot.standing().q if robot.floating else 0.3 * rng.uniform(0.1, 1.0, robot.nq)
     joints = [j for j in robot.joints() if j != "root_joint"]
@@ -435,10 +435,10 @@ def test_all_kinds_together_are_answered_alike_by_both_codes(name):
         v = np.zeros(robot.nv)
         if draw % 2 and not feet:
             v[column(robot, str(chosen[5]))] = 0.3
-        one, two = (rbd.solve(robot.at(q, v), tau, constraints, solver=s) for s in (rbd.ProxQP(), rbd.ADMM(law="convex")))
+        one, two = (rbd.solve(robot.at(q, v), tau, constraints, solver=s) for s in (rbd.ProxQP(), rbd.ConeSolver(law="convex")))
         if not feet or one.law == two.law:
             assert np.abs(one.a - two.a).max() < 1e-7 * max(1.0, np.abs(one.a).max())
-        assert one.status is two.status is rbd.Status.SOLVED
+        assert one.status is two.status is rbd.problem.Status.SOLVED
 
 
 @pytest.mark.parametrize(
@@ -479,9 +479,9 @@ def test_a_joint_that_is_not_there_is_refused_with_the_nearest(talos, make):
         ("offset", lambda: rbd.JointCoupling("gear", "knee", "hip", ratio=1.0, offset=None)),
         ("torque", lambda: rbd.JointFriction("rub", "knee", -1.0)),
         ("torque", lambda: rbd.JointFriction("rub", "knee", math.inf)),
-        ("a robot, got str", lambda: rbd.joint_limits("talos")),
-        ("a robot, got list", lambda: rbd.joint_frictions([])),
-        ("a robot, got NoneType", lambda: rbd.mimics(None)),
+        ("a robot, got str", lambda: rbd.constraints.joint_limits("talos")),
+        ("a robot, got list", lambda: rbd.constraints.joint_frictions([])),
+        ("a robot, got NoneType", lambda: rbd.constraints.mimics(None)),
     ],
 )
 def test_what_means_nothing_is_refused(said, make):

@@ -11,7 +11,7 @@ from rbd.testing import box, check_constraint, law_residuals
 
 BELOW = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))  # of the box of 0.4 x 0.4 x 0.2 m
 WEIGHT_N = 98.1
-SOLVERS = [rbd.ProxQP(), rbd.ADMM()]
+SOLVERS = [rbd.ProxQP(), rbd.ConeSolver()]
 
 
 def _edge(x: float = 0.0, y: float = 0.0, **more) -> rbd.LineContact:
@@ -66,7 +66,7 @@ def test_a_box_on_its_middle_line_stands_and_presses_with_its_weight(friction, s
 @pytest.mark.parametrize("friction", [None, 0.9])
 def test_a_box_on_its_edge_turns_about_it(friction):
     """Nothing resists the turn: a point mass m at (d, h) from the edge, I about x: w' = m g d / (I + m (d^2 + h^2))."""
-    s = rbd.solve(_at(), np.zeros(0), [_edge(y=0.2, friction=friction)], solver=rbd.ADMM())
+    s = rbd.solve(_at(), np.zeros(0), [_edge(y=0.2, friction=friction)], solver=rbd.ConeSolver())
     inertia = 10.0 / 12.0 * (0.4**2 + 0.2**2)
     about_edge = WEIGHT_N * 0.2 / (inertia + 10.0 * (0.2**2 + 0.1**2))
     assert s.a[3:] == pytest.approx([about_edge, 0.0, 0.0], abs=1e-9)
@@ -108,7 +108,7 @@ def test_two_lines_are_a_surface():
 
 def test_a_sliding_line_rubs_against_its_motion():
     """Slid across itself at 1 m/s: mu m g against the motion at its ends, and the load shifts to no end."""
-    s = rbd.solve(_at(v=np.array([1.0, 0, 0, 0, 0, 0])), np.zeros(0), [_edge(friction=0.3)], solver=rbd.ADMM())
+    s = rbd.solve(_at(v=np.array([1.0, 0, 0, 0, 0, 0])), np.zeros(0), [_edge(friction=0.3)], solver=rbd.ConeSolver())
     assert s.forces["edge"][:3] == pytest.approx([-0.3 * WEIGHT_N, 0.0, WEIGHT_N], abs=1e-8)
     assert s.a[0] == pytest.approx(-0.3 * 9.81)
 

@@ -12,7 +12,7 @@ from rbd.testing import ConstraintWrong, box, check_constraint
 
 G = 9.81
 HERE = pin.SE3.Identity()
-SOLVERS = [rbd.KKT(), rbd.ProxQP(), rbd.ADMM()]
+SOLVERS = [rbd.KKT(), rbd.ProxQP(), rbd.ConeSolver()]
 EACH_SOLVER = pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: type(s).__name__)
 
 

@@ -26,7 +26,7 @@ def scene(folder: Path, *bodies: str, fixed: str = "") -> rbd.Robot:
         robots.append(rbd.load_robot(path))
     out = robots[0]
     for i, robot in enumerate(robots[1:], 1):
-        out = rbd.combine(out, robot, names=("b0" if i == 1 else "", f"b{i}"))
+        out = rbd.robots.merge_robots(out, robot, names=("b0" if i == 1 else "", f"b{i}"))
     return out
 
 
@@ -136,7 +136,7 @@ def test_rows_of_a_constraint_that_is_fed_back_are_checked(tmp_path):
     """Anything else is named; sets side by side are heard if one of them is."""
     robot = scene(tmp_path, 'type="box" size="0.1 0.1 0.1"')
     state = placed(robot, ((0.0, 0.0, 0.1), (0.0, 0.0, 0.0)))
-    by = rbd.Baumgarte(20.0)
+    by = rbd.constraints.Baumgarte(20.0)
     with pytest.raises(InputError, match="constraint 'wrong' gave a list in place of rbd.Rows"):
         by.of(Wrong()).rows(state)
     corners = rbd.CollisionContacts("floor", robot, friction=0.5)
@@ -150,7 +150,7 @@ def test_a_contact_that_leaves_splits_nothing():
     """No rows, no forces: zeros at each corner; of a cone of another kind in a patch, the half-lines and cones alone count."""
     corners = np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]])
     patch = Patch(np.zeros(3), np.eye(3), corners, 0.5)
-    gone = Rows("gone", np.zeros((0, 3)), np.zeros(0), rbd.NonNegative(0), patch=patch)
+    gone = Rows("gone", np.zeros((0, 3)), np.zeros(0), rbd.problem.NonNegative(0), patch=patch)
     assert np.array_equal(corner_split(gone, np.zeros(0), None), np.zeros((2, 3)))
 
 
@@ -160,21 +160,27 @@ def test_a_contact_that_leaves_splits_nothing():
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: rbd.WrenchCone(np.zeros((2, 2)), 0.5), r"corners of a WrenchCone have shape \(2, 2\)"),
-        (lambda: rbd.WrenchCone(np.zeros((0, 3)), 0.5), r"shape \(0, 3\)"),
-        (lambda: rbd.WrenchCone([[np.nan, 0.0, 0.0]], 0.5), "finite numbers"),
+        (lambda: rbd.problem.WrenchCone(np.zeros((2, 2)), 0.5), r"corners of a WrenchCone have shape \(2, 2\)"),
+        (lambda: rbd.problem.WrenchCone(np.zeros((0, 3)), 0.5), r"shape \(0, 3\)"),
+        (lambda: rbd.problem.WrenchCone([[np.nan, 0.0, 0.0]], 0.5), "finite numbers"),
         (lambda: rbd.problem.cones.LineCone(0.0, 0.5), "half_length of a LineCone is 0.0"),
         (lambda: rbd.problem.cones.LineCone(-1.0, 0.5), "half_length of a LineCone is -1.0"),
-        (lambda: rbd.Product([rbd.Free]), "is no set of forces"),
-        (lambda: rbd.Product([3.0]), "3.0 is no set of forces"),
-        (lambda: rbd.Free(-1), "dimension of a set is -1"),
-        (lambda: rbd.NonNegative(True), "dimension of a set is True"),
-        (lambda: rbd.Free(100_001), "dimension of a set is 100001"),
-        (lambda: Rows("", np.eye(1), np.zeros(1), rbd.Free(1)), "the name of rows is ''"),
-        (lambda: Rows("row", np.eye(1), np.zeros(1), rbd.Free(1), velocity=np.array([np.nan])), "velocity or error is not"),
+        (lambda: rbd.problem.Product([rbd.problem.Free]), "is no set of forces"),
+        (lambda: rbd.problem.Product([3.0]), "3.0 is no set of forces"),
+        (lambda: rbd.problem.Free(-1), "dimension of a set is -1"),
+        (lambda: rbd.problem.NonNegative(True), "dimension of a set is True"),
+        (lambda: rbd.problem.Free(100_001), "dimension of a set is 100001"),
+        (lambda: Rows("", np.eye(1), np.zeros(1), rbd.problem.Free(1)), "the name of rows is ''"),
+        (
+            lambda: Rows("row", np.eye(1), np.zeros(1), rbd.problem.Free(1), velocity=np.array([np.nan])),
+            "velocity or error is not",
+        ),
         (lambda: Rows("row", np.eye(1), np.zeros(1), "cone"), "the cone is 'cone'"),
-        (lambda: Rows("row", np.eye(1), np.zeros(1), rbd.Free(1), resultant=[[1.0, 2.0]]), "resultant has shape"),
-        (lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), Rows("row", np.eye(1), np.zeros(1), rbd.Free(1))), "single Rows"),
+        (lambda: Rows("row", np.eye(1), np.zeros(1), rbd.problem.Free(1), resultant=[[1.0, 2.0]]), "resultant has shape"),
+        (
+            lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), Rows("row", np.eye(1), np.zeros(1), rbd.problem.Free(1))),
+            "single Rows",
+        ),
         (lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), [3.0]), "rows hold a float"),
         (lambda: rbd.KKT().solve("problem"), "a solver wants a GaussProblem, got 'problem'"),
     ],
@@ -187,7 +193,7 @@ def test_sets_and_rows_are_checked_when_they_are_made(make, match):
 
 def test_rows_may_be_made_of_lists():
     """J, bias and the resultant as lists of numbers are the same rows."""
-    rows = Rows("row", [[1, 0]], [2], rbd.Free(1), resultant=[[1], [0], [0]])
+    rows = Rows("row", [[1, 0]], [2], rbd.problem.Free(1), resultant=[[1], [0], [0]])
     assert rows.J.dtype == float and rows.resultant.tolist() == [[1.0], [0.0], [0.0]]
 
 

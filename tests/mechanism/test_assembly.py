@@ -231,7 +231,7 @@ def test_joints_beyond_their_limits_are_reported_or_kept_within():
     kept = assemble(robot, loops, q0, within_limits=True)
     assert 1.8 - 1e-12 <= kept.q[2] <= 2.4 and not kept.beyond_limits
     assert kept.residual <= 1e-12
-    by_hand = assemble(robot, [*loops, *rbd.joint_limits(robot)], q0)
+    by_hand = assemble(robot, [*loops, *rbd.constraints.joint_limits(robot)], q0)
     assert np.array_equal(by_hand.q, kept.q)
 
 
@@ -270,7 +270,7 @@ def test_contacts_that_can_slip_are_refused():
 @pytest.mark.parametrize(
     ("more", "error", "match"),
     [
-        ({"fixed": {"cranck": 0.0}}, rbd.JointNotFound, "nearest: 'crank'"),
+        ({"fixed": {"cranck": 0.0}}, rbd.errors.JointNotFound, "nearest: 'crank'"),
         ({"fixed": {"crank": [0.0, 1.0]}}, rbd.InputError, "2 numbers"),
         ({"fixed": {"crank": math.nan}}, rbd.InputError, "not finite"),
         ({"fixed": ["crank"]}, rbd.InputError, "mapping"),
@@ -289,7 +289,7 @@ def test_bad_arguments_are_refused_in_words(more: dict, error: type[Exception], 
 def test_two_constraints_of_one_name_and_lone_ones_are_refused():
     """As `rbd.solve` does."""
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
-    with pytest.raises(rbd.DuplicateName):
+    with pytest.raises(rbd.errors.DuplicateName):
         assemble(robot, [*loops, *loops], np.zeros(3))
     with pytest.raises(rbd.InputError, match="give a list"):
         assemble(robot, loops[0], np.zeros(3))
@@ -314,15 +314,15 @@ def test_lengths_too_large_for_the_tolerance_are_told():
 
 
 def test_the_loops_of_a_file_are_the_default():
-    """None stands for `robot.loops`; every model of ours with loops assembles from a rough start."""
+    """None stands for `robot.loops()`; every model of ours with loops assembles from a rough start."""
     rng = np.random.default_rng(3)
     for file in ("four_bar", "slider_crank", "five_bar", "six_bar", "parallel_leg"):
         robot = rbd.load_robot(URDF / f"{file}.urdf")
-        assert robot.loops
+        assert robot.loops()
         q0 = pin.integrate(robot.model, robot.posture("assembled"), 0.2 * rng.normal(size=robot.nv))
         found = assemble(robot, None, q0)
         assert found.residual <= 1e-12
-        assert max(np.abs(loop.rows(rbd.State(robot, found.q)).error).max() for loop in robot.loops) <= 1e-12
+        assert max(np.abs(loop.rows(rbd.State(robot, found.q)).error).max() for loop in robot.loops()) <= 1e-12
 
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 100.0])
@@ -337,7 +337,7 @@ def test_a_slide_far_away_is_reached_in_few_steps_by_small_mechanisms_as_by_larg
         <joint name="end" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="{length} 0 0"/></joint>
         <link name="tip"/></robot>""")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rbd.ModelWarning)
+        warnings.simplefilter("ignore", rbd.errors.ModelWarning)
         robot = rbd.load_robot(tmp_path / "cart.urdf", root="fixed")
     pin_there = rbd.PointContact("pin", "tip", anchor=(300.0 * length, 0.5 * length, 0.0))
     asked = []

@@ -159,7 +159,7 @@ def test_bad_arguments_are_refused(more: dict, match: str):
 def test_what_is_given_wrong_is_not_taken_for_a_bad_draw():
     """An unknown frame is an error, not 200 starts that do not close."""
     robot, _ = four_bar(1.0, 3.0, 2.5, 3.0)
-    with pytest.raises(rbd.FrameNotFound, match="coupler_tip"):
+    with pytest.raises(rbd.errors.FrameNotFound, match="coupler_tip"):
         branches(robot, [rbd.LoopClosure("loop", "coupler_tib", "rocker_tip")])
 
 
@@ -170,7 +170,7 @@ def test_constraints_that_ask_for_no_place_are_refused_by_name_and_not_by_what_f
     for given, error, match in (
         ([*loops, slips], rbd.InputError, "'slips' can slip or break"),
         ([rbd.JointFriction("rubs", "crank", 1.0)], rbd.InputError, "no constraint says where .*'rubs' resists a motion"),
-        ([*loops, *loops], rbd.DuplicateName, "two constraints are called 'loop'"),
+        ([*loops, *loops], rbd.errors.DuplicateName, "two constraints are called 'loop'"),
     ):
         with pytest.raises(error, match=match):
             branches(robot, given, fixed={"crank": 0.7}, tries=20)

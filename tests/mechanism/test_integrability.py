@@ -165,7 +165,7 @@ class TestNonholonomic:
         """On round wheels that neither slip nor leave the ground: lean, steer and roll; 7 of 9 [Meijaard2007], section 2."""
         bicycle = rbd.load_robot(URDF / "bicycle.urdf")
         q = pin.integrate(bicycle.model, bicycle.neutral(), np.r_[0.1, 0.2, 0.0, 0.3, 0.1, 0.5, np.full(3, 0.4)])
-        state = closed(bicycle, bicycle.wheels, q)
+        state = closed(bicycle, bicycle.wheels(), q)
         found = integrability(bicycle, points=[state.q])
         assert (found.velocity_dof, found.configuration_dof, found.growth) == (3, 7, (3, 5, 7))
 

@@ -134,7 +134,7 @@ class RefusingHalf(Refusing):
         """Of no length."""
         if math.sin(state.q[0]) < 0.0:
             raise InputError("not defined here")
-        return rbd.Rows(self.name, np.zeros((0, 3)), np.zeros(0), rbd.Free(0), error=np.zeros(0))
+        return rbd.Rows(self.name, np.zeros((0, 3)), np.zeros(0), rbd.problem.Free(0), error=np.zeros(0))
 
 
 def test_draws_that_a_constraint_refuses_are_left_out():
@@ -235,10 +235,10 @@ def test_many_redundant_rows_are_counted_not_listed():
     """Four welded loops of flat bars: the first eight are named, and how many more there are."""
     robot = rbd.mechanism.n_four_bar(5)
     state = robot.at("assembled")
-    welds = [rbd.LoopClosure(loop.name, loop.frame_a, loop.frame_b, kind="revolute", axis=loop.axis) for loop in robot.loops]
+    welds = [rbd.LoopClosure(loop.name, loop.frame_a, loop.frame_b, kind="revolute", axis=loop.axis) for loop in robot.loops()]
     found = mobility(state, welds)
     assert len(found.redundant) > 8 and f"and {len(found.redundant) - 8} more" in str(found)
-    assert found.rank == mobility(state, robot.loops).rank == robot.nv - 1
+    assert found.rank == mobility(state, robot.loops()).rank == robot.nv - 1
 
 
 def test_what_moves_by_itself_has_no_mobility():
@@ -308,7 +308,7 @@ class Fleeting:
     def rows(self, state: rbd.State) -> rbd.Rows:
         """One row at zero, none elsewhere."""
         m = int(abs(state.q[0]) < 1e-9)
-        return rbd.Rows(self.name, np.ones((m, 1)), np.zeros(m), rbd.Free(m), error=np.zeros(m))
+        return rbd.Rows(self.name, np.ones((m, 1)), np.zeros(m), rbd.problem.Free(m), error=np.zeros(m))
 
 
 def test_rows_that_come_and_go_cannot_be_followed():

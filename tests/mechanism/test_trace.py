@@ -314,7 +314,7 @@ def test_progress_is_told():
 @pytest.mark.parametrize(
     ("joint", "values", "more", "error", "match"),
     [
-        ("cranck", (0.7, 1.0), {}, rbd.JointNotFound, "crank"),
+        ("cranck", (0.7, 1.0), {}, rbd.errors.JointNotFound, "crank"),
         ("crank", (0.7,), {}, rbd.InputError, "start, stop"),
         ("crank", (0.7, math.nan), {}, rbd.InputError, "not finite"),
         ("crank", "01", {}, rbd.InputError, "numbers"),

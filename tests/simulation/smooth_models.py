@@ -50,7 +50,7 @@ def along(state: rbd.State, constraints: object, drive: np.ndarray) -> rbd.State
 def swinging(robot: rbd.Robot, posture: str, rate: float) -> rbd.State:
     """A mechanism of one freedom whose first joint turns at a rate."""
     state = robot.at(posture)
-    J = np.vstack([c.rows(state).J for c in robot.loops])
+    J = np.vstack([c.rows(state).J for c in robot.loops()])
     _, _, Vt = np.linalg.svd(J)
     return rbd.State(robot, state.q, rate * Vt[-1] / Vt[-1][0])
 

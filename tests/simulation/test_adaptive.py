@@ -28,7 +28,7 @@ def test_moments_between_steps_are_as_good_as_the_steps():
     robot = rbd.mechanism.four_bar(40, 120, 80, 100)
     start = swinging(robot, "assembled", 4.0)
     coarse, fine = (
-        rbd.simulate(start, robot.loops, duration=0.5, step=2e-3, integrator=by, progress=False)
+        rbd.simulate(start, robot.loops(), duration=0.5, step=2e-3, integrator=by, progress=False)
         for by in (rbd.DormandPrince8(rtol=1e-8, atol=1e-10), rbd.DormandPrince8(rtol=1e-13, atol=1e-14, longest=5e-3))
     )
     assert max(off(coarse.state(i), fine.state(i)) for i in range(len(fine))) < 1e-6
@@ -75,7 +75,7 @@ class _Wall:
     def rows(self, state):
         beyond = bool(state.q[0] > 1.0)
         self.seen += beyond
-        return rbd.Rows(self.name, np.array([[0.0, 1.0], [0.0, 1.0]]), np.array([0.0, 10.0 * beyond]), rbd.Free(2))
+        return rbd.Rows(self.name, np.array([[0.0, 1.0], [0.0, 1.0]]), np.array([0.0, 10.0 * beyond]), rbd.problem.Free(2))
 
 
 def _swings_to(amplitude, wall, **settings):
@@ -100,7 +100,9 @@ def test_a_trial_that_has_no_acceleration_is_tried_shorter():
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 def test_where_no_step_has_an_acceleration_it_stops_at_that_time(rtol):
     """A = 1.1 m reaches the wall at t = arccos(-1 / 1.1), and the error of the shortest step says so."""
-    with pytest.raises(rbd.SimulationStopped, match="no acceleration satisfies .* at t = ([0-9.]+) s: 'wall' misses 5") as told:
+    with pytest.raises(
+        rbd.errors.SimulationStopped, match="no acceleration satisfies .* at t = ([0-9.]+) s: 'wall' misses 5"
+    ) as told:
         _swings_to(1.1, _Wall(), rtol=rtol, atol=rtol)
     at = float(str(told.value).split("at t = ")[1].split(" s")[0])
     assert abs(at - np.arccos(-1.0 / 1.1)) < max(10.0 * rtol, 5e-6)  # it is told to six digits
@@ -110,7 +112,9 @@ def test_where_no_step_has_an_acceleration_it_stops_at_that_time(rtol):
 def test_a_jump_that_no_step_gets_over_is_told():
     """Pushed by 1 N into a barrier that pushes back with 1e8 N from 1 m on: at sqrt(2) s steps shrink to nothing."""
     robot = side_by_side([("x", pin.JointModelPX(), 1.0, [1.0] * 3)], names=("a",), name="one")
-    with pytest.raises(rbd.SimulationStopped, match=r"no step is short enough at t = 1.41421 s for rtol 1e-10 .*a jump in the"):
+    with pytest.raises(
+        rbd.errors.SimulationStopped, match=r"no step is short enough at t = 1.41421 s for rtol 1e-10 .*a jump in the"
+    ):
         rbd.simulate(
             rbd.State(robot, np.zeros(1)), duration=2.0, step=0.1, integrator=rbd.DormandPrince8(), progress=False,
             external=lambda state, t: np.array([1.0 - 1e8 * (state.q[0] > 1.0)]),

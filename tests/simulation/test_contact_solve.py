@@ -18,7 +18,7 @@ EXACT = 1e-13
 
 def corners(mu: float, k: int) -> Stillness:
     """Of k points with friction."""
-    cone = rbd.FrictionCone(mu, 4)
+    cone = rbd.problem.FrictionCone(mu, 4)
     return Stillness(parts_of([Rows(str(i), np.zeros((3, 1)), np.zeros(3), cone) for i in range(k)]))
 
 
@@ -62,7 +62,7 @@ def test_a_step_from_rest_gains_the_acceleration_of_solve_times_its_length(name:
     scale, rng = np.abs(hold).max(), np.random.default_rng(1)
     for _ in range(5):
         tau = np.clip(hold + noise * scale * rng.normal(size=robot.nu), -robot.effort_limit, robot.effort_limit)
-        solution = rbd.solve(standing, tau, feet, solver=rbd.ADMM())
+        solution = rbd.solve(standing, tau, feet, solver=rbd.ConeSolver())
         if solution.reason:
             continue  # one of a family of motions
         force = robot.actuation.T @ tau - standing.h

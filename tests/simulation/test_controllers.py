@@ -9,7 +9,7 @@ import scipy.linalg
 
 import rbd
 from rbd.control.posture import HoldPosture
-from rbd.control.torques import Sampled, TorqueScript
+from rbd.control.torques import TorqueSchedule, ZeroOrderHold
 from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8
@@ -173,8 +173,8 @@ def test_loops_are_held_by_their_own_rows():
     """A five-bar's two motors carry it through its loop: the posture stays, with the loop closed."""
     robot = rbd.load_robot("urdf/five_bar.urdf")
     state = robot.at(next(iter(robot.postures)))
-    tau = HoldPosture(state, robot.loops)(state, 0.0)
-    assert np.abs(rbd.solve(state, tau, robot.loops, solver=rbd.KKT()).a).max() < 1e-8
+    tau = HoldPosture(state, robot.loops())(state, 0.0)
+    assert np.abs(rbd.solve(state, tau, robot.loops(), solver=rbd.KKT()).a).max() < 1e-8
 
 
 def test_a_posture_that_cannot_be_held_is_refused_with_the_reason(talos):
@@ -198,23 +198,23 @@ def test_a_script_goes_in_straight_lines_or_in_steps():
     """Between the rows of the table; before the first and after the last it stands."""
     robot = pendulum()
     state = rbd.State(robot, np.zeros(1))
-    script = TorqueScript([0.5, 1.0, 2.0], [[0.0], [4.0], [2.0]])
+    script = TorqueSchedule([0.5, 1.0, 2.0], [[0.0], [4.0], [2.0]])
     given = [script(state, t)[0] for t in (0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 9.0)]
     assert np.allclose(given, [0.0, 0.0, 2.0, 4.0, 3.0, 2.0, 2.0], atol=1e-15)
-    steps = TorqueScript([0.5, 1.0, 2.0], [[0.0], [4.0], [2.0]], held=True)
+    steps = TorqueSchedule([0.5, 1.0, 2.0], [[0.0], [4.0], [2.0]], held=True)
     assert [steps(state, t)[0] for t in (0.0, 0.75, 1.0 - 1e-12, 1.0, 1.99, 2.0)] == [0.0, 0.0, 4.0, 4.0, 4.0, 2.0]
 
 
 def test_a_script_that_does_not_fit_is_refused():
     """What came, what was expected."""
     with pytest.raises(rbd.InputError, match="increasing"):
-        TorqueScript([0.0, 0.0], [[1.0], [2.0]])
+        TorqueSchedule([0.0, 0.0], [[1.0], [2.0]])
     with pytest.raises(rbd.InputError, match=r"shape \(2,\); expected \(2, nu\)"):
-        TorqueScript([0.0, 1.0], [1.0, 2.0])
+        TorqueSchedule([0.0, 1.0], [1.0, 2.0])
     with pytest.raises(rbd.InputError, match="not finite"):
-        TorqueScript([0.0], [[np.nan]])
+        TorqueSchedule([0.0], [[np.nan]])
     with pytest.raises(rbd.InputError, match="2 columns; pendulum has 1 motors"):
-        TorqueScript([0.0], [[1.0, 2.0]])(rbd.State(pendulum(), np.zeros(1)), 0.0)
+        TorqueSchedule([0.0], [[1.0, 2.0]])(rbd.State(pendulum(), np.zeros(1)), 0.0)
 
 
 def test_a_sampled_controller_is_asked_once_a_period_and_again_in_a_new_run():
@@ -226,7 +226,7 @@ def test_a_sampled_controller_is_asked_once_a_period_and_again_in_a_new_run():
         seen.append(round(t, 9))
         return np.array([state.q[0]])
 
-    slow = Sampled(record, period=2e-3)
+    slow = ZeroOrderHold(record, period=2e-3)
     stages = (0.0, 5e-4, 1e-3)  # of steps of 1 ms, their ends guessed before they are reached
     for _ in range(2):
         seen.clear()
@@ -239,6 +239,6 @@ def test_a_sampled_controller_is_asked_once_a_period_and_again_in_a_new_run():
         assert at_starts == pytest.approx([0.0, 0.0, 2e-3, 2e-3], abs=1e-15)
         assert seen == [0.0, 0.002, 0.002, 0.004]
     with pytest.raises(rbd.InputError, match="period of Sampled is 0"):
-        Sampled(record, period=0)
+        ZeroOrderHold(record, period=0)
     with pytest.raises(rbd.InputError, match="expected a function"):
-        Sampled(HoldPosture, period=1e-3)
+        ZeroOrderHold(HoldPosture, period=1e-3)

@@ -19,7 +19,7 @@ import rbd
 CORNERS = [(0.2, 0.2, -0.1), (-0.2, 0.2, -0.1), (-0.2, -0.2, -0.1), (0.2, -0.2, -0.1)]
 
 
-def touched(trajectory: rbd.Trajectory, name: str | None = None) -> list[rbd.Event]:
+def touched(trajectory: rbd.Trajectory, name: str | None = None) -> list[rbd.simulation.Event]:
     """Events of touch with a speed, of one constraint or of all."""
     return [e for e in trajectory.events if e.kind == "touches" and e.speed > 0.0 and name in (None, e.name)]
 
@@ -329,11 +329,11 @@ class TestWhatHolds:
         """The nearest velocity in |.|_M on the loop, v - M^-1 J^T (J M^-1 J^T)^-1 J v; nothing else has struck."""
         robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
         state = robot.at("assembled").with_velocity(np.array([1.0, 2.0, -3.0]))
-        J = np.vstack([c.rows(state).J for c in robot.loops])
+        J = np.vstack([c.rows(state).J for c in robot.loops()])
         back = np.linalg.solve(state.M, J.T)
         expected = state.v - back @ np.linalg.solve(J @ back, J @ state.v)
         by = rbd.TimeStepping()
-        trajectory = rbd.simulate(state, robot.loops, duration=0.01, step=1e-3, integrator=by, progress=False)
+        trajectory = rbd.simulate(state, robot.loops(), duration=0.01, step=1e-3, integrator=by, progress=False)
         assert np.abs(J @ state.v).max() > 0.1
         assert trajectory.v[0] == pytest.approx(expected, abs=1e-12)
         assert trajectory.events == ()
@@ -343,7 +343,9 @@ class TestWhatHolds:
         """Both are named."""
         lift = floor_point("lift", (0.0, -0.1), friction=0.0, velocity=(0.0, 0.0, 0.5), anchor=(0.0, 0.0, -0.1))
         state = rbd.State(flat_body(1.0, 0.1), np.zeros(3))
-        with pytest.raises(rbd.SimulationStopped, match="no velocity satisfies the contact law together with lock, lift: "):
+        with pytest.raises(
+            rbd.errors.SimulationStopped, match="no velocity satisfies the contact law together with lock, lift: "
+        ):
             rbd.simulate(state, [rbd.JointLock("lock", "z", position=0.0), lift], duration=0.1, step=0.01, progress=False)
 
     def test_rows_of_which_one_holds_and_one_pushes_do_each_their_part(self):
@@ -353,7 +355,7 @@ class TestWhatHolds:
             name = "wire"
 
             def rows(self, state):
-                cone = rbd.Product([rbd.Free(1), rbd.NonNegative(1)])
+                cone = rbd.problem.Product([rbd.problem.Free(1), rbd.problem.NonNegative(1)])
                 return rbd.Rows(self.name, np.eye(3)[:2], np.zeros(2), cone, error=state.q[:2].copy())
 
         trajectory = rbd.simulate(
@@ -367,7 +369,7 @@ class TestWhatHolds:
     def test_a_velocity_beyond_all_numbers_is_told_with_what_it_would_strike(self):
         """1e-38 N on 1e-200 kg against a stop."""
         robot = chain([("x", pin.JointModelPX(), 1e-200, [0.0] * 3)], names=("dust",), name="dust")
-        with pytest.raises(rbd.SimulationStopped, match="the velocity of stop is not finite at this state"):
+        with pytest.raises(rbd.errors.SimulationStopped, match="the velocity of stop is not finite at this state"):
             rbd.simulate(
                 rbd.State(robot, np.zeros(1)), [rbd.JointLimit("stop", "x", upper=0.0)], duration=0.1, step=0.01,
                 external=lambda state, t: np.array([1e-38]), progress=False,

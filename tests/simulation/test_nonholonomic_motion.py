@@ -22,7 +22,7 @@ def test_chaplygins_sleigh_turns_to_go_straight(integrator, step):
     V = np.sqrt(v0 * v0 + a / k * w0 * w0)
     c = np.arctanh(v0 / V)
     start = rbd.State(robot, robot.at().q, np.array([v0, 0.0, w0]))
-    found = rbd.simulate(start, robot.wheels, duration=2.0, step=step, integrator=integrator, progress=False)
+    found = rbd.simulate(start, robot.wheels(), duration=2.0, step=step, integrator=integrator, progress=False)
     s = k * V * found.times + c
     assert np.abs(found.v[:, 0] - V * np.tanh(s)).max() < 1e-8
     assert np.abs(found.v[:, 2] - np.sqrt(k / a) * V / np.cosh(s)).max() < 1e-8
@@ -35,7 +35,7 @@ def test_the_sleigh_turns_by_its_angle_in_all():
     robot = rbd.load_robot(URDF / "chaplygin_sleigh.urdf")
     start = rbd.State(robot, robot.at().q, np.array([-1.0, 0.0, 1e-4]))
     found = rbd.simulate(
-        start, robot.wheels, duration=14.0, step=0.1, integrator=rbd.DormandPrince8(longest=1.0), progress=False
+        start, robot.wheels(), duration=14.0, step=0.1, integrator=rbd.DormandPrince8(longest=1.0), progress=False
     )
     heading = np.unwrap(np.arctan2(found.q[:, 3], found.q[:, 2]))
     left = found.v[-1, 2]  # what is still to turn, w / (k V), and as much before the start
@@ -89,8 +89,8 @@ def test_a_disk_wobbles_on_its_rim_at_eulers_rate(integrator, step):
     q = np.r_[0.0, 0.0, a * np.sin(al), pin.Quaternion(R).coeffs()]
     turning = -W * np.sin(al) * np.array([np.cos(al), 0.0, -np.sin(al)])  # along the diameter through the contact
     start = rbd.State(robot, q, np.r_[np.zeros(3), R.T @ turning])
-    assert np.abs(robot.wheels[0].rows(start).velocity).max() < 1e-12
-    found = rbd.simulate(start, robot.wheels, duration=0.5, step=0.2 * step, integrator=integrator, progress=False)
+    assert np.abs(robot.wheels()[0].rows(start).velocity).max() < 1e-12
+    found = rbd.simulate(start, robot.wheels(), duration=0.5, step=0.2 * step, integrator=integrator, progress=False)
     assert np.abs(found.q[:, :3] - q[:3]).max() < 1e-7
     for i in (len(found) // 2, -1):
         e = pin.Quaternion(found.q[i, 3:]).matrix()[:, 1]
@@ -104,7 +104,7 @@ def test_a_disk_that_rolls_and_leans_keeps_its_energy_and_its_floor():
     robot = rbd.load_robot(URDF / "rolling_disk.urdf")
     q = pin.integrate(robot.model, robot.at("upright").q, np.array([0.0, 0.0, 0.0, 0.3, 0.0, 0.0]))
     q[2] = 0.25 * np.cos(0.3)
-    start = along(rbd.State(robot, q), robot.wheels, np.array([1.0, 0.0, 0.0, 0.0, 12.0, 3.0]))
-    found = rbd.simulate(start, robot.wheels, duration=2.0, step=2e-3, progress=False)
+    start = along(rbd.State(robot, q), robot.wheels(), np.array([1.0, 0.0, 0.0, 0.0, 12.0, 3.0]))
+    found = rbd.simulate(start, robot.wheels(), duration=2.0, step=2e-3, progress=False)
     assert np.abs(found.energy - found.energy[0]).max() < 1e-7
     assert found.residuals["drift"].max() < 1e-12

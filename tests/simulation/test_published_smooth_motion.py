@@ -77,6 +77,6 @@ def test_a_four_bar_hangs_at_rest_where_drake_says():
         at = robot.model.joints[robot.joint_id(joint)].idx_q
         q[at : at + 2] = np.cos(angle), np.sin(angle)
     assert abs(np.degrees(np.arccos(0.25)) - 75.5225) < 1e-4
-    found = rbd.simulate(rbd.State(robot, q), robot.loops, duration=1.0, step=1e-2, progress=False)
+    found = rbd.simulate(rbd.State(robot, q), robot.loops(), duration=1.0, step=1e-2, progress=False)
     assert np.abs(found.v).max() < 1e-9
     assert found.residuals["drift"].max() < 1e-12

@@ -55,7 +55,7 @@ def test_corner_forces_of_a_record_are_those_of_solve(integrator, push):
         if np.abs(found.v[i]).max() > 1e-6:
             continue
         still = found.state(i).with_velocity(np.zeros(6))
-        proved = rbd.solve(still, np.zeros(0), [contact], external=[force], solver=rbd.ADMM())
+        proved = rbd.solve(still, np.zeros(0), [contact], external=[force], solver=rbd.ConeSolver())
         assert proved.force_choice.startswith("minimum norm")
         assert np.abs(_corner_forces(found, i) - proved.corner_forces["sole"]).max() < 1e-4
         compared += 1
@@ -92,7 +92,7 @@ def test_a_robot_that_stands_has_the_corner_forces_of_solve(integrator, talos):
         standing, soles, duration=0.02, step=1e-3, integrator=integrator, controller=lambda s, t: held.tau, progress=False
     )
     for i in (0, 10, 20):
-        proved = rbd.solve(found.state(i), held.tau, soles, solver=rbd.ADMM())
+        proved = rbd.solve(found.state(i), held.tau, soles, solver=rbd.ConeSolver())
         for name, corners in proved.corner_forces.items():
             assert np.abs(found.point_forces[name][i] - corners).max() < 1e-4
         assert np.abs(proved.a - found.a[i]).max() < 1e-8
@@ -191,7 +191,7 @@ def test_a_slide_with_less_friction_than_its_own_is_left_to_the_long_way(used):
 def test_of_rows_that_all_hold_the_long_way_finds_the_shortest_too():
     """A hinge that closes a four-bar, five rows of rank two: the pseudoinverse's forces, of any that do the same."""
     robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
-    (loop,) = robot.loops
+    (loop,) = robot.loops()
     hinge = rbd.LoopClosure(loop.name, loop.frame_a, loop.frame_b, kind="revolute", axis=loop.axis)
     state = robot.at("assembled")
     at = Points(sources_of([hinge], state)).at(state, 0.0)

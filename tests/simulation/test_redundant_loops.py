@@ -19,7 +19,7 @@ RING = [rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0,
 
 def _hinged(robot):
     """The planar closures of a robot as hinges: five rows each, two of them independent."""
-    return [rbd.LoopClosure(c.name, c.frame_a, c.frame_b, kind="revolute", axis=c.axis) for c in robot.loops]
+    return [rbd.LoopClosure(c.name, c.frame_a, c.frame_b, kind="revolute", axis=c.axis) for c in robot.loops()]
 
 
 def _last(start, constraints, step, duration, integrator, **more):
@@ -56,12 +56,12 @@ def _swings(swing, t):
 @pytest.mark.parametrize(
     ("integrator", "stabilisation", "order", "steps"),
     [
-        (rbd.RungeKutta4(), rbd.Projection(), 4, (0.02, 0.01)),
-        (rbd.RungeKutta4(), rbd.Baumgarte(10.0), 4, (0.02, 0.01)),
-        (rbd.TimeStepping(), rbd.Projection(), 2, (0.01, 0.005)),
-        (rbd.TimeStepping(extrapolate=True), rbd.Projection(), 2, (0.01, 0.005)),
-        (rbd.TimeStepping(), rbd.Baumgarte(10.0), 2, (0.01, 0.005)),
-        (rbd.TimeStepping(extrapolate=True), rbd.Baumgarte(10.0), 2, (0.01, 0.005)),
+        (rbd.RungeKutta4(), rbd.simulation.Projection(), 4, (0.02, 0.01)),
+        (rbd.RungeKutta4(), rbd.constraints.Baumgarte(10.0), 4, (0.02, 0.01)),
+        (rbd.TimeStepping(), rbd.simulation.Projection(), 2, (0.01, 0.005)),
+        (rbd.TimeStepping(extrapolate=True), rbd.simulation.Projection(), 2, (0.01, 0.005)),
+        (rbd.TimeStepping(), rbd.constraints.Baumgarte(10.0), 2, (0.01, 0.005)),
+        (rbd.TimeStepping(extrapolate=True), rbd.constraints.Baumgarte(10.0), 2, (0.01, 0.005)),
     ],
     ids=["RK4", "RK4 Baumgarte", "TimeStepping", "extrapolated", "TimeStepping Baumgarte", "extrapolated Baumgarte"],
 )
@@ -77,7 +77,7 @@ def test_a_hinged_parallelogram_swings_as_the_elliptic_functions_at_two_steps(in
         angle = np.arctan2(q[crank.idx_q + 1], q[crank.idx_q]) + 0.5 * np.pi
         errors.append(np.abs(np.array([angle, found.v[-1, crank.idx_v]]) - true).max())
         assert found.residuals["law"].max() < 1e-12
-        if isinstance(stabilisation, rbd.Projection):
+        if isinstance(stabilisation, rbd.simulation.Projection):
             assert _differs_from_solve(found, loops) < 1e-9
     assert errors[1] < 10.0 * steps[1] ** order * (1.0 if order == 2 else 100.0)
     assert abs(np.log2(errors[0] / errors[1]) - order) < 0.3
@@ -87,7 +87,7 @@ def test_a_hinged_four_bar_moves_as_with_planar_rows():
     """Crank, coupler and rocker of different lengths, turning: the same motion with five rows as with two."""
     robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
     start = swinging(robot, "assembled", 3.0)
-    exact = _last(start, list(robot.loops), 0.1, 0.4, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
+    exact = _last(start, list(robot.loops()), 0.1, 0.4, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
     errors = []
     for step in (0.005, 0.0025):
         found = _last(start, _hinged(robot), step, 0.4, rbd.RungeKutta4())
@@ -141,10 +141,10 @@ def test_baumgartes_feedback_keeps_time_stepping_stable_and_of_order_two(frequen
     """A four-bar's pin under feedback: its drift stays of the size of h^2, and falls with it."""
     robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
     start = swinging(robot, "assembled", 3.0)
-    exact = _last(start, robot.loops, 0.1, 1.0, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
-    by, drifts, errors = rbd.Baumgarte(frequency), [], []
+    exact = _last(start, robot.loops(), 0.1, 1.0, rbd.DormandPrince8(1e-12, 1e-13)).state(-1)
+    by, drifts, errors = rbd.constraints.Baumgarte(frequency), [], []
     for step in (0.005, 0.0025):
-        found = _last(start, robot.loops, step, 1.0, rbd.TimeStepping(), stabilisation=by)
+        found = _last(start, robot.loops(), step, 1.0, rbd.TimeStepping(), stabilisation=by)
         drifts.append(found.residuals["drift"].max())
         errors.append(off(found.state(-1), exact))
         assert found.residuals["law"].max() < 1e-9
@@ -157,7 +157,9 @@ def test_a_loop_that_is_open_is_pulled_together_in_time_stepping():
     """From rest an error with error'' + 2 w error' + w^2 error = 0 is (1 + w t) exp(-w t) of what it began with."""
     robot, start = _parallelogram(0.3)
     w, gap = 10.0, pin.integrate(robot.model, start.q, np.array([0.0, 0.0, 1e-3]))
-    found = _last(rbd.State(robot, gap), robot.loops, 1e-3, 0.5, rbd.TimeStepping(), stabilisation=rbd.Baumgarte(w))
+    found = _last(
+        rbd.State(robot, gap), robot.loops(), 1e-3, 0.5, rbd.TimeStepping(), stabilisation=rbd.constraints.Baumgarte(w)
+    )
     true = found.residuals["drift"][0] * (1.0 + w * found.times) * np.exp(-w * found.times)
     assert found.residuals["drift"][0] > 5e-4
     assert np.abs(found.residuals["drift"] - true).max() < 0.02 * found.residuals["drift"][0]
@@ -192,7 +194,7 @@ class _Disagreeing:
         self.by = by
 
     def rows(self, state):
-        return rbd.Rows(self.name, np.eye(2)[[0, 0]], np.array([0.0, self.by]), rbd.Free(2))
+        return rbd.Rows(self.name, np.eye(2)[[0, 0]], np.array([0.0, self.by]), rbd.problem.Free(2))
 
 
 EVERY = pytest.mark.parametrize(
@@ -204,7 +206,9 @@ EVERY = pytest.mark.parametrize(
 def test_a_residual_above_a_ten_millionth_is_said_once(integrator):
     """Rows that differ by 1e-4 m/s2: one warning a run, with size and time; 1e-8 passes in silence."""
     start = rbd.State(chain(2), np.array([0.1, 0.2]))
-    with pytest.warns(rbd.InaccurateWarning, match=r"residual 'law' is .*e-0. \(scaled\) at t = .* 6 of 6 recorded") as told:
+    with pytest.warns(
+        rbd.errors.InaccurateWarning, match=r"residual 'law' is .*e-0. \(scaled\) at t = .* 6 of 6 recorded"
+    ) as told:
         found = _last(start, [_Disagreeing(1e-4)], 0.01, 0.05, integrator)
     assert len(told) == 1
     assert found.residuals["law"].max() > 1e-7
@@ -217,7 +221,7 @@ def test_a_residual_above_a_ten_millionth_is_said_once(integrator):
 def test_rows_that_contradict_each_other_have_no_motion(integrator):
     """Rows that differ by 1 m/s2: refused by name, as by `rbd.solve`."""
     start = rbd.State(chain(2), np.array([0.1, 0.2]))
-    with pytest.raises(rbd.SimulationStopped, match="disagreeing"):
+    with pytest.raises(rbd.errors.SimulationStopped, match="disagreeing"):
         _last(start, [_Disagreeing(1.0)], 0.01, 0.05, integrator)
 
 
@@ -240,11 +244,11 @@ class _Lookout:
         self.robot, self.seen = robot, [0, 0]
 
     def rows(self, state):
-        (loop,) = [c.rows(state) for c in self.robot.loops]
+        (loop,) = [c.rows(state) for c in self.robot.loops()]
         off_by = bool(np.abs(loop.error).max() > 1e-10)
         self.seen[off_by] += 1
         J = np.eye(self.robot.nv)[:1][: int(off_by)]
-        return rbd.Rows(self.name, J, np.zeros(len(J)), rbd.NonNegative(len(J)), error=np.full(len(J), 10.0))
+        return rbd.Rows(self.name, J, np.zeros(len(J)), rbd.problem.NonNegative(len(J)), error=np.full(len(J), 10.0))
 
 
 @pytest.mark.parametrize("hinged", [True, False])
@@ -252,7 +256,7 @@ def test_points_that_come_into_sight_while_a_loop_is_put_right_change_nothing(hi
     """The same motion, residuals and forces as without them, of loops with rows that repeat each other and that do not."""
     robot = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=0.7)
     start, lookout = swinging(robot, "assembled", 3.0), _Lookout(robot)
-    loops = _hinged(robot) if hinged else list(robot.loops)
+    loops = _hinged(robot) if hinged else list(robot.loops())
     alone = _last(start, loops, 0.01, 0.2, rbd.TimeStepping())
     found = _last(start, [*loops, lookout], 0.01, 0.2, rbd.TimeStepping())
     assert min(lookout.seen) > 20

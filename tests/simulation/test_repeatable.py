@@ -89,7 +89,7 @@ def _simulations(standing: rbd.State) -> Iterator[tuple[str, Job]]:
     yield "fall", lambda: _moved(rbd.State(box, q), corners, 0.35, restitution=0.5)
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
     swing = four_bar.at("assembled")
-    yield "swing", lambda: _moved(swing, four_bar.loops, 0.1)
+    yield "swing", lambda: _moved(swing, four_bar.loops(), 0.1)
 
 
 def _moved(state: rbd.State, constraints: list, duration: float, **options: object) -> list[Array]:
@@ -104,12 +104,12 @@ def _solves(robot: rbd.Robot, q: Array, v: Array, tau: Array) -> Iterator[tuple[
         ("KKT", lambda: _solved(rbd.State(robot, q, v), tau, held, rbd.KKT())),
         ("ProxQP held", lambda: _solved(rbd.State(robot, q, v), tau, held, rbd.ProxQP())),
         ("ProxQP", lambda: _solved(rbd.State(robot, q), tau, rubbing, rbd.ProxQP())),
-        ("ADMM coulomb", lambda: _solved(rbd.State(robot, q), tau, rubbing, rbd.ADMM())),
-        ("ADMM convex", lambda: _solved(rbd.State(robot, q), tau, rubbing, rbd.ADMM(law="convex"))),
+        ("ConeSolver coulomb", lambda: _solved(rbd.State(robot, q), tau, rubbing, rbd.ConeSolver())),
+        ("ConeSolver convex", lambda: _solved(rbd.State(robot, q), tau, rubbing, rbd.ConeSolver(law="convex"))),
     )
 
 
-def _solved(state: rbd.State, tau: Array, constraints: list, solver: rbd.KKT | rbd.ProxQP | rbd.ADMM) -> list[Array]:
+def _solved(state: rbd.State, tau: Array, constraints: list, solver: rbd.KKT | rbd.ProxQP | rbd.ConeSolver) -> list[Array]:
     solution = rbd.solve(state, tau, constraints, solver=solver)
     return [solution.a, *solution.forces.values(), np.array(list(solution.residuals.scaled.values()))]
 
@@ -175,7 +175,7 @@ def test_other_threads_do_not_change_the_bits():
     tau = [np.clip(hold + 5.0 * rng.normal(size=talos.nu), -limit, limit) for _ in range(30)]
 
     def run() -> list[str]:
-        return [digest(_solved(standing, t, soles, rbd.ADMM())) for t in tau]
+        return [digest(_solved(standing, t, soles, rbd.ConeSolver())) for t in tau]
 
     alone, stop = run(), threading.Event()
 
@@ -203,7 +203,7 @@ def test_no_term_depends_on_where_its_input_lies(offset: int):
 
     def terms(place: Callable[[Array], Array]) -> str:
         state = rbd.State(talos, place(q), place(v))
-        sole = rbd.Rows("sole", place(state.frame("left_sole_link").J), np.zeros(6), rbd.Free(6))
+        sole = rbd.Rows("sole", place(state.frame("left_sole_link").J), np.zeros(6), rbd.problem.Free(6))
         P = rbd.GaussProblem(place(state.M), place(rhs), [sole], from_state=True)
         return digest([state.M, state.h, state.com, P.factor, P.whitened, P.delassus, P.a_free, rbd.KKT().solve(P).a])
 

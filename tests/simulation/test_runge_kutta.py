@@ -53,9 +53,14 @@ def _cases(talos):
     yield "talos in the air", moving, (), 0.01
     yield "talos on held soles", along(stand, held, rng.normal(size=talos.nv)), held, 0.01
     yield "solo12 in the air", rbd.State(solo, solo.standing().q, rng.normal(size=solo.nv)), (), 0.01
-    yield "sleigh on a plane", along(sleigh.at(), sleigh.wheels, np.array([3.0, 0.0, 4.0])), sleigh.wheels, 0.02
-    yield "rolling disk", along(rbd.State(disk, leaning), disk.wheels, np.array([1.0, 0, 0, 0, 12.0, 3.0])), disk.wheels, 0.01
-    yield "four-bar", swinging(four_bar, "assembled", 4.0), four_bar.loops, 0.01
+    yield "sleigh on a plane", along(sleigh.at(), sleigh.wheels(), np.array([3.0, 0.0, 4.0])), sleigh.wheels(), 0.02
+    yield (
+        "rolling disk",
+        along(rbd.State(disk, leaning), disk.wheels(), np.array([1.0, 0, 0, 0, 12.0, 3.0])),
+        disk.wheels(),
+        0.01,
+    )
+    yield "four-bar", swinging(four_bar, "assembled", 4.0), four_bar.loops(), 0.01
 
 
 def test_half_the_step_has_a_sixteenth_of_the_error(talos):
@@ -118,7 +123,7 @@ def test_a_start_off_the_constraints_is_refused():
     """A loop that is open, and one whose pins fly apart."""
     robot = rbd.mechanism.four_bar(40, 120, 80, 100)
     with pytest.raises(rbd.errors.RbdError, match=r"off by .* at the start.*assemble"):
-        rbd.simulate(rbd.State(robot, pin.neutral(robot.model)), robot.loops, duration=0.1, step=0.01, progress=False)
+        rbd.simulate(rbd.State(robot, pin.neutral(robot.model)), robot.loops(), duration=0.1, step=0.01, progress=False)
     apart = rbd.State(robot, robot.at("assembled").q, np.array([1.0, 0.0, 0.0]))
     with pytest.raises(rbd.errors.RbdError, match="that is an impact"):
-        rbd.simulate(apart, robot.loops, duration=0.1, step=0.01, progress=False)
+        rbd.simulate(apart, robot.loops(), duration=0.1, step=0.01, progress=False)

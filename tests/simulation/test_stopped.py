@@ -40,7 +40,7 @@ class _Fails:
     def rows(self, state):
         if state.q[0] < self.at:
             raise self.error
-        return rbd.Rows(self.name, np.zeros((0, state.robot.nv)), np.zeros(0), rbd.Free(0))
+        return rbd.Rows(self.name, np.zeros((0, state.robot.nv)), np.zeros(0), rbd.problem.Free(0))
 
 
 def _run(integrator, constraints=(), **more):
@@ -59,7 +59,7 @@ def test_an_error_of_a_users_function_keeps_the_motion_so_far(integrator, given,
         more = {"controller": _raises(error, 0.101)}
     else:
         more = {"external": lambda state, t: np.zeros(state.robot.nv) if t < 0.101 else _raises(error, 0.0)(state, t)}
-    with pytest.raises(rbd.SimulationStopped, match=type(error).__name__) as stopped:
+    with pytest.raises(rbd.errors.SimulationStopped, match=type(error).__name__) as stopped:
         _run(integrator, **more)
     assert stopped.value.__cause__ is error
     kept, whole = stopped.value.trajectory, _run(integrator)
@@ -74,7 +74,9 @@ def test_an_error_of_a_users_function_keeps_the_motion_so_far(integrator, given,
 @INTEGRATORS
 def test_an_error_at_the_very_start_has_no_motion_to_keep(integrator):
     """The first call of a controller fails: nothing was recorded, and the message says so."""
-    with pytest.raises(rbd.SimulationStopped, match="Broken was raised .no power.*Nothing was recorded before") as stopped:
+    with pytest.raises(
+        rbd.errors.SimulationStopped, match="Broken was raised .no power.*Nothing was recorded before"
+    ) as stopped:
         _run(integrator, controller=_raises(Broken("no power"), 0.0))
     assert isinstance(stopped.value.__cause__, Broken)
     assert stopped.value.trajectory is None
@@ -99,9 +101,11 @@ def test_an_inaccurate_record_is_told_by_the_error_that_stops_a_run():
         name = "disagreeing"
 
         def rows(self, state):
-            return rbd.Rows(self.name, np.eye(2)[[0, 0]], np.array([0.0, 1e-4]), rbd.Free(2))
+            return rbd.Rows(self.name, np.eye(2)[[0, 0]], np.array([0.0, 1e-4]), rbd.problem.Free(2))
 
-    with pytest.raises(rbd.SimulationStopped, match=r"Broken.*Before that, the simulation of chain is inaccurate.*\(scaled\)"):
+    with pytest.raises(
+        rbd.errors.SimulationStopped, match=r"Broken.*Before that, the simulation of chain is inaccurate.*\(scaled\)"
+    ):
         _run(rbd.RungeKutta4(), [Disagreeing()], controller=_raises(Broken("gone"), 0.101))
 
 
@@ -123,7 +127,7 @@ class _ByHand:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_an_acceleration_that_is_not_finite_goes_no_further(bad):
     """Of whatever integrator: what came before is kept."""
-    with pytest.raises(rbd.SimulationStopped, match=r"the acceleration at t = 0\.01 s is not finite") as stopped:
+    with pytest.raises(rbd.errors.SimulationStopped, match=r"the acceleration at t = 0\.01 s is not finite") as stopped:
         _run(_ByHand(bad))
     assert len(stopped.value.trajectory) == 1
     assert stopped.value.trajectory.a.tolist() == [[1.0, 2.0]]

@@ -145,7 +145,7 @@ def test_rows_that_nearly_repeat_each_other_are_solved_or_said_to_fail(twist, rn
     J = rng.normal(size=(1, 6))
     other = J + twist * rng.normal(size=(1, 6))
     a = rng.normal(size=6)
-    rows = [Rows("one", J, -J @ a, rbd.Free(1)), Rows("two", other, -other @ a, rbd.Free(1))]
+    rows = [Rows("one", J, -J @ a, rbd.problem.Free(1)), Rows("two", other, -other @ a, rbd.problem.Free(1))]
     P = rbd.GaussProblem(A @ A.T + np.eye(6), rng.normal(size=6), rows)
     for solver in (rbd.KKT(), rbd.ProxQP()):
         s = solver.solve(P)
@@ -157,8 +157,8 @@ def test_rows_that_nearly_repeat_each_other_are_solved_or_said_to_fail(twist, rn
 def test_what_can_break_or_slip_is_refused_by_name():
     """The first such constraint is named, with the set that its forces live in."""
     rows = [
-        Rows("bar", np.eye(1, 3), np.zeros(1), rbd.Free(1)),
-        Rows("stop", np.eye(1, 3), np.zeros(1), rbd.NonNegative(1)),
+        Rows("bar", np.eye(1, 3), np.zeros(1), rbd.problem.Free(1)),
+        Rows("stop", np.eye(1, 3), np.zeros(1), rbd.problem.NonNegative(1)),
     ]
     P = rbd.GaussProblem(np.eye(3), np.ones(3), rows)
     assert rbd.KKT().reason_unsupported(rbd.GaussProblem(np.eye(3), np.ones(3), rows[:1])) is None

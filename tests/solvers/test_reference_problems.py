@@ -10,8 +10,8 @@ from rbd.testing import check_solver
 
 SOLVERS = {
     "KKT": rbd.KKT(),
-    "ADMM": rbd.ADMM(),
-    "ADMM, convex": rbd.ADMM(law="convex"),
+    "ConeSolver": rbd.ConeSolver(),
+    "ConeSolver, convex": rbd.ConeSolver(law="convex"),
     "ProxQP": rbd.ProxQP(),
     "ProxQP, preconditioned": rbd.ProxQP(policy=(qp.Setting(precondition=True),)),
 }

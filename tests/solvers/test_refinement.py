@@ -26,7 +26,7 @@ def test_a_correction_brings_an_answer_that_is_off_back() -> None:
     s = held()
     off = replace(s, a=s.a + 0.1, multipliers=s.multipliers + 1.0)
     found = refined(off, lambda c, f: -np.linalg.solve(s.problem.delassus, c))
-    assert found.multipliers == pytest.approx([0.0, 0.0, 0.981], abs=1e-12) and found.status is rbd.Status.SOLVED
+    assert found.multipliers == pytest.approx([0.0, 0.0, 0.981], abs=1e-12) and found.status is rbd.problem.Status.SOLVED
 
 
 @pytest.mark.parametrize("change", [np.nan, np.inf, 1e154], ids=["nan", "inf", "overflow"])

@@ -18,7 +18,7 @@ from rbd.solvers.sliding import _Search, sliding_answers
 from rbd.testing import box
 
 G = 9.81
-COULOMB = rbd.ADMM()
+COULOMB = rbd.ConeSolver()
 
 
 def rod_problem(mu, angle, rate=0.0, speed=-1.0, mass=1.0, half=1.0) -> rbd.GaussProblem:
@@ -29,7 +29,7 @@ def rod_problem(mu, angle, rate=0.0, speed=-1.0, mass=1.0, half=1.0) -> rbd.Gaus
     c, s = np.cos(angle), np.sin(angle)
     J = np.array([[1.0, 0.0, half * s], [0.0, 0.0, 0.0], [0.0, 1.0, -half * c]])
     bias = half * rate**2 * np.array([c, 0.0, s])
-    tip = rbd.Rows("tip", J=J, bias=bias, cone=rbd.FrictionCone(mu), velocity=[speed, 0.0, 0.0])
+    tip = rbd.Rows("tip", J=J, bias=bias, cone=rbd.problem.FrictionCone(mu), velocity=[speed, 0.0, 0.0])
     return rbd.GaussProblem(np.diag([mass, mass, mass * half**2 / 3.0]), np.array([0.0, -mass * G, 0.0]), [tip])
 
 
@@ -120,7 +120,7 @@ class TestPainlevesRod:
         assert f"{rod_pressing(2.0, np.arctan(2.0)):.3g} < 0 at mu = 2" in reason
 
     def test_the_solver_hands_on_what_is_found(self):
-        """ADMM: `others` has the second motion, each with its own certificate; without a motion it fails, and says why."""
+        """ConeSolver: `others` has the second motion, each with its own certificate; without a motion it fails, and says why."""
         two = COULOMB.solve(rod_problem(2.0, np.arctan(2.0), 5.0))
         assert two.status == "solved" and two.law == "coulomb" and [o.status for o in two.others] == ["solved"]
         assert two.gauss == 0.0 and two.others[0].gauss > 0.0  # leaving first
@@ -136,7 +136,7 @@ class TestPainlevesRod:
         angle, rate = 1.1, 2.0
         for mu in (0.9 / np.tan(angle), 1.1 / np.tan(angle)):
             free = rod_problem(mu, angle, rate)
-            hand = rbd.Rows("hand", J=[[0.0, 1.0, 0.0]], bias=[0.0], cone=rbd.Free(1))
+            hand = rbd.Rows("hand", J=[[0.0, 1.0, 0.0]], bias=[0.0], cone=rbd.problem.Free(1))
             answers = sliding_answers(rbd.GaussProblem(free.M, free.rhs, [hand, *free.rows]))
             D, b = 3.0 * np.cos(angle) * (np.cos(angle) - mu * np.sin(angle)), rate**2 * np.sin(angle)
             assert answers.complete and [f[3] for _, f, _ in answers.found] == pytest.approx([0.0] if D > 0 else [0.0, -b / D])
@@ -180,7 +180,7 @@ class TestRodThroughTheDoor:
         rate = 9.0
         b, D = self.half * rate**2 * np.sin(self.angle) - G, rod_pressing(self.mu, self.angle, self.mass)
         with pytest.warns(
-            rbd.NonUniqueMotionWarning, match=r"rod has no one motion: 2 motions .*'tip' leaves; .*'tip' presses with"
+            rbd.errors.NonUniqueMotionWarning, match=r"rod has no one motion: 2 motions .*'tip' leaves; .*'tip' presses with"
         ):
             s = self.ask(rate)
         assert s.forces["tip"] == pytest.approx(np.zeros(3)) and s.accelerations["tip"][2] == pytest.approx(b)
@@ -291,7 +291,7 @@ class TestSlidingBox:
 
     def test_the_door_warns_of_an_undecided_split(self):
         """`NonUniqueMotionWarning`, with the ends in `others`."""
-        with pytest.warns(rbd.NonUniqueMotionWarning, match="a family of motions"):
+        with pytest.warns(rbd.errors.NonUniqueMotionWarning, match="a family of motions"):
             s = self.ask(self.state((0.5, 0.2, 0.0), (0.0, 0.0, 1.0)), 0.3)
         assert s.status == "solved" and len(s.others) == 2 and all(o.status == "solved" for o in s.others)
 
@@ -305,7 +305,7 @@ class TestSlidingBox:
         w, x, h, m, inertia = 0.5, 0.2, 0.5, self.mass, self.moment
         turn, edge = np.array([0.0, w, 0.0]), np.array([x, 0.0, -h])
         v = np.array([slide, 0.0, 0.0]) - np.cross(turn, edge)
-        with pytest.warns(rbd.OpeningContactWarning, match=r"'sole' \(points 3, 4 of 4\)"):
+        with pytest.warns(rbd.errors.OpeningContactWarning, match=r"'sole' \(points 3, 4 of 4\)"):
             s = self.ask(self.state(v, turn), mu)
         parts = s.problem.parts
         assert parts.opening == ("sole",) and len(parts.sliding) == (2 if slide else 0)
@@ -366,7 +366,7 @@ def test_a_car_on_four_points_may_yaw_as_it_brakes(mu):
         for side, s in (("left", 1), ("right", -1))
     ]
     with pytest.warns(
-        rbd.NonUniqueMotionWarning, match="points of 'front left', 'front right', 'rear left' and 'rear right' share"
+        rbd.errors.NonUniqueMotionWarning, match="points of 'front left', 'front right', 'rear left' and 'rear right' share"
     ):
         s = rbd.solve(state, np.zeros(0), wheels, solver=COULOMB)
     rear = m * G * l / (2 * l + mu * h)
@@ -406,8 +406,8 @@ class TestLadder:
         out, down = l * rate**2 * np.array([-c, 0.0, s]), l * rate**2 * np.array([-s, 0.0, c])
         foot_speed, top_speed = -2 * l * s * rate, 2 * l * c * rate
         rows = [
-            rbd.Rows("floor", foot, out, rbd.FrictionCone(mu_floor), velocity=[foot_speed, 0, 0]),
-            rbd.Rows("wall", top, down, rbd.FrictionCone(mu_wall), velocity=[top_speed, 0, 0]),  # axes: up, along, out
+            rbd.Rows("floor", foot, out, rbd.problem.FrictionCone(mu_floor), velocity=[foot_speed, 0, 0]),
+            rbd.Rows("wall", top, down, rbd.problem.FrictionCone(mu_wall), velocity=[top_speed, 0, 0]),  # axes: up, along, out
         ]
         m = self.mass
         return rbd.GaussProblem(np.diag([m, m, m * l * l / 3]), np.array([0.0, -m * G, 0.0]), rows)
@@ -512,7 +512,7 @@ class TestTalos:
         left, right = robot.soles(friction=0.3)
         J = np.vstack([left.rows(state).J, right.rows(state).J])
         v = np.linalg.lstsq(J, np.r_[0, 0, 0.2, 0, 0, 0, 0.2, 0, 0, 0, 0, 0], rcond=None)[0]
-        with pytest.warns(rbd.OpeningContactWarning, match="'left_sole' at up to 0.2 m/s"):
+        with pytest.warns(rbd.errors.OpeningContactWarning, match="'left_sole' at up to 0.2 m/s"):
             s = rbd.solve(state.with_velocity(v), tau, [left, right], solver=COULOMB)
         assert s.forces["left_sole"] == pytest.approx(np.zeros(6)) and s.status == "solved"
         assert s.contacts["right_sole"].friction_used == pytest.approx(1.0)
@@ -543,7 +543,7 @@ def test_an_approaching_point_is_an_impact_and_no_paradox():
 def test_held_rows_that_contradict_each_other_leave_no_motion():
     """Two rows that hold, the same but for their J_dot v, beside a sliding point: none, and the words blame no friction."""
     P = rod_problem(0.3, 1.0)
-    hands = [rbd.Rows(name, [[1.0, 0.0, 0.0]], [bias], rbd.Free(1)) for name, bias in (("one", 0.0), ("two", 1.0))]
+    hands = [rbd.Rows(name, [[1.0, 0.0, 0.0]], [bias], rbd.problem.Free(1)) for name, bias in (("one", 0.0), ("two", 1.0))]
     answers = sliding_answers(rbd.GaussProblem(P.M, P.rhs, [*hands, *P.rows]))
     assert answers.found == () and answers.complete and "rows that hold contradict each other" in answers.reason
 
@@ -551,7 +551,7 @@ def test_held_rows_that_contradict_each_other_leave_no_motion():
 def test_of_many_rows_that_contradict_each_other_four_are_named():
     """Six that hold one coordinate still at different rates, beside a sliding point."""
     P = rod_problem(0.3, 1.0)
-    hands = [rbd.Rows(f"hand {i}", [[1.0, 0.0, 0.0]], [float(i)], rbd.Free(1)) for i in range(6)]
+    hands = [rbd.Rows(f"hand {i}", [[1.0, 0.0, 0.0]], [float(i)], rbd.problem.Free(1)) for i in range(6)]
     reason = sliding_answers(rbd.GaussProblem(P.M, P.rhs, [*hands, *P.rows])).reason
     assert reason.endswith("among 'hand 0', 'hand 1', 'hand 2', 'hand 3' and 2 more")
 
@@ -560,11 +560,11 @@ def test_a_rod_held_in_its_turn_has_no_paradox_and_a_rod_held_in_its_height_has_
     """What holds changes how pressing moves the tip: without a turn by 1/m; with the middle's height held by its turn alone."""
     mu, angle = 2.0, np.arctan(2.0)
     P = rod_problem(mu, angle)
-    turn = rbd.Rows("turn", [[0.0, 0.0, 1.0]], [0.0], rbd.Free(1))
+    turn = rbd.Rows("turn", [[0.0, 0.0, 1.0]], [0.0], rbd.problem.Free(1))
     slides = sliding_answers(rbd.GaussProblem(P.M, P.rhs, [turn, *P.rows]))
     assert slides.complete and len(slides.found) == 1 and slides.found[0][1][3] == pytest.approx(G)  # N = m g
     # The middle held at its height, and a torque that drives the tip down: M^-1 of the turn is 3 / (m l^2).
-    height = rbd.Rows("height", [[0.0, 1.0, 0.0]], [0.0], rbd.Free(1))
+    height = rbd.Rows("height", [[0.0, 1.0, 0.0]], [0.0], rbd.problem.Free(1))
     none = sliding_answers(rbd.GaussProblem(P.M, np.array([0.0, -G, 1.0]), [height, *P.rows]))
     c, s = np.cos(angle), np.sin(angle)
     D = 3.0 * c * (c - mu * s)
@@ -575,8 +575,8 @@ def test_points_at_rest_beside_one_that_slides_each_follow_their_law():
     """Three beads of 1 kg that do not touch each other: one slides, one starts to slip, one lifts off. Closed forms."""
     mu, push = 0.5, 8.0
     J = np.eye(9)
-    moving = rbd.Rows("moving", J[:3], np.zeros(3), rbd.FrictionCone(mu), velocity=[0.0, 1.0, 0.0])
-    rows = [moving, *(rbd.Rows(f"rest {i}", J[3 * i : 3 * i + 3], np.zeros(3), rbd.FrictionCone(mu)) for i in (1, 2))]
+    moving = rbd.Rows("moving", J[:3], np.zeros(3), rbd.problem.FrictionCone(mu), velocity=[0.0, 1.0, 0.0])
+    rows = [moving, *(rbd.Rows(f"rest {i}", J[3 * i : 3 * i + 3], np.zeros(3), rbd.problem.FrictionCone(mu)) for i in (1, 2))]
     P = rbd.GaussProblem(np.eye(9), np.array([0.0, 0.0, -G, push, 0.0, -G, 0.0, 0.0, 3.0]), rows)
     answers = sliding_answers(P)
     assert len(answers.found) == 1 and not answers.complete  # Newton's search, where cones at rest rub
@@ -602,11 +602,11 @@ def test_joints_with_dry_friction_beside_a_sliding_point_are_solved_exactly():
         n = 14
         B = rng.normal(size=(n, n))
         M, rhs = B @ B.T + n * np.eye(n), 20.0 * rng.normal(size=n)
-        rub = rbd.Rows("joints", np.eye(n - 2, n), np.zeros(n - 2), rbd.Box(np.full(n - 2, -5.0), np.full(n - 2, 5.0)))
+        rub = rbd.Rows("joints", np.eye(n - 2, n), np.zeros(n - 2), rbd.problem.Box(np.full(n - 2, -5.0), np.full(n - 2, 5.0)))
         rhs[-1] = -30.0
         J = np.zeros((3, n))
         J[0, n - 2] = J[2, n - 1] = 1.0
-        point = rbd.Rows("point", J, np.zeros(3), rbd.FrictionCone(0.4), velocity=[1.0, 0.0, 0.0])
+        point = rbd.Rows("point", J, np.zeros(3), rbd.problem.FrictionCone(0.4), velocity=[1.0, 0.0, 0.0])
         P = rbd.GaussProblem(M, rhs, [rub, point])
         answers = sliding_answers(P)
         assert answers.complete and len(answers.found) == 1
@@ -627,7 +627,7 @@ def test_random_sliding_points_have_the_motions_of_brute_force(seed):
         B = rng.normal(size=(nv, nv))
         J = [rng.normal(size=(3, nv)) for _ in range(k)]
         rows = [
-            rbd.Rows(f"p{i}", J[i], rng.normal(size=3), rbd.FrictionCone(float(rng.uniform(0.2, 4.0))),
+            rbd.Rows(f"p{i}", J[i], rng.normal(size=3), rbd.problem.FrictionCone(float(rng.uniform(0.2, 4.0))),
                      velocity=[*rng.normal(size=2), 0.0])
             for i in range(k)
         ]  # fmt: skip
@@ -659,7 +659,7 @@ class TestAHundred:
         for k in range(100):
             x, y, z = rng.normal(size=3) * [0.1, 0.1, 0.05]
             J = np.hstack([np.eye(3), -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])])
-            rows.append(rbd.Rows(f"p{k}", J, np.zeros(3), rbd.FrictionCone(0.3), np.array([0.2, 0.1, 0.0])))
+            rows.append(rbd.Rows(f"p{k}", J, np.zeros(3), rbd.problem.FrictionCone(0.3), np.array([0.2, 0.1, 0.0])))
         M = np.diag([2.0, 2.0, 2.0, 0.01, 0.02, 0.015])
         return rbd.GaussProblem(M, np.array([1.0, 2.0, -2.0 * G, 0.1, 0.2, 0.1]), rows)
 

@@ -17,10 +17,10 @@ BELOW = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
 
 
 @pytest.fixture(scope="module")
-def stack() -> tuple[rbd.Pair, rbd.State, rbd.Solution]:
+def stack() -> tuple[rbd.robots.RobotPair, rbd.State, rbd.Solution]:
     """A box on a box, the upper one shifted, each with its patch."""
     box = rbd.load_robot(BOX)
-    pair = rbd.combine(box, box, names=("lower_", "upper_"))
+    pair = rbd.robots.merge_robots(box, box, names=("lower_", "upper_"))
     state = pair.at(pair.q(np.r_[0, 0, 0.1, 0, 0, 0, 1.0], np.r_[0.15, 0, 0.3, 0, 0, 0, 1.0]))
     small = {"half_lengths": (0.05, 0.05), "placement": BELOW, "friction": 0.5}
     contacts = [

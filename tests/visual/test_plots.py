@@ -15,12 +15,12 @@ from rbd.visual import contact_colors, plot_ranges
 COLUMNS = {"a": 1.0, "b": 1.0, "c": -1.0}
 
 
-def beam(friction: float | None, names: str = "ab") -> rbd.Uniqueness:
+def beam(friction: float | None, names: str = "ab") -> rbd.analysis.Uniqueness:
     """A mass of one coordinate on supports that push it up (a, b) or down (c), 6 N."""
     rows = []
     for name in names:
         patch = Patch(np.zeros(3), np.eye(3), np.zeros((1, 3)), friction)
-        cone = rbd.NonNegative(1) if friction is not None else rbd.Free(1)
+        cone = rbd.problem.NonNegative(1) if friction is not None else rbd.problem.Free(1)
         column = np.array([[0.0], [0.0], [1.0]])
         rows.append(Rows(name, np.array([[COLUMNS[name]]]), np.zeros(1), cone, resultant=column, patch=patch))
     return rbd.solve_problem(rbd.GaussProblem(np.eye(1), np.array([-6.0]), rows)).uniqueness()
