@@ -1,7 +1,7 @@
 """Pushed at the torso for a tenth of a second, does Talos stay on its soles, tip a foot and come back, or fall?
 
-It stands on two soles with friction, its motors holding the posture (`rbd.control.HoldPosture`): torques that carry its weight, and
-a spring and a damper at the joints. Three pushes to its left. Events tell which corner of which sole leaves, and when.
+It stands on two soles with friction, its motors holding the posture (`rbd.control.HoldPosture`): torques that carry its weight,
+and a spring and a damper at the joints. Three pushes to its left. Events tell which corner of which sole leaves, and when.
 
 What could be done at best? Of a mass at height z over ankles that press at p, y'' = (g / z) (y - p). With p at the outer edge
 of the sole it comes back if y + y' sqrt(z / g) is inside, so an impulse up to m sqrt(g / z) (edge - y) could be answered

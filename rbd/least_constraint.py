@@ -274,7 +274,7 @@ def _refuse_moving(problem: GaussProblem, law: str) -> None:
     r = problem.slipping[0]
     raise ContactMoves(
         f"contact {r.name!r} moves at {r.speed:.3g} m/s (at rest is up to rest_speed = {rest:g}), and it can slip or break: "
-        f"under the {law} law only contacts at rest are solved. Use solver=rbd.ConeSolver(), whose friction follows the motion; "
+        f"under the {law} law only contacts at rest are solved. Use solver=rbd.ConeSolver(), which opposes the motion; "
         "friction=None for a contact that holds; a larger rest_speed=; or put the velocity onto the contacts: "
         "rbd.mechanism.project_velocity(state, contacts)."
     )

@@ -23,7 +23,7 @@ def test_held_soles_are_taken_by_all_and_all_agree(talos, pushed):
 
 
 def test_rubbing_soles_agree_within_a_law(talos, pushed, rng):
-    """ProxQP and ConeSolver on the same pyramids agree; KKT says why it does not take them; laws may differ where a foot slips."""
+    """ProxQP and ConeSolver on the same pyramids agree; KKT says why it refuses them; laws may differ where a foot slips."""
     state, tau = pushed
     noisy = tau + rng.normal(size=talos.nu) * 20.0
     noisy = np.clip(noisy, -talos.effort_limit, talos.effort_limit)

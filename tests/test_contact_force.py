@@ -53,7 +53,7 @@ def test_what_pulls_or_carries_nothing_has_no_ratio_and_no_centre(size: int, nor
     """Its force is said all the same, without the moment."""
     f = R_WC @ np.array([1.0, 0.0, normal])
     found = ContactForce.of(patch(), np.r_[f, 1.0, 2.0, 3.0][:size])
-    assert np.array_equal(found.force, f) and found.normal == pytest.approx(normal, abs=1e-15)
+    assert np.array_equal(found.force, f) and found.normal == pytest.approx(normal, rel=1e-15, abs=1e-15)
     assert found.tangential == pytest.approx(1.0, rel=1e-14)
     assert found.friction_used is None and found.centre_of_pressure is None
 

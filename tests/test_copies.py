@@ -176,7 +176,8 @@ def found() -> dict[type, list[Any]]:
 
 KEPT = 3
 """So many instances of a class are copied."""
-PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints")
+PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints", "rbd.problem", "rbd.model")
+PUBLIC += ("rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics")
 
 
 def public_classes() -> list[type]:

@@ -203,8 +203,8 @@ class TestOtherDoors:
 
     def test_at_rest_is_at_rest_in_any_company(self):
         """A turning patch below the limit has no centripetal part, whether or not another contact moves."""
-        turning = rbd.Rows("sole", np.eye(6), np.zeros(6), rbd.problem.WrenchCone(np.array([[X, Y, 0], [X, -Y, 0], [-X, 0, 0.0]]), 0.5),
-                           velocity=[0, 0, 0, 0, 0, 0.01])  # fmt: skip
+        patch = rbd.problem.WrenchCone(np.array([[X, Y, 0], [X, -Y, 0], [-X, 0, 0.0]]), 0.5)
+        turning = rbd.Rows("sole", np.eye(6), np.zeros(6), patch, velocity=[0, 0, 0, 0, 0, 0.01])
         slides = rbd.Rows("toe", np.eye(6)[:3], np.zeros(3), rbd.problem.FrictionCone(0.5), velocity=[1.0, 0, 0])
         P = rbd.GaussProblem(np.eye(6), np.zeros(6), [turning, slides], rest_speed=0.1)
         assert not P.parts.offset.any() and [r.name for r in P.slipping] == ["toe"]

@@ -155,13 +155,15 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     n = len(R)
     target = np.zeros(n + 1)
     target[n] = 1.0
-    y = nonnegative(np.vstack([G.T, h]), target)
+    size = float(np.abs(h).max(initial=0.0)) or 1.0  # planes far away would leave few digits to the pushes y
+    planes = np.vstack([G.T, h / size])
+    y = nonnegative(planes, target)
     if y is None:
         return None
-    r = np.vstack([G.T, h]) @ y - target
+    r = planes @ y - target
     if not r[n] < -1e-14:
         return None
-    u = -r[:n] / r[n]
+    u = -size * r[:n] / r[n]
     active = y > 0.0
     if active.any():  # once more on the planes found: the last digits
         again = np.linalg.lstsq(G[active], h[active], rcond=1e-12)[0]

@@ -39,7 +39,8 @@ class FunctionConstraint:
         phi: Takes q, gives a number or an array (m,); an empty one where the constraint is inactive.
         jacobian: Takes q, gives (m, nv); or (nv,) where m = 1. None: by differences.
         bias: Takes q and v, gives J_dot v, shape (m,). None: by differences, of `jacobian` where that is given.
-        cone: Where its forces may live; `rbd.problem.Free(m)` by default. `rbd.problem.NonNegative(m)`: phi >= 0, and it only pushes.
+        cone: Where its forces may live; `rbd.problem.Free(m)` by default. `rbd.problem.NonNegative(m)`: phi >= 0, it only
+            pushes.
 
     Raises:
         InputError: something that is no function.

@@ -42,7 +42,7 @@ class RollingBall:
     """A ball on a plane.
 
     Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor leaves, and may
-    spin about the normal. `friction=mu` presses and rubs: it slips where it must, and `rbd.ConeSolver` takes one that already does.
+    spin about the normal. `friction=mu` presses and rubs: it slips where it must, and `rbd.ConeSolver` takes one that does.
     `friction=0.0` only presses: the normal row alone. Rolling and spinning resistance are left out.
 
     `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes.

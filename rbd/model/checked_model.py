@@ -11,6 +11,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -110,6 +111,14 @@ class CheckedModel:
     def frames(self) -> list[str]:
         """Names of all frames: links, joints and fixed marks."""
         return list(self._frames)
+
+    def loops(self) -> tuple[Any, ...]:
+        """Constraints that close its tree; none of a bare model, see `rbd.Robot.loops`."""
+        return ()
+
+    def wheels(self) -> tuple[Any, ...]:
+        """Wheels on the ground; none of a bare model, see `rbd.Robot.wheels`."""
+        return ()
 
     def joints(self) -> list[str]:
         """Names of all joints, the floating base included."""

@@ -115,7 +115,8 @@ def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:
     if nv > limits.max_dof:
         raise ModelError(
             f"{path.name} has {nv} degrees of freedom; at most {limits.max_dof} are taken: Pinocchio's data would fill "
-            f"{32e-9 * nv**3:.1f} GB. Weld joints that do not move, or load_robot(..., limits=rbd.model.FileLimits(max_dof={nv}))."
+            f"{32e-9 * nv**3:.1f} GB. Weld joints that do not move, or load_robot(..., "
+            f"limits=rbd.model.FileLimits(max_dof={nv}))."
         )
 
 

@@ -1,6 +1,26 @@
 """The least-constraint problem in arrays: cones, rows, sets of forces, residuals. Knows NumPy, and no robot or solver."""
 
 from rbd.modules import submodule as _submodule
+from rbd.problem.answer import Answer, Status
+from rbd.problem.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.ground import Ground
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
+
+__all__ = [
+    "Answer",
+    "Box",
+    "Free",
+    "FrictionCone",
+    "GaussProblem",
+    "Ground",
+    "LineCone",
+    "NonNegative",
+    "Product",
+    "Rows",
+    "Status",
+    "WrenchCone",
+]
 
 
 def __getattr__(name: str) -> object:

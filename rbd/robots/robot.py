@@ -13,13 +13,16 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
+from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
+from rbd.model.build import build_model
 from rbd.model.checked_model import CheckedModel
-from rbd.model.files import RobotFile, check_freedoms, read
+from rbd.model.files import check_freedoms, read
 from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
-from rbd.model.urdf import BASE_JOINT, UrdfFile
+from rbd.model.urdf import BASE_JOINT
 from rbd.model.xml import FileLimits, read_xml
 from rbd.problem.ground import On, grounds_of
 from rbd.robots import catalogue
@@ -39,9 +42,6 @@ class Robot(CheckedModel):
         urdf: The model file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
-        loops: The constraints that close its tree, of the loop file beside the URDF or of an MJCF's <equality>; empty for a
-            tree. They are in force only where they are given: `rbd.solve(state, tau, robot.loops())`.
-        wheels: Wheels, balls and blades on the ground, likewise.
         leave_out: Parts of an MJCF file that were left out, as `load_robot` was told.
         report: What the doctor found when it was loaded; None where it was not loaded from a file.
     """
@@ -75,8 +75,8 @@ class Robot(CheckedModel):
             q.flags.writeable = False
         self.postures = MappingProxyType(found)
         self.mechanism = mechanism
-        self.loops: tuple[Loop, ...] = mechanism.loops(self)
-        self.wheels: tuple[Rolling, ...] = mechanism.wheels(self)
+        self._loops: tuple[Loop, ...] = mechanism.loops(self)
+        self._wheels: tuple[Rolling, ...] = mechanism.wheels(self)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
@@ -183,6 +183,29 @@ class Robot(CheckedModel):
                 )
             )
         return out
+
+    def loops(self) -> tuple[Loop, ...]:
+        """The constraints that close its tree: of the loop file beside its URDF, or of an MJCF's <equality>; empty for a tree.
+
+        They act only where they are given: `rbd.solve(state, tau, robot.loops())`.
+        """
+        return self._loops
+
+    def wheels(self) -> tuple[Rolling, ...]:
+        """Its wheels, balls and blades on the ground, of the loop file; they, too, act only where they are given."""
+        return self._wheels
+
+    def joint_limits(self, *, margin: float = 1e-6) -> list[JointLimit]:
+        """The limits of its joints, as `rbd.constraints.joint_limits`."""
+        return joint_limits(self, margin=margin)
+
+    def joint_frictions(self) -> list[JointFriction]:
+        """The dry friction of its joints, as `rbd.constraints.joint_frictions`."""
+        return joint_frictions(self)
+
+    def mimics(self) -> list[JointCoupling]:
+        """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""
+        return mimics(self)
 
     @lazy
     def visual_model(self) -> pin.GeometryModel:
@@ -305,7 +328,7 @@ def load_robot(
     closing = _loop_file(source.urdf, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(source.urdf, limits, base=ROOTS[root], known=source.known, folders=source.package_dirs, leave_out=leave_out)
-    model = _built(file, root)
+    model = build_model(file, root)
     if file.mjcf is not None:
         passive = tuple(_joined(passive, mjcf.passive(file.mjcf)))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
@@ -346,38 +369,3 @@ def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
         return (*given, *more)
     except TypeError:
         return passive  # what is no list of names is refused where names are looked up
-
-
-def _add_rotors(model: pin.Model, urdf: UrdfFile) -> None:
-    """The rotor inertias of the file's <dynamics armature>, on the diagonal of M; Pinocchio's reader drops them."""
-    armature = np.array(model.armature)
-    for joint in urdf.joints.values():
-        if joint.armature and model.existJointName(joint.name):
-            made = model.joints[model.getJointId(joint.name)]
-            armature[made.idx_v : made.idx_v + made.nv] = joint.armature
-    model.armature = armature
-
-
-def _built(file: RobotFile, root: Root) -> pin.Model:
-    """Pinocchio's model of a checked file."""
-    path = file.path
-    if file.mjcf is not None and root == "planar":
-        raise InputError(
-            f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
-        )
-    try:
-        if file.mjcf is not None:
-            model = mjcf.build(file.mjcf)
-        else:
-            assert file.urdf is not None
-            base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
-            model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
-            _add_rotors(model, file.urdf)
-    except (ValueError, RuntimeError, IndexError) as error:
-        reason = str(error).strip().split("\n")[0].rstrip(".")
-        raise ModelError(
-            f"Pinocchio cannot build {path.name}: {reason:.400}. What its parser printed on stderr says more."
-        ) from None
-    if file.mjcf is not None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
-        raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
-    return model

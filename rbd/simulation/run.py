@@ -198,7 +198,8 @@ def _motion(
         raise InputError(f"controller is {controller!r:.80}; expected a function of state and time that gives torques (nu,).")
     if stabilisation is not None and not isinstance(stabilisation, Projection | Baumgarte):
         raise InputError(
-            f"stabilisation is {stabilisation!r:.80}; expected rbd.simulation.Projection(), rbd.constraints.Baumgarte(...) or None."
+            f"stabilisation is {stabilisation!r:.80}; expected rbd.simulation.Projection(), rbd.constraints.Baumgarte(...) "
+            "or None."
         )
     e = _restitution(restitution, names)
     return Motion(state.robot, given, controller, external, law, e, stabilisation, every)

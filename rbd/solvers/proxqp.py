@@ -161,8 +161,8 @@ def too_steep(failed: Answer) -> str:
             most = lost
             out = (
                 f"{rows.name} has friction {mu:.3g}, too much for a pyramid in double precision: its normal force is a sum of "
-                "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ConeSolver(), whose "
-                "cones are true ones, or friction=None for a contact that holds"
+                "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ConeSolver(), "
+                "whose cones are true ones, or friction=None for a contact that holds"
             )
     return out
 

@@ -1,6 +1,9 @@
 """Robots at rest: torques and contact forces that hold them, and the least friction that does."""
 
 from rbd.modules import submodule as _submodule
+from rbd.statics.equilibrium import Hold, hold
+
+__all__ = ["Hold", "hold"]
 
 
 def __getattr__(name: str) -> object:

@@ -104,9 +104,9 @@ def compare_solvers(
 ) -> SolverComparison:
     """Every solver's answer to one problem, and where they differ, in a and in what is unique of the forces.
 
-    Asked are `KKT`, `ProxQP`, `ConeSolver` under both laws, and, where friction cones occur, `ConeSolver` on ProxQP's own pyramids, so that
-    each law that pyramids stand for has two solvers. What is unique of the forces is their part in the range of J: J^T f
-    decides it.
+    Asked are `KKT`, `ProxQP`, `ConeSolver` under both laws, and, where friction cones occur, `ConeSolver` on ProxQP's own
+    pyramids, so that each law that pyramids stand for has two solvers. What is unique of the forces is their part in the
+    range of J: J^T f decides it.
 
     Args:
         state: The robot at (q, v).

@@ -120,7 +120,7 @@ class TestPainlevesRod:
         assert f"{rod_pressing(2.0, np.arctan(2.0)):.3g} < 0 at mu = 2" in reason
 
     def test_the_solver_hands_on_what_is_found(self):
-        """ConeSolver: `others` has the second motion, each with its own certificate; without a motion it fails, and says why."""
+        """ConeSolver: `others` has the second motion, each with its certificate; without a motion it fails, and says why."""
         two = COULOMB.solve(rod_problem(2.0, np.arctan(2.0), 5.0))
         assert two.status == "solved" and two.law == "coulomb" and [o.status for o in two.others] == ["solved"]
         assert two.gauss == 0.0 and two.others[0].gauss > 0.0  # leaving first
