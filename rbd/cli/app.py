@@ -1,6 +1,6 @@
 """Robots in contact, from the command line.
 
-Exit codes: 0 done, 1 no solution (the message says which limit is in the way), 2 bad input.
+Exit codes: 0 done, 1 no solution (the message says which limit prevents it), 2 bad input.
 """
 # What a command needs is imported inside it: --help answers in a third of a second.
 
@@ -85,7 +85,7 @@ def stand(
     console = open_console()
     with answering(stand):
         force = _push(push, at)
-        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
         check_friction(friction, facets)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):
@@ -174,7 +174,7 @@ def mechanism(
 
     console = open_console()
     with answering(mechanism):
-        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=file)
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=file)
         check_tries(seed, tries)
         loaded = load_robot(file, package_dirs=package_dir or ())
         name = posture if posture is not None else next(iter(loaded.postures), None)
@@ -239,7 +239,7 @@ def simulate(
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
         save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
-        check_outputs(files, beside=robot)
+        check_outputs(files, reads=robot)
         check_friction(friction, 4)
         seconds: dict[str, float] = {}
         with _timed(seconds, "load"):

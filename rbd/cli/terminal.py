@@ -1,4 +1,4 @@
-"""What all commands share: options read and refused, tables, pictures, errors told in the words of the command line.
+"""What all commands share: options read and refused, tables, pictures, errors in terms of the command line.
 
 Text is printed literally, never as markup.
 """
@@ -157,7 +157,7 @@ def answering(command: Command | None = None) -> Iterator[None]:
 
 
 def in_options(message: str, command: Command | None = None) -> str:
-    """A message in the words of the command line: arguments are options of the command, and advice in Python is left out."""
+    """A message in terms of the command line: arguments are options of the command, and advice in Python is left out."""
     for python, ours in _PYTHON.items():
         message = message.replace(python, ours)
     options = {} if command is None else _options(command)
@@ -177,20 +177,20 @@ def _options(command: Command) -> dict[str, str]:
     return found
 
 
-def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *, beside: str | None = None) -> None:
+def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *, reads: str | None = None) -> None:
     """Refuse files that could not be written, before anything is computed.
 
     Args:
         outputs: {option: (where it goes, or None; the endings that it may have, () for any)}.
-        beside: The file that the command reads: it is not overwritten.
+        reads: The file that the command reads: it is not overwritten.
 
     Raises:
         InputError: an ending that says nothing, a folder that is not there, no permission, one file for two options, a
             figure without Matplotlib.
     """
     taken: dict[str, str] = {}
-    if beside is not None and os.path.isfile(beside):
-        taken[os.path.realpath(beside)] = "the file that is read"
+    if reads is not None and os.path.isfile(reads):
+        taken[os.path.realpath(reads)] = "the file that is read"
     for option, (path, endings) in outputs.items():
         if path is None:
             continue

@@ -81,7 +81,7 @@ class Split(Generic[Value]):
 
     @property
     def note(self) -> str:
-        """Why there is a Coriolis part or not, in words."""
+        """Why there is a Coriolis part or not."""
         if self.angles == JOINT:
             return "In joint angles a link turns with every joint before it: products of two rates remain, the Coriolis part."
         return (

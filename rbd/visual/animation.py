@@ -37,7 +37,7 @@ LIVE_FPS = 30.0
 VIEWER_SECONDS = 20.0
 """How long a replay waits for a browser that it opened itself."""
 FAR = 5.0
-"""The camera follows a robot that goes so many times its own size, unless told otherwise."""
+"""The camera follows a robot that goes so many times its own size, unless asked otherwise."""
 
 
 def export_motion(
@@ -266,7 +266,7 @@ def _staged(
 
 def _a_title(title: str | None, trajectory: Trajectory) -> str:
     if title is not None and not isinstance(title, str):
-        raise InputError(f"title is {title!r:.80}; expected words.")
+        raise InputError(f"title is {title!r:.80}; expected text.")
     return title or str(trajectory.robot.name)
 
 

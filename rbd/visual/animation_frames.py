@@ -45,7 +45,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
 BINS = 100
 """Marks along the bar: events of one contact in the same hundredth of it share one."""
 MOST_WORDS = 8
-"""Events told by one mark; of more, the first ones and how many there are."""
+"""Events named by one mark; of more, the first ones and how many there are."""
 EVENT_KINDS = ("touches", "slips", "sticks", "leaves")
 """The most telling first: what a mark of several events looks like."""
 MOST_POSES_FRAMED = 100
@@ -147,7 +147,7 @@ def frames_of(
     given = {name: [str(mode) for mode in trajectory.modes.get(name, unknown)] for name in ordered}
     modes = {name: [words[i] for i in nearest] for name, words in given.items()}
     stretches = {name: _stretches(times, words) for name, words in given.items()}
-    for name in ordered:  # what chatters is told as coarsely as it is shown
+    for name in ordered:  # chatter is listed as coarsely as it is shown
         if len(stretches[name]) > MOST_STRETCHES:
             stretches[name] = _stretches(at, modes[name])
     pushed = _pushed(trajectory.robot, q, at, external)

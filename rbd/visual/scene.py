@@ -359,7 +359,7 @@ class Scene:
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, as the page takes them."""
         drawn = [mark.mesh.vertices for mark in self._drawn]
-        if self._cloud is None:  # dear, and the same until the next state
+        if self._cloud is None:  # costly, and the same until the next state
             self._cloud = self._extremes(data)
         fit = outermost(np.vstack([self._cloud, self._further, self._around, *drawn]))
         low, high = fit.min(axis=0), fit.max(axis=0)
