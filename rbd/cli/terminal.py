@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import json
+import math
 import os
 import re
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 import rich.table
@@ -24,12 +27,13 @@ from rich.console import Console
 from rich.text import Text
 from typer.models import OptionInfo
 
-from rbd.arrays import Array, is_finite
 from rbd.errors import InputError, NoSolution, RbdError
-from rbd.model.output_files import check_place, write_file
+from rbd.model.output_files import check_place, write_file, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from rbd.arrays import Array
 
 Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT = 1, 2
@@ -47,6 +51,13 @@ _PYTHON = {
 """What messages advise in Python, and the same on the command line."""
 _CODE = re.compile(r"\brbd\.\w|[A-Za-z_]\w*\(|\w=[\w.(\[{]")
 """A name of the package, a call, or a keyword argument."""
+
+
+class Reported(Protocol):
+    """A report that can be written as JSON."""
+
+    def data(self) -> dict[str, object]:
+        """The numbers."""
 
 
 class Table(rich.table.Table):
@@ -114,7 +125,7 @@ def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
         values = np.array([float(x) for x in text.split(",")])
     except ValueError:
         values = np.zeros(0)
-    finite = is_finite(values)
+    finite = bool((np.abs(values) < 1e150).all())  # and small enough to be squared
     if not finite or not len(values) or (count and len(values) != count):
         many = {0: "", 2: "two ", 3: "three "}[count] + ("" if finite else "finite ") + "numbers"
         example = "0,80,0" if count == 3 else "0.5,0.5"
@@ -214,6 +225,44 @@ def save_figure(figure: Figure, path: Path, *, dpi: int) -> Path:
     """
     write_file(path, lambda file: figure.savefig(file, dpi=dpi, format=path.suffix[1:].lower()))
     return path
+
+
+def write_json(path: Path | None, report: Reported) -> None:
+    """Write a report's numbers, if there is a path."""
+    if path is not None:
+        write_text(path, json.dumps(_jsonable(report.data()), indent=2, allow_nan=False) + "\n")
+
+
+def _jsonable(value: object) -> object:
+    """None in place of NaN and infinity, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: _jsonable(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def print_path(console: Console, what: str, where: Path | str) -> None:
+    """Print where a file is."""
+    console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+
+
+def serve(console: Console, url: str) -> None:
+    """Print the address of a live scene, and wait until Ctrl-C."""
+    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True, highlight=False)
+    try:
+        while True:
+            time.sleep(3600.0)
+    except KeyboardInterrupt:
+        console.print("ended")
+
+
+@contextmanager
+def timed(seconds: dict[str, float], what: str) -> Iterator[None]:
+    """Note the seconds that something takes."""
+    start = time.perf_counter()
+    yield
+    seconds[what] = time.perf_counter() - start
 
 
 def _fail(what: str, message: str, code: int) -> NoReturn:

@@ -310,7 +310,6 @@ def _check_length(k: int, length: object) -> sympy.Expr:
         if moving or length.is_positive is False or length.is_real is False:
             raise InputError(f"{what} is {str(length):.80}; expected a positive expression that is constant in time.")
         return length
-    exact = isinstance(length, sympy.Expr) and not length.has(sympy.Float)
     try:
         number = float(length) if isinstance(length, sympy.Expr) else as_float(length)
     except (TypeError, ValueError, OverflowError):  # complex, or a zoo
@@ -319,5 +318,4 @@ def _check_length(k: int, length: object) -> sympy.Expr:
         raise InputError(
             f"{what} is {str(length):.80}; expected a positive finite number [m], {SHORTEST:g} to {LONGEST:g}, or a symbol."
         )
-    # repr, not the float itself: 0.1 shall be 1/10, so that identities hold exactly.
-    return length if exact else sympy.Rational(repr(number))
+    return length if isinstance(length, sympy.Expr) and not length.has(sympy.Float) else sympy.Rational(repr(number))

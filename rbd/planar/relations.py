@@ -24,6 +24,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.planar.angles import Symbols
 from rbd.planar.chain import Chain
+from rbd.planar.expressions import as_expression
 
 STARTS = 60
 """Random configurations from which points on the relations are looked for."""
@@ -119,11 +120,8 @@ def _equation(chain: Chain, given: Any) -> Relation:
 
 
 def _expression(label: str, value: Any) -> sympy.Expr:
-    try:
-        out = None if isinstance(value, bool | str) else sympy.sympify(value, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError, AttributeError):
-        out = None
-    if not isinstance(out, sympy.Expr) or out.is_finite is False or out is sympy.nan or out.has(sympy.I):
+    out = as_expression(value)
+    if out is None or out.is_finite is False or out is sympy.nan or out.has(sympy.I):
         raise InputError(
             f"in the relation {label:.120} a side is {value!r:.80}; expected a finite real number or expression [rad]."
         )
