@@ -345,7 +345,7 @@ def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:
 def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
     out: list[Array] = []
     for order, given in enumerate(motion):
-        wanted = given - _known(arm, q, out, order)
+        wanted = given - _lower(arm, q, out, out, order)
         rate = np.sum(J[:, :, 0] * wanted, axis=1) / arm.outer**2
         off = np.abs(wanted - J[:, :, 0] * rate[:, None]).max(axis=1, initial=0.0)
         size = np.abs(given).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
@@ -360,20 +360,21 @@ def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]
     return out
 
 
-def _known(arm: ChainNumbers, q: Array, rates: list[Array], order: int) -> Array:
-    """What the rates that are known contribute: nothing, J' q', or 2 J' q'' + J'' q'; shape (samples, 2)."""
+def _lower(
+    arm: ChainNumbers, q: Array, rates: list[Array], terms: list[Array], order: int, *, transposed: bool = False
+) -> Array:
+    """What lower rates contribute: nothing, J' x, or 2 J' x' + J'' x of x = q' (transposed: J^T, of x = l)."""
     if order == 0:
-        return np.zeros((len(q), 2))
-    Jd = arm.jacobian_rate(q, rates[0])
-    if order == 1:
-        return _times(Jd, rates[0])
-    return 2.0 * _times(Jd, rates[1]) + _times(arm.jacobian_second_rate(q, rates[0], rates[1]), rates[0])
+        return np.zeros((len(q), arm.n if transposed else 2))
+    Js = [arm.jacobian_rate(q, rates[0])] + ([arm.jacobian_second_rate(q, rates[0], rates[1])] if order > 1 else [])
+    Js = [np.swapaxes(J, 1, 2) for J in Js] if transposed else Js
+    return _times(Js[0], terms[0]) if order == 1 else 2.0 * _times(Js[0], terms[1]) + _times(Js[1], terms[0])
 
 
 def _two_links(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
     out: list[Array] = []
     for order, given in enumerate(motion):
-        out.append(np.linalg.solve(J, (given - _known(arm, q, out, order))[..., None])[..., 0])
+        out.append(np.linalg.solve(J, (given - _lower(arm, q, out, out, order))[..., None])[..., 0])
     return out
 
 
@@ -384,13 +385,8 @@ def _least(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[A
     multipliers: list[Array] = []
     for order, given in enumerate(motion):
         # The part of the rate that the multipliers known so far give, of q' = J^T l differentiated.
-        rest = np.zeros_like(q)
-        if order == 1:
-            rest = _times(np.swapaxes(arm.jacobian_rate(q, out[0]), 1, 2), multipliers[0])
-        elif order == 2:
-            rest = 2.0 * _times(np.swapaxes(arm.jacobian_rate(q, out[0]), 1, 2), multipliers[1])
-            rest += _times(np.swapaxes(arm.jacobian_second_rate(q, out[0], out[1]), 1, 2), multipliers[0])
-        wanted = given - _known(arm, q, out, order) - _times(J, rest)
+        rest = _lower(arm, q, out, multipliers, order, transposed=True)
+        wanted = given - _lower(arm, q, out, out, order) - _times(J, rest)
         multipliers.append(np.linalg.solve(G, wanted[..., None])[..., 0])
         out.append(_times(JT, multipliers[-1]) + rest)
     return out

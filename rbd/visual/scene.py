@@ -241,18 +241,18 @@ class Scene:
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
-    def stage_motion(self, score: str, around: Array) -> None:
+    def stage_motion(self, motion: str, around: Array) -> None:
         """Hand the page all that it needs to move the robot by itself, in place of the marks; the next `show` ends that.
 
         Args:
-            score: JSON, as `animation` writes it.
+            motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
         """
         self._shown()
         assert self._data is not None
         self._viewer["marks"].delete()
         self._drawn, self._around, self._moving = [], around, True
-        self._recorder.post("motion", score)
+        self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
 
     def stage_moment(self, moment: str) -> None:
