@@ -32,8 +32,8 @@ def main(show: bool = True) -> Result:
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
 
     def on_belt(speed: float, belt_gains: float = 0.0) -> rbd.Solution:
-        moves = {"velocity": (BELT_SPEED, 0.0, 0.0), "acceleration": (belt_gains, 0.0, 0.0)}
-        belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=below, friction=BELT_MU, **moves)
+        moves = rbd.Ground(velocity=(BELT_SPEED, 0.0, 0.0), acceleration=(belt_gains, 0.0, 0.0))
+        belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=below, friction=BELT_MU, on=moves)
         state = parcel.at(v=np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
         return rbd.solve(state, np.zeros(0), [belt], solver=rbd.ConeSolver())  # it may slip: Coulomb's law
 
@@ -90,7 +90,7 @@ def fists(state: rbd.State) -> list[rbd.PointContact]:
     out = []
     for name, mine, other in (("left fist", LEFT, RIGHT), ("right fist", RIGHT, LEFT)):
         normal = state.frame(f"b_{other}").X_WF.rotation.T @ np.array([-1.0, 0.0, 0.0])
-        out.append(rbd.PointContact(name, f"a_{mine}", offset=FIST, against=f"b_{other}", normal=normal, friction=0.5))
+        out.append(rbd.PointContact(name, f"a_{mine}", offset=FIST, on=rbd.Body(f"b_{other}", normal=normal), friction=0.5))
     return out
 
 

@@ -34,13 +34,13 @@ def main(show: bool = True) -> Result:
     talos = rbd.load_robot("talos")
     state = talos.standing()
     tau = rbd.hold(state, talos.soles()).tau
-    brakes = [rbd.JointLock(name.replace("_joint", " brake"), name) for name in talos.joints() if name.startswith("leg_")]
+    brakes = [rbd.JointLock(name.replace("_joint", " brake"), name) for name in talos.joints if name.startswith("leg_")]
 
     def stance(friction: float | None) -> list:
         left, right = talos.soles(friction)
         lifted = rbd.SurfaceContact(
             "right_sole", right.frame, corners=right.corners, placement=right.placement, friction=friction,
-            acceleration=(0.0, 0.0, LIFT, 0.0, 0.0, 0.0),
+            on=rbd.Ground(acceleration=(0.0, 0.0, LIFT, 0.0, 0.0, 0.0)),
         )  # fmt: skip
         return [left, lifted, *brakes]
 

@@ -31,7 +31,7 @@ class Result:
 def main(show: bool = True) -> Result:
     rhombus = four_bar(1.0, 1.0, 1.0, 1.0, crank_angle=radians(30.0 - 180.0))
     text = rbd.FunctionConstraint("text", lambda q: loop_of_the_text(rbd.State(rhombus, q)))
-    found = branches(rhombus, rhombus.loops(), fixed={"crank_joint": radians(30.0 - 180.0)})
+    found = branches(rhombus.at(), rhombus.loops(), fixed={"crank_joint": radians(30.0 - 180.0)})
     angles, rates, det_J2, apart = [], [], [], 0.0
     print("The text's rhombus, crank at 30 deg and 1 rad/s:  th2     th3     th2'    th3'    det J2")
     for branch in found.found:

@@ -32,7 +32,7 @@ class Result:
 def main(show: bool = True) -> Result:
     engine = slider_crank(CRANK, ROD)
     start = engine.at("assembled")
-    turn = trace(engine, engine.loops(), start.q, "crank_joint", (0.0, 2.0 * np.pi), steps=72)
+    turn = trace(start, engine.loops(), joint="crank_joint", values=(0.0, 2.0 * np.pi), steps=72)
     rows = [over_a_turn(engine, q) for q in turn.q]
     piston, speed, acceleration, torque = np.array(rows).T
     result = Result(turn.input, piston, speed, acceleration, torque, dead_centres(engine, start))
@@ -66,7 +66,7 @@ def dead_centres(engine: rbd.Robot, start: rbd.State) -> list[float]:
     """Crank angles where the loop cannot tell the crank's rate from the piston's: singular with the piston as input."""
     found = []
     for angle in (0.0, np.pi):
-        q = assemble(engine, engine.loops(), start.q, fixed={"crank_joint": angle}).q
+        q = assemble(start, engine.loops(), fixed={"crank_joint": angle}).q
         if singularities(rbd.State(engine, q), engine.loops(), inputs=["slider_joint"]).kinds["output"].singular:
             found.append(angle)
     return found

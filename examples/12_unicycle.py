@@ -34,8 +34,9 @@ def main(show: bool = True) -> Result:
     wheel = robot.wheels()
     state = robot.at()
     freedoms = mobility(state, wheel).instantaneous
-    frobenius = integrability(robot, wheel)
-    print(f"{freedoms} freedoms of velocity, {frobenius.configuration_dof} of configuration: growth vector {frobenius.growth}.")
+    frobenius = integrability(robot.at(), wheel)
+    dof = frobenius.configuration_dof
+    print(f"{freedoms} degrees of freedom of velocity, {dof} of configuration: growth vector {frobenius.growth}.")
     print(f"Are the wheel's constraints holonomic? {'yes' if frobenius.holonomic else 'no'}.")
     steps = np.array([0.4, 0.2, 0.1, 0.05])
     ends = [four_moves(robot, wheel, step) for step in steps]
@@ -77,12 +78,12 @@ def moved(robot: rbd.Robot, wheel, step: float, pieces: int = 50) -> list[np.nda
 
 def forward_at(speed: float) -> dict[str, float]:
     """Known velocities of the base: ahead, without turning."""
-    return {"root_joint[0]": speed, "root_joint[2]": 0.0}
+    return {"root_joint.vx": speed, "root_joint.wz": 0.0}
 
 
 def turn_at(rate: float) -> dict[str, float]:
     """Known velocities of the base: turning on the spot."""
-    return {"root_joint[0]": 0.0, "root_joint[2]": rate}
+    return {"root_joint.vx": 0.0, "root_joint.wz": rate}
 
 
 def motors(robot: rbd.Robot, torque: float) -> np.ndarray:

@@ -39,7 +39,7 @@ def main(show: bool = True) -> Result:
         found.append(solution.a[[0, 2]])
         power.append(float(solution.multipliers @ (solution.problem.J @ state.v)))
     closed_form = np.column_stack([a * w**2, -m * a / (inertia + m * a**2) * v * w])
-    frobenius = integrability(sleigh, blade)
+    frobenius = integrability(sleigh.at(), blade)
     print(f"m = {m:.2f} kg, I = {inertia:.4f} kg m2, the centre of mass {a:.3f} m ahead of the blade.")
     print(*str(frobenius).splitlines()[:2], sep="\n")
     print("    v [m/s]   w [rad/s]    v' [m/s2]   w' [rad/s2]      closed form")

@@ -89,8 +89,8 @@ def moved(way: rbd.Trajectory) -> float:
 def missing(way: rbd.Trajectory) -> float:
     """Impulse of all recorded forces, less the change of momentum, over the push's impulse."""
     total = sum(force[:, :3] for force in way.forces.values()) + [0.0, 0.0, -way.robot.mass * GRAVITY]
-    total[:, 1] += [PUSHES_N[0] if START <= t + 1e-9 < START + LASTS else 0.0 for t in way.times]
-    impulse = np.diff(way.times) @ total[:-1]
+    total[:, 1] += [PUSHES_N[0] if START <= t + 1e-9 < START + LASTS else 0.0 for t in way.t]
+    impulse = np.diff(way.t) @ total[:-1]
     return float(np.abs(impulse - way.momentum[-1, :3] + way.momentum[0, :3]).max() / (PUSHES_N[0] * LASTS))
 
 

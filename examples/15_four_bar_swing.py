@@ -2,7 +2,7 @@
 
 A four-bar swings about its lowest pose: energy and loop error over time, at two steps, and with the loop kept by projection,
 by Baumgarte's feedback, or not at all. Then two square four-bars in a row, the benchmark A02 of IFToMM's library: at every
-swing all of their bars lie in one line, where the loops lose rank and other motions branch off. Its one freedom is a
+swing all of their bars lie in one line, where the loops lose rank and other motions branch off. Its one degree of freedom is a
 pendulum's,
 
     [(N + 1) / 3 + N] phi'' = -[(N + 1) / 2 + N] g cos phi        (bars of 1 m and 1 kg)
@@ -54,7 +54,7 @@ def main(show: bool = True) -> Result:
     moving = upright.with_velocity(velocity_partition(upright, row.loops(), {"crank_0_joint": -1.0}).v)  # B0 at +1 m/s
     swung = rbd.simulate(moving, row.loops(), duration=2.5, step=2.5e-3, progress=False)
     phi = np.unwrap(np.arctan2(swung.q[:, 1], swung.q[:, 0]))
-    phi_pendulum = pendulum(swung.times)
+    phi_pendulum = pendulum(swung.t)
     crossings = int(np.count_nonzero(np.diff(np.sign(np.sin(phi)))))
     print(f"{N} four-bars in a row, {swung.duration} s: all {2 * N + 1} bars in one line {crossings} times.")
     print(f"  crank at {np.degrees(phi[-1]):.4f} deg, the pendulum at {np.degrees(phi_pendulum[-1]):.4f} deg")
@@ -92,7 +92,7 @@ def plot_swing(axes, result: Result) -> list:
 
     above, below = axes
     artists = plot_energy(above, result.swings["projection"])
-    t = result.row.times
+    t = result.row.t
     artists += below.plot(t, np.degrees(result.phi), color="#0072b2", lw=3, alpha=0.4, label="two four-bars in a row")
     artists += below.plot(t, np.degrees(result.phi_pendulum), color="k", lw=1, ls="--", label="one pendulum")
     artists += [below.axhline(angle, color="0.6", lw=0.8) for angle in (0.0, -180.0)]

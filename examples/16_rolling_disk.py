@@ -40,7 +40,7 @@ def main(show: bool = True) -> Result:
     for name, part in (("fast", 1.5), ("slow", 0.5)):
         runs[name] = roll(coin, part * critical, 2e-3)
         lean[name] = leans(runs[name])
-        linear[name] = small_lean(runs[name].times, part, r)
+        linear[name] = small_lean(runs[name].t, part, r)
         shown = ["".join(f"{np.degrees(x[name][i]):11.3f}" for i in (100, 200, 300)) for x in (lean, linear)]
         print(f"{part:13.1f}         {shown[0]} deg     {shown[1]} deg")
     off = [np.abs(roll(coin, 1.5 * critical, step).q[-1] - runs["fast"].q[-1]).max() for step in (2e-2, 1e-2)]
@@ -94,7 +94,7 @@ def plot_lean(ax, result: Result) -> list:
     """The lean over time at both speeds, and by the linear equation; returns the artists."""
     artists = []
     for name, color in (("fast", "#0072b2"), ("slow", "#d55e00")):
-        t = result.runs[name].times
+        t = result.runs[name].t
         artists += ax.plot(t, np.degrees(result.lean[name]), color=color, lw=3, alpha=0.5, label=name)
         artists += ax.plot(t, np.degrees(result.linear[name]), "k--", lw=1)
     ax.set(xlabel="time [s]", ylabel="lean [deg]", ylim=(0.0, 30.0), title="A coin tipped by a degree; dashed: linear")

@@ -32,12 +32,12 @@ def main(show: bool = True) -> Result:
     print("  t [s]    tangential        centripetal       Coriolis          their sum         planned  [m/s2]")
     for k in (9, 20, 49, 78, 98):
         row = [x[k] for x in (parts.tangential, parts.centripetal, parts.coriolis, parts.total, motion.a)]
-        print(f"{motion.times[k]:7.2f}" + "".join(f"{x + 0.0:9.3f}{y + 0.0:8.3f} " for x, y in row))
+        print(f"{motion.t[k]:7.2f}" + "".join(f"{x + 0.0:9.3f}{y + 0.0:8.3f} " for x, y in row))
     rider = coriolis_of_a_rider(motion)
     apart = np.abs(rider - parts.coriolis)[1:-1].max()
     print(f"Found by an observer on the first link: the same Coriolis part, to {apart:.3f} m/s2 (differences over 10 ms).")
     early = rbd.planar.endpoint_motion(arm, reach, times=[0.001, 0.01])
-    elbow = early.qdd[:, 1] * np.sqrt(early.times)
+    elbow = early.qdd[:, 1] * np.sqrt(early.t)
     print(f"The elbow accelerates by {early.qdd[1, 1]:.1f} rad/s2 at 10 ms, by {early.qdd[0, 1]:.1f} rad/s2 at 1 ms:")
     print(f"  {elbow[1]:.3f} / sqrt(t), {elbow[0]:.3f} / sqrt(t); as t goes to 0, 3/2 sqrt(10) = {1.5 * np.sqrt(10.0):.3f}.")
     result = Result(motion, rider, elbow)
@@ -54,7 +54,7 @@ def main(show: bool = True) -> Result:
 
 def coriolis_of_a_rider(motion) -> np.ndarray:
     """2 w x v, with v the hand's velocity as seen from the first link, whose rate is w; shape (samples, 2) [m/s2]."""
-    q, t = motion.q, motion.times
+    q, t = motion.q, motion.t
     # Seen from the first link the hand is at (ell + ell cos q2, ell sin q2): differentiate there, then turn back.
     seen = np.gradient(ELL * np.column_stack([1.0 + np.cos(q[:, 1]), np.sin(q[:, 1])]), t, axis=0)
     w, c, s = np.gradient(q[:, 0], t), np.cos(q[:, 0]), np.sin(q[:, 0])
@@ -72,7 +72,7 @@ def plot_parts(axes, result: Result) -> list:
 def check(result: Result) -> None:
     """The parts add up to what was planned; each has its direction; the elbow's acceleration begins as 3/2 sqrt(10 / t)."""
     motion, parts = result.motion, result.motion.split
-    planned = rbd.planar.minimum_jerk([1.0, 0.0], [0.5, 0.5], 1.0).acceleration(motion.times)
+    planned = rbd.planar.minimum_jerk([1.0, 0.0], [0.5, 0.5], 1.0).acceleration(motion.t)
     assert np.abs(parts.total - planned).max() < 1e-9, "the sum is the acceleration"
     across = ELL * np.column_stack([-np.sin(motion.q.sum(axis=1)), np.cos(motion.q.sum(axis=1))])
     assert np.abs(np.sum(parts.coriolis * across, axis=1)).max() < 1e-9, "Coriolis: along the second link"

@@ -48,6 +48,7 @@ if _TYPE_CHECKING:
         State as State,
     )
     from rbd.problem.ground import (
+        Body as Body,
         Ground as Ground,
     )
     from rbd.problem.problem import (
@@ -58,6 +59,9 @@ if _TYPE_CHECKING:
     )
     from rbd.robots.checkup import (
         doctor as doctor,
+    )
+    from rbd.robots.loop_file import (
+        register_constraint as register_constraint,
     )
     from rbd.robots.robot import (
         Robot as Robot,
@@ -98,10 +102,11 @@ _NAMES = {
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.model.external_force": "ExternalForce",
     "rbd.model.state": "State",
-    "rbd.problem.ground": "Ground",
+    "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
     "rbd.robots.checkup": "doctor",
+    "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.robot": "Robot load_robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "Solution",

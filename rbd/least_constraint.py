@@ -10,8 +10,7 @@ import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, listed, rows_of
-from rbd.constraints.loop import LoopClosure
+from rbd.constraints.constraint import Constraint, closes_loop, listed, rows_of
 from rbd.errors import (
     ContactMoves,
     DistantContactWarning,
@@ -29,10 +28,10 @@ from rbd.model.dynamics import free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.answer import Status
-from rbd.problem.openings import opening_words
-from rbd.problem.parts import REST_SPEED
+from rbd.problem.contact_motion import REST_SPEED, opening_words
+from rbd.problem.force_set import at_rest
+from rbd.problem.law import COULOMB, Law
 from rbd.problem.problem import GaussProblem, MomentumBalance, checked
-from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver, checked_solver
@@ -114,8 +113,7 @@ def solve_problem(
 
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
-    if problem.moving:
-        _refuse_moving(problem, solver.law)
+    _refuse_moving(problem, solver)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
@@ -165,8 +163,7 @@ def assembled(
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
     balance = momentum_balance(state, wrench, with_base=loose)
     problem = GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
-    if problem.moving:
-        _warn_of_opening(state.robot, problem)
+    _warn_of_opening(state.robot, problem)
     return problem
 
 
@@ -221,7 +218,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         assert r.patch is not None
         within = r.patch.within
         far = np.abs(gaps) > within
-        if below_only and not rays_of(r.cone).all_lines:
+        if below_only and not at_rest(r.cone).bilateral:
             far = gaps < -within
         if far.any():
             worst = float(gaps[np.argmax(np.abs(gaps) * far)])
@@ -240,10 +237,10 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
     for constraint, r in zip(constraints, rows, strict=True):
-        if type(constraint) is LoopClosure and r.error is not None and max_abs(r.error) > OPEN:
+        if closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN:
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
-                "rbd.mechanism.assemble(robot, robot.loops(), q) closes it; rbd.constraints.Baumgarte pulls it together.",
+                "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte pulls it together.",
                 LoopNotClosedWarning,
                 stacklevel=4,
             )
@@ -261,17 +258,17 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
         )
 
 
-def _refuse_moving(problem: GaussProblem, law: str) -> None:
+def _refuse_moving(problem: GaussProblem, solver: Solver) -> None:
     """An impact is no matter of accelerations; and the convex law knows contacts at rest only."""
-    parts, rest = problem.parts, problem.rest_speed
-    if parts.impact:
+    T, rest = problem.force_set, problem.rest_speed
+    if T.impact:
         raise ContactMoves(
-            f"contact {parts.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
+            f"contact {T.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
             "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate."
         )
-    if law == "coulomb" or not problem.slipping:  # what opens carries nothing, by any law
+    if not T.slipping or (law := Law.of(solver.law)) == COULOMB:  # what opens carries nothing, by any law
         return
-    r = problem.slipping[0]
+    r = problem.rows[T.slipping[0]]
     raise ContactMoves(
         f"contact {r.name!r} moves at {r.speed:.3g} m/s (at rest is up to rest_speed = {rest:g}), and it can slip or break: "
         f"under the {law} law only contacts at rest are solved. Use solver=rbd.ConeSolver(), which opposes the motion; "

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.analysis.admissible import Admissible
-from rbd.analysis.complementary import admissible
+from rbd.analysis.admissible_forces import Admissible, admissible
 from rbd.analysis.feedback import feedback_acceleration
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.analysis.infeasibility import Contradiction, contradiction
@@ -20,13 +19,14 @@ from rbd.errors import InputError, NoSolution, Unsupported
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
 from rbd.problem.contact_force import corner_split
-from rbd.problem.openings import opening_words
+from rbd.problem.contact_motion import opening_words
+from rbd.problem.force_set import at_rest
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem, checked
-from rbd.problem.rays import rays_of
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers import Solver, checked_solver
-from rbd.solvers.proxqp import ProxQP, eased, law_name, too_steep
+from rbd.solvers.proxqp import ProxQP, eased, pyramidal_law, too_steep
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,11 +194,10 @@ class Solution(Answer):
 
     def _corners(self, i: int, rows: Rows) -> Array:
         P = self.problem
-        if self.weights is not None and len(rows) and "facets" not in self.law and not rays_of(rows.cone).all_lines:
+        if self.weights is not None and len(rows) and not at_rest(rows.cone).bilateral:
             assert rows.patch is not None
-            return P.parts.at_points(self.weights, P.parts.slices[i]) @ rows.patch.axes.T
-        weights = None if self.weights is None else self.weights[P.ray_slices[i]]
-        return corner_split(rows, self.multipliers[P.slices[rows.name]], weights)
+            return P.force_set_of(self.law).at_points(self.weights, i) @ rows.patch.axes.T
+        return corner_split(rows, self.multipliers[P.slices[rows.name]])
 
     @lazy
     def feedback_acceleration(self) -> Array:
@@ -296,7 +295,7 @@ class NearestMotion:
         return max((max_abs(s) for s in self.violation.values()), default=0.0)
 
     def __repr__(self) -> str:
-        return f"NearestMotion(violation {self.worst:.3g} m/s2, {self.solution.status}, law {self.solution.law!r})"
+        return f"NearestMotion(violation {self.worst:.3g} m/s2, {self.solution.status}, law {str(self.solution.law)!r})"
 
     def __str__(self) -> str:
         lines = [f"nearest motion: rows are missed by up to {self.worst:.3g} m/s2 (rad/s2), least squares"]
@@ -332,7 +331,7 @@ def nearest_motion(
     P, reason = checked(problem), checked_solver(solver).reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
-    law = law_name(P) if isinstance(solver, ProxQP) else solver.law
+    law = pyramidal_law(P) if isinstance(solver, ProxQP) else Law.of(solver.law)
     s, optimality = smallest_violation(P, law, row_weights(P, weights))
     solution = solution_of(relaxed(P, s) if s.any() else P, solver)
     if optimality > USABLE or solution.status not in (Status.SOLVED, Status.INACCURATE):

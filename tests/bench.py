@@ -37,7 +37,7 @@ MARKS = {
 }
 
 
-ABSOLUTE = {"assemble four-bar": 1.0, "assemble six-bar": 2.0}
+ABSOLUTE = {"assemble four-bar": 1.0, "assemble six-bar": 2.0, "load talos": 50.0, "load human": 50.0}
 """Marks in milliseconds, of what has no constraintDynamics call to be measured by."""
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -202,16 +202,18 @@ def assembling(robot: rbd.Robot) -> Callable[[int], object]:
     rng, q = np.random.default_rng(11), robot.posture("assembled")
     starts = [pin.integrate(robot.model, q, dq) for dq in 0.3 * rng.normal(size=(DRAWS, robot.nv))]
     fixed = {"crank_joint": q[:2]}
-    return lambda i: rbd.mechanism.assemble(robot, None, starts[i], fixed=fixed)
+    return lambda i: rbd.mechanism.assemble(rbd.State(robot, starts[i]), fixed=fixed)
 
 
 def mechanisms() -> Table:
-    """Assembly of mechanisms, in milliseconds beside their marks."""
+    """Assembly of mechanisms and loading of robots, in milliseconds beside their marks."""
     robots = {"four-bar": rbd.load_robot(URDF / "four_bar.urdf"), "six-bar": rbd.load_robot(URDF / "six_bar.urdf")}
-    table = Table(title="mechanisms")
+    table = Table(title="mechanisms; robots loaded")
     for heading in ("", "median", "mark"):
         table.add_column(heading, justify="left" if not heading else "right")
-    for label, seconds in interleaved({f"assemble {name}": assembling(robot) for name, robot in robots.items()}).items():
+    medians = interleaved({f"assemble {name}": assembling(robot) for name, robot in robots.items()})
+    loads = {f"load {name}": lambda i, name=name: rbd.load_robot(name) for name in ("talos", "human")}
+    for label, seconds in (medians | interleaved(loads, rounds=1)).items():
         table.add_row(label, f"{1e3 * seconds:.2f} ms", f"{ABSOLUTE[label]:.0f} ms")
     return table
 

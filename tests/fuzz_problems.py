@@ -97,7 +97,7 @@ def _local_corners(problem: rbd.GaussProblem, solution: rbd.Solution) -> dict[st
 
 
 def _of_arrays(P: rbd.GaussProblem, s: rbd.Solution) -> C.Certificate:
-    return C.of_arrays(P.M, P.rhs, P.rows, s.a, s.multipliers, _local_corners(P, s), s.law)
+    return C.of_arrays(P.M, P.rhs, P.rows, s.a, s.multipliers, _local_corners(P, s), str(s.law))
 
 
 def _refused(error: rbd.RbdError, problem: rbd.GaussProblem | None) -> tuple[str, str, float]:
@@ -156,7 +156,7 @@ def _solved(rng: R.Rng, made: R.Tree, given: list[R.Given], q: Array, v: Array, 
     worst = _judged(_of_arrays(s.problem, s), s.status, f"{s.solver}, arrays,")[2]
     for answer in (s, *s.others):
         things = _things(given, state, answer.forces, answer.corner_forces)
-        one = C.of_robot(made.robot.model, state.q, state.v, answer.a, _force(state, tau), things, answer.law)
+        one = C.of_robot(made.robot.model, state.q, state.v, answer.a, _force(state, tau), things, str(answer.law))
         worst = max(worst, _judged(one, answer.status, f"{answer.solver}, robot,")[2])
     return str(s.status), "", worst
 

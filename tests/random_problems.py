@@ -253,7 +253,7 @@ def _axes(n: Array) -> Array:
 
 def point(name: str, robot: rbd.Robot, link: str, offset: Array, n: Array, mu: float | None, facets: int = 4) -> Given:
     """A point of a link on something with the outward normal n, in world axes."""
-    contact = rbd.PointContact(name, link, offset=offset, normal=n, friction=mu, facets=facets)
+    contact = rbd.PointContact(name, link, offset=offset, on=rbd.Ground(normal=n), friction=mu, facets=facets)
     joint, X = _site(robot, link)
     at = X.act(offset)
 

@@ -121,7 +121,7 @@ def test_other_motions_become_solutions_too() -> None:
     with pytest.warns(NonUniqueMotionWarning, match="^the problem has no one motion: 2 were found"):
         solution = rbd.solve_problem(P, solver=rbd.ConeSolver(starts=20))
     assert [type(other) for other in solution.others] == [rbd.Solution]
-    assert solution.others[0].uniqueness().law == "coulomb"
+    assert solution.others[0].uniqueness().law.kind == "coulomb"
 
 
 class TestTheDoorForArrays:

@@ -141,7 +141,7 @@ CALLS: dict[str, tuple[Call, set[str]]] = {
     "PointContact(name=)": (lambda r, x: rbd.solve(*at_rest(r), [rbd.PointContact(x, TORSO)]), WORDS),
     "PointContact(frame=)": (lambda r, x: rbd.PointContact("toe", x).rows(r.standing()), set()),
     "PointContact(offset=)": (lambda r, x: rbd.PointContact("toe", TORSO, offset=x), {"three"}),
-    "PointContact(normal=)": (lambda r, x: rbd.PointContact("toe", TORSO, normal=x), {"None"}),
+    "Ground(normal=)": (lambda r, x: rbd.PointContact("toe", TORSO, on=rbd.Ground(normal=x)), {"None"}),
     "PointContact(friction=)": (lambda r, x: rbd.PointContact("toe", TORSO, friction=x), FRICTION),
     "PointContact(facets=)": (lambda r, x: rbd.PointContact("toe", TORSO, friction=0.5, facets=x), set()),
     "PointContact(facets=) held": (lambda r, x: rbd.PointContact("toe", TORSO, facets=x), set()),
@@ -280,9 +280,9 @@ def test_facets_are_three_or_more(talos: rbd.Robot, bad: Any) -> None:
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, 1.0 + 1e-5), (1e-200, 0.0, 0.0)])
 def test_a_normal_is_a_unit_vector(normal: tuple[float, float, float]) -> None:
     """Zero and other lengths are refused with the length that came; -z is a ceiling, and fine."""
-    with pytest.raises(InputError, match="normal of contact 'toe' has length .*expected a unit vector"):
-        rbd.PointContact("toe", TORSO, normal=normal)
-    assert np.array_equal(rbd.PointContact("toe", TORSO, normal=(0.0, 0.0, -1.0)).normal, [0.0, 0.0, -1.0])
+    with pytest.raises(InputError, match="normal of the ground has length .*expected a unit vector"):
+        rbd.PointContact("toe", TORSO, on=rbd.Ground(normal=normal))
+    assert np.array_equal(rbd.PointContact("toe", TORSO, on=rbd.Ground(normal=(0.0, 0.0, -1.0))).normal, [0.0, 0.0, -1.0])
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def _corners(s: rbd.Solution) -> dict:
 
 def _of(s: rbd.Solution, a: np.ndarray | None = None) -> C.Certificate:
     a = s.a if a is None else a
-    return C.of_arrays(s.problem.M, s.problem.rhs, s.problem.rows, a, s.multipliers, _corners(s), s.law)
+    return C.of_arrays(s.problem.M, s.problem.rhs, s.problem.rows, a, s.multipliers, _corners(s), str(s.law))
 
 
 @pytest.mark.parametrize("solver", [rbd.KKT(), rbd.ProxQP(), rbd.ConeSolver(), rbd.ConeSolver(law="convex")], ids=repr)
@@ -117,7 +117,7 @@ def _of_robot(made, given, state, tau, s, **other) -> C.Certificate:
     corners = other.get("corners", s.corner_forces)
     things = [g.thing(state, forces, corners) for g in other.get("placed", given)]
     q, v, a = (other.get(name, value) for name, value in (("q", state.q), ("v", state.v), ("a", s.a)))
-    return C.of_robot(made.robot.model, q, v, a, force, things, s.law)
+    return C.of_robot(made.robot.model, q, v, a, force, things, str(s.law))
 
 
 def test_an_answer_wrong_by_a_part_in_a_million_is_seen_on_the_robot() -> None:
@@ -186,7 +186,7 @@ def test_a_spoilt_answer_in_arrays_is_seen_row_by_row() -> None:
             if (np.abs(P.J[r] * s.multipliers[r]) > 0.2 * terms).any():
                 f = s.multipliers.copy()
                 f[r] *= 1.0 + WRONG
-                found = C.of_arrays(P.M, P.rhs, P.rows, s.a, f, _corners(s), s.law)
+                found = C.of_arrays(P.M, P.rhs, P.rows, s.a, f, _corners(s), str(s.law))
                 assert found.worst > LIMIT
                 tried += 1
     assert tried > 100

@@ -235,7 +235,7 @@ def test_the_verdict_says_which_feet_are_on_the_ground(tmp_path):
     told = SimulateReport(still, given, (), {}).verdict
     assert told.startswith("it stands on ") and told.endswith("at rest") and "alone" not in told
     first, *others = given.feet
-    modes = {name: np.array(["open"] * len(still.times)) if name == first else still.modes[name] for name in given.feet}
+    modes = {name: np.array(["open"] * len(still.t)) if name == first else still.modes[name] for name in given.feet}
     told = SimulateReport(replace(still, modes=modes), given, (), {}).verdict
     assert told.startswith(f"it is on {', '.join(others)} alone, its centre of mass ")
 

@@ -116,7 +116,7 @@ def test_a_pair_is_combined_with_a_third(talos):
     q = np.concatenate([[0, 0, h, 0, 0, 0, 1.0] for h in heights])
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     contacts = [
-        rbd.SurfaceContact(name, name, half_lengths=(0.2, 0.2), placement=below, friction=0.5, against=other)
+        rbd.SurfaceContact(name, name, half_lengths=(0.2, 0.2), placement=below, friction=0.5, on=other and rbd.Body(other))
         for name, other in (("a_box", None), ("b_box", "a_box"), ("c_box", "b_box"))
     ]
     s = rbd.solve(tower.at(q), np.zeros(0), contacts)
@@ -127,12 +127,12 @@ def test_a_pair_is_combined_with_a_third(talos):
 def test_contacts_made_for_each_alone_are_renamed_and_moved(talos):
     """Names, frames and the other body's frame get the prefix; the ground of the second is turned with its world."""
     pair = rbd.robots.merge_robots(talos, box(), placement=X_W2)
-    hand = rbd.PointContact("hand", "gripper_left_base_link", against="base_link", friction=0.4)
+    hand = rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Body("base_link"), friction=0.4)
     toe = rbd.PointContact("toe", "box", friction=0.4)
     mine, theirs = pair.contacts([hand], [toe])
-    assert (mine.name, mine.frame, mine.against, mine.friction) == ("a_hand", "a_gripper_left_base_link", "a_base_link", 0.4)
+    assert (mine.name, mine.frame, mine.on.frame, mine.friction) == ("a_hand", "a_gripper_left_base_link", "a_base_link", 0.4)
     assert (theirs.name, theirs.frame) == ("b_toe", "b_box") and theirs.normal == pytest.approx(X_W2.rotation[:, 2])
-    for given in ({"anchor": (0, 0, 0)}, {"velocity": (1, 0, 0)}):
+    for given in ({"anchor": (0, 0, 0)}, {"on": rbd.Ground(velocity=(1, 0, 0))}):
         with pytest.raises(rbd.InputError, match="'toe' has an anchor or a moving ground"):
             pair.contacts(second=[rbd.PointContact("toe", "box", **given)])
     with pytest.raises(rbd.InputError, match="no contact"):

@@ -9,7 +9,7 @@ from scipy.optimize import linprog, nnls
 import rbd
 from rbd.arrays import block_diagonal, cross_matrix
 from rbd.problem.cones import HalfLine, Interval, Line, Product, SecondOrderCone, check_friction, pyramid
-from rbd.problem.rays import rays_of
+from rbd.problem.force_set import at_rest
 
 SOLE = np.array([[0.11, 0.05, 0.0], [0.11, -0.05, 0.0], [-0.11, -0.05, 0.0], [-0.11, 0.05, 0.0]])
 
@@ -117,7 +117,7 @@ def test_the_outer_pyramid_touches_the_cone_and_the_inner_one_is_inside(facets):
 
 def test_four_facets_bound_each_tangent_by_itself(rng):
     """With n = 4 the pyramid reads |fx|, |fy| <= mu fz."""
-    G = rays_of(rbd.problem.FrictionCone(0.6)).G
+    G = at_rest(rbd.problem.FrictionCone(0.6)).pyramids.G
     for f in rng.normal(size=(200, 3)):
         inside = max(abs(f[0]), abs(f[1])) <= 0.6 * f[2]
         assert inside == (nnls(G, f)[1] < 1e-9)
@@ -125,18 +125,18 @@ def test_four_facets_bound_each_tangent_by_itself(rng):
 
 def test_rays_carry_bounds_and_facets():
     """Lines are free, rays nonnegative, intervals bounded; the facets that stand for circles are remembered."""
-    R = rays_of(CONES["product"])
-    assert R.facets == {4} and not R.all_lines and not R.has_intervals
+    R = at_rest(CONES["product"]).pyramids
+    assert R.facets == (4,) and not R.bilateral and not R.has_intervals
     assert R.lower.tolist() == [0.0] * 6 + [-np.inf] and np.isposinf(R.upper).all()
-    assert rays_of(rbd.problem.Free(2)).all_lines and rays_of(CONES["box"]).has_intervals
-    assert rays_of(rbd.problem.FrictionCone(0.6, facets=8)).facets == {8}
-    assert not rays_of(rbd.problem.NonNegative(1)).facets
+    assert at_rest(rbd.problem.Free(2)).bilateral and at_rest(CONES["box"]).pyramids.has_intervals
+    assert at_rest(rbd.problem.FrictionCone(0.6, facets=8)).pyramids.facets == (8,)
+    assert not at_rest(rbd.problem.NonNegative(1)).pyramids.facets
 
 
 def test_rays_of_a_cone_without_rows_are_none():
     """An inactive constraint has zero rows; its set has no rays."""
-    assert rays_of(rbd.problem.Free(0)).G.shape == (0, 0)
-    assert rays_of(rbd.problem.NonNegative(0)).G.shape == (0, 0)
+    assert at_rest(rbd.problem.Free(0)).pyramids.G.shape == (0, 0)
+    assert at_rest(rbd.problem.NonNegative(0)).pyramids.G.shape == (0, 0)
 
 
 def caron(w: np.ndarray, X: float, Y: float, mu: float) -> float:
@@ -155,7 +155,7 @@ def test_the_wrench_cone_of_a_rectangular_sole_is_the_published_one(rng):
     """Membership by our rays equals the published inequalities on 600 random wrenches, and on their boundary."""
     X, Y, mu = 0.11, 0.05, 0.6
     cone = rbd.problem.WrenchCone(SOLE, mu)
-    G = rays_of(cone).G
+    G = at_rest(cone).pyramids.G
     verdicts = []
     for _ in range(600):
         # Around the cone's middle, wide enough to be inside and outside about equally often.
@@ -177,13 +177,13 @@ def test_the_wrench_cone_of_a_rectangular_sole_is_the_published_one(rng):
 def test_the_published_cone_bounds_every_ray_tightly():
     """Each of the 16 rays satisfies the published inequalities, and several of them with equality."""
     X, Y, mu = 0.11, 0.05, 0.6
-    for ray in rays_of(rbd.problem.WrenchCone(SOLE, mu)).G.T:
+    for ray in at_rest(rbd.problem.WrenchCone(SOLE, mu)).pyramids.G.T:
         assert abs(caron(ray, X, Y, mu)) < 1e-15
 
 
 def test_a_smooth_patch_carries_what_its_normals_can(rng):
     """Without friction: no tangential force, no yaw moment, and the centre of pressure inside the corners' hull."""
-    G = rays_of(rbd.problem.WrenchCone(SOLE, 0.0)).G
+    G = at_rest(rbd.problem.WrenchCone(SOLE, 0.0)).pyramids.G
     for cop in rng.uniform(-0.15, 0.15, size=(100, 2)):
         w = np.array([0.0, 0.0, 1.0, cop[1], -cop[0], 0.0])
         inside = abs(cop[0]) <= 0.11 and abs(cop[1]) <= 0.05
@@ -213,7 +213,7 @@ def test_a_wrench_is_the_sum_of_its_corner_forces(rng):
 
 def test_membership_agrees_with_a_linear_program(rng):
     """Nonnegative least squares and HiGHS give one verdict on random wrenches."""
-    G = rays_of(rbd.problem.WrenchCone(SOLE, 0.4)).G
+    G = at_rest(rbd.problem.WrenchCone(SOLE, 0.4)).pyramids.G
     for w in rng.normal(size=(60, 6)) * [0.3, 0.3, 1.0, 0.03, 0.06, 0.03] + [0, 0, 1.0, 0, 0, 0]:
         feasible = linprog(np.zeros(G.shape[1]), A_eq=G, b_eq=w, method="highs").status == 0
         assert feasible == (nnls(G, w)[1] < 1e-9)
@@ -255,5 +255,5 @@ def test_a_box_whose_bounds_cross_is_refused():
 
 def test_a_set_of_no_forces_has_no_rays() -> None:
     """Zero components: no columns, and no normals among them."""
-    found = rays_of(Product(()))
-    assert found.G.shape == (0, 0) and found.normals.shape == (0, 0) and found.mean(np.zeros((3, 0))).shape == (3, 0)
+    found = at_rest(Product(())).pyramids
+    assert found.G.shape == (0, 0) and found.normals.shape == (0, 0) and found.sums(np.zeros((3, 0))).shape == (3, 0)

@@ -55,7 +55,8 @@ def contact_answers() -> Iterator[object]:
     state, soles = talos.standing(), talos.soles()
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
-    yield from (talos, state, held, push, rbd.doctor(talos), state.frame("left_sole_link"))
+    yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
+    yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ConeSolver()):
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
         assert str(solution)
@@ -128,11 +129,11 @@ def mechanisms() -> Iterator[object]:
         report = report_mechanism(robot, next(iter(robot.postures.values()), robot.neutral()))
         assert str(report)
         yield from (report, report.state)
-    state = report.state if not four_bar.loops() else four_bar.at(rbd.mechanism.assemble(four_bar, None, four_bar.neutral()).q)
+    state = report.state if not four_bar.loops() else four_bar.at(rbd.mechanism.assemble(four_bar.at()).q)
     moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
-    yield from (rbd.mechanism.assemble(four_bar, None, four_bar.neutral()), moving, rates)
-    yield rbd.mechanism.trace(four_bar, None, state.q, "crank_joint", (state.q[0], state.q[0] + 0.2), steps=4)
+    yield from (rbd.mechanism.assemble(four_bar.at()), moving, rates)
+    yield rbd.mechanism.trace(state, joint="crank_joint", values=(state.q[0], state.q[0] + 0.2), steps=4)
 
 
 def more_constraints() -> Iterator[object]:
@@ -143,6 +144,9 @@ def more_constraints() -> Iterator[object]:
     yield rbd.RollingBall("ball", "box", radius=0.1)
     yield rbd.RollingDisk("disk", "box", radius=0.1)
     yield rbd.PointContact("tip", "box", friction=0.5)
+    yield rbd.SurfaceContact("palm", "box", half_lengths=(0.1, 0.1), on=rbd.Body("table", normal=(0.0, 0.6, 0.8)))
+    for corners in ([[0.1, 0.2]], [[0.1, 0.2], [0.3, 0.1]], [[0.1, 0.2], [0.3, 0.1], [0.0, 0.0]]):
+        yield rbd.constraints.Contact("corners", "box", corners=corners, friction=0.5)
     yield rbd.problem.NonNegative(3)
     yield rbd.problem.Product([rbd.problem.Free(1), rbd.problem.LineCone(0.1, 0.5)])
 

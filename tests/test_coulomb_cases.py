@@ -64,7 +64,7 @@ class TestSlippingBox:
         for contacts in (None, self.corners()):
             s = self.push(80.0 * along, contacts)
             expected = (80.0 - 0.6 * 10 * G) / 10.0
-            assert expected == pytest.approx(2.114) and s.law == "coulomb" and s.status == "solved"
+            assert expected == pytest.approx(2.114) and s.law.kind == "coulomb" and s.status == "solved"
             assert s.a == pytest.approx([*(expected * along), 0.0, 0.0, 0.0], abs=1e-9)
             assert sum(c.normal for c in s.contacts.values()) == pytest.approx(98.1, abs=1e-8)
             assert sum(f[:3] for f in s.forces.values()) == pytest.approx([*(-0.6 * 10 * G * along)[:2], 98.1], abs=1e-8)
@@ -74,7 +74,7 @@ class TestSlippingBox:
         N = (10 * G + 0.6 * 80.0) / 1.36
         for contacts in (None, self.corners()):
             s = self.push((0.0, 80.0, 0.0), contacts, law="convex")
-            assert s.law == "convex" and s.a == pytest.approx([0, (80 - 0.6 * N) / 10, (N - 98.1) / 10, 0, 0, 0], abs=1e-9)
+            assert str(s.law) == "convex" and s.a == pytest.approx([0, (80 - 0.6 * N) / 10, (N - 98.1) / 10, 0, 0, 0], abs=1e-9)
 
     def test_at_30_newtons_both_laws_hold_it(self):
         """0.6 m g = 58.86 N."""
@@ -165,7 +165,7 @@ class TestIncline:
         assert threshold == pytest.approx(0.494872, abs=5e-7)
         normal = np.array([-np.sin(angle), 0.0, np.cos(angle)])
         touch = rbd.PointContact(
-            "slope", "ball", offset=-radius * normal, normal=normal, friction=threshold * (1 + sign * 1e-6)
+            "slope", "ball", offset=-radius * normal, on=rbd.Ground(normal=normal), friction=threshold * (1 + sign * 1e-6)
         )
         s = rbd.solve(_at(_ball(radius)), np.zeros(0), [touch], solver=COULOMB)
         slip = float(np.hypot(*s.accelerations["slope"][:2]))
@@ -226,7 +226,7 @@ class TestLadder:
         ladder = rbd.load_robot(URDF / "ladder.urdf")
         feet = [
             rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=floor),
-            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=wall),
+            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=wall),
         ]
 
         def lean(th) -> rbd.Solution:

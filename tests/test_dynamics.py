@@ -120,7 +120,9 @@ def test_hessian_of_a_point_gives_its_bias(talos: rbd.Robot, friction: float | N
     """The hessian H has rows first, symmetric in the velocities: v @ H @ v is J_dot v, to 1e-11, for any v."""
     normal = np.array([0.3, -0.2, 0.9])
     normal /= np.linalg.norm(normal)
-    contact = rbd.PointContact("toe", "left_sole_link", offset=(0.1, 0.05, 0.0), normal=normal, friction=friction)
+    contact = rbd.PointContact(
+        "toe", "left_sole_link", offset=(0.1, 0.05, 0.0), on=rbd.Ground(normal=normal), friction=friction
+    )
     check_hessian(drawn(talos, seed), contact, rows=1 if friction == 0.0 else 3)
 
 
@@ -316,6 +318,6 @@ def test_terms_given_out_are_copies(talos: rbd.Robot) -> None:
 def test_a_contact_with_a_moving_ground_has_no_hessian(talos):
     """Its J_dot v is not quadratic in v: a Hessian would be a wrong number."""
     state = talos.standing()
-    lift = rbd.PointContact("lift", "left_sole_link", acceleration=(0.0, 0.0, 1.0))
+    lift = rbd.PointContact("lift", "left_sole_link", on=rbd.Ground(acceleration=(0.0, 0.0, 1.0)))
     with pytest.raises(rbd.InputError, match="no Hessian"):
         rbd.dynamics.constraint_hessian(state, lift)

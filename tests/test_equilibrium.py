@@ -360,10 +360,10 @@ def test_a_point_on_a_slope_needs_the_same_friction(box: rbd.Robot, slope: float
     """A point under the centre of mass, the ground's normal tilted: tan(slope) <= mu cos(pi / 4) as it tilts along x."""
     normal = (math.sin(slope), 0.0, math.cos(slope))
     mu = math.tan(slope) / math.cos(math.pi / 4)
-    rbd.hold(tilted(box, 0.0), [rbd.PointContact("toe", "body", normal=normal, friction=mu * (1.0 + 1e-6))])
+    rbd.hold(tilted(box, 0.0), [rbd.PointContact("toe", "body", on=rbd.Ground(normal=normal), friction=mu * (1.0 + 1e-6))])
     for friction in (mu * (1.0 - 1e-5), 0.0):
         with pytest.raises(CannotHold, match="friction is in the way"):
-            rbd.hold(tilted(box, 0.0), [rbd.PointContact("toe", "body", normal=normal, friction=friction)])
+            rbd.hold(tilted(box, 0.0), [rbd.PointContact("toe", "body", on=rbd.Ground(normal=normal), friction=friction)])
 
 
 @pytest.mark.parametrize("side", [(1, 0), (-1, 0), (0, 1), (1, 1)])
@@ -519,7 +519,7 @@ def test_a_ground_that_moves_is_refused(talos):
     state, sole = talos.standing(), talos.soles()[0]
     for motion in ({"acceleration": (0.0, 0.0, 1.0)}, {"velocity": (0.1, 0.0, 0.0)}):
         moving = rbd.SurfaceContact(
-            sole.name, sole.frame, corners=sole.corners, placement=sole.placement, friction=0.7, **motion
+            sole.name, sole.frame, corners=sole.corners, placement=sole.placement, friction=0.7, on=rbd.Ground(**motion)
         )
         with pytest.raises(rbd.errors.NotAtRest, match="ground at rest.*left_sole"):
             rbd.hold(state, [moving, talos.soles()[1]])

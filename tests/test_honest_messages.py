@@ -15,7 +15,7 @@ import rbd
 from rbd.errors import NonUniqueMotionWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.residuals import residuals_of
-from rbd.statics.least_friction import BRACKET, Balance, told as enough
+from rbd.statics.least_friction import BRACKET, Balance, rounded_up as enough
 from rbd.testing import ConstraintWrong, box, check_constraint
 
 G = 9.81
@@ -27,7 +27,7 @@ CORNERS = [(x, y) for x in (-0.2, 0.2) for y in (-0.2, 0.2)]
 def floor(friction: float, facets: int = 4, normal=(0.0, 0.0, 1.0)) -> list[rbd.PointContact]:
     """Four points under a box of 0.2 m height."""
     return [
-        rbd.PointContact(f"p{i}", "box", offset=(*p, -0.1), friction=friction, facets=facets, normal=normal)
+        rbd.PointContact(f"p{i}", "box", offset=(*p, -0.1), friction=friction, facets=facets, on=rbd.Ground(normal=normal))
         for i, p in enumerate(CORNERS)
     ]
 
@@ -65,7 +65,8 @@ class TestFriction:
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         points = [  # below the centre of mass along z, so that no moment is left
-            rbd.PointContact(f"p{i}", "box", offset=(*p, -0.1), normal=normal, friction=0.01) for i, p in enumerate(CORNERS)
+            rbd.PointContact(f"p{i}", "box", offset=(*p, -0.1), on=rbd.Ground(normal=normal), friction=0.01)
+            for i, p in enumerate(CORNERS)
         ]
         assert coefficient(told(lambda: rbd.hold(state, points))) == pytest.approx(slope, rel=5e-4)
 
@@ -77,7 +78,7 @@ class TestFriction:
         state = rbd.State(robot, pin.SE3ToXYZQUAT(pin.SE3(R, np.zeros(3))))
         ends = [
             rbd.PointContact("foot", "box", offset=(0, 0, -1.0), friction=0.01),
-            rbd.PointContact("top", "box", offset=(0, 0, 1.0), normal=(-1, 0, 0), friction=0.01),
+            rbd.PointContact("top", "box", offset=(0, 0, 1.0), on=rbd.Ground(normal=(-1, 0, 0)), friction=0.01),
         ]
         mu = coefficient(told(lambda: rbd.hold(state, ends)))
         assert mu == pytest.approx(-np.tan(theta) + np.hypot(1.0, np.tan(theta)), rel=5e-4)
@@ -121,7 +122,7 @@ class TestFriction:
         """An arm's end on a rough wall: friction could carry it, its motors could not."""
         robot = weak_arm(limit=0.5)
         state = rbd.State(robot, np.zeros(robot.nq))
-        wall = rbd.PointContact("tip", "tip", normal=(-1, 0, 0), friction=0.1)
+        wall = rbd.PointContact("tip", "tip", on=rbd.Ground(normal=(-1, 0, 0)), friction=0.1)
         message = told(lambda: rbd.hold(state, [wall]))
         assert "torque limit" in message
 
@@ -274,10 +275,13 @@ def walls(friction: float, kind: str) -> list:
     """What a box touches on its left and on its right."""
     sides = (("left", -1.0), ("right", 1.0))
     if kind == "two":
-        return [rbd.PointContact(n, "box", offset=(0.2 * s, 0, 0), normal=(-s, 0, 0), friction=friction) for n, s in sides]
+        return [
+            rbd.PointContact(n, "box", offset=(0.2 * s, 0, 0), on=rbd.Ground(normal=(-s, 0, 0)), friction=friction)
+            for n, s in sides
+        ]
     if kind == "eight":
         return [
-            rbd.PointContact(f"{n}{i}", "box", offset=(0.2 * s, *p), normal=(-s, 0, 0), friction=friction)
+            rbd.PointContact(f"{n}{i}", "box", offset=(0.2 * s, *p), on=rbd.Ground(normal=(-s, 0, 0)), friction=friction)
             for n, s in sides
             for i, p in enumerate([(0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1)])
         ]
@@ -340,7 +344,7 @@ class TestSeveralMotions:
                 n = np.eye(3)[rng.integers(3)] * rng.choice([-1, 1]) if rng.random() < 0.5 else rng.normal(size=3)
                 n = n / np.linalg.norm(n)
                 p, mu = -0.2 * n + 0.1 * rng.normal(size=3), float(rng.choice([0.3, 0.7, 1.0, 3.0]))
-                contacts.append(rbd.PointContact(f"c{i}", "box", offset=p, normal=n, friction=mu))
+                contacts.append(rbd.PointContact(f"c{i}", "box", offset=p, on=rbd.Ground(normal=n), friction=mu))
             push = rbd.ExternalForce("box", rng.normal(size=3) * rng.choice([0.0, 5.0, 30.0]))
             P = rbd.gauss_problem(state, np.zeros(0), contacts, external=push)
             convex, coulomb = rbd.ConeSolver(law="convex").solve(P), rbd.ConeSolver().solve(P)

@@ -150,6 +150,64 @@ def test_the_algebra_knows_no_pinocchio():
     assert users == {"solvers.pinocchio_admm", "analysis.sensitivity"}
 
 
+ASKS_NO_KINDS = (
+    "simulation",
+    "control",
+    "analysis",
+    "statics",
+    "mechanism",
+    "solvers",
+    "solution",
+    "least_constraint",
+    "visual",
+)
+"""Rooms that ask a constraint for its members and never for its type; of `robots`, what merges them and puts them on feet."""
+
+
+def kinds_of_constraints() -> set[str]:
+    """Names of the classes of `rbd.constraints` that have rows, and of those that gather several."""
+    trees = [ast.parse(path.read_text()) for module, path in MODULES.items() if room(module) == "constraints"]
+    classes = {node.name: node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+    own = {
+        name for name, node in classes.items() if any(isinstance(x, ast.FunctionDef) and x.name == "rows" for x in node.body)
+    }
+    return own | {name for name, node in classes.items() if any(ast.unparse(base) in own for base in node.bases)}
+
+
+def asked_types(source: str) -> set[str]:
+    """Names of the types that a source asks for: by isinstance, issubclass, type(...) is, a match, or a type's name."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        asked: list[ast.AST] = []
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass"):
+            asked = list(node.args[1:])
+        elif isinstance(node, ast.Compare) and any(
+            re.match(r"type\(|.*__class__|.*__name__", ast.unparse(x)) for x in [node.left]
+        ):
+            asked = list(node.comparators)
+        elif isinstance(node, ast.MatchClass):
+            asked = [node.cls]
+        found |= {name for each in asked for name in re.findall(r"\w+", ast.unparse(each))}
+    return found
+
+
+def test_no_room_above_the_constraints_asks_for_their_kinds():
+    """Each kind answers by a member that `rbd.constraints.constraint` names, so that a user's kind can have it too."""
+    kinds = kinds_of_constraints()
+    assert {"PointContact", "JointLimit", "LoopClosure", "RollingWheel", "CollisionContacts", "Stabilised"} <= kinds
+    rooms = {m for m in MODULES if room(m) in ASKS_NO_KINDS or m in ("robots.merge", "robots.posture", "robots.loops")}
+    shared = {"constraints.constraint", "constraints.contact_points", "constraints.ground_points"}
+    asks = {module: asked & kinds for module in rooms | shared if (asked := asked_types(MODULES[module].read_text())) & kinds}
+    assert not asks
+
+
+def test_the_reader_of_asked_types_sees_all_ways():
+    """The test above can fail."""
+    ways = ["isinstance(c, LoopClosure | A)", "issubclass(k, (JointLimit, B))", "type(c) is C", "type(c).__name__ == 'D'"]
+    ways.append("match c:\n    case E(): pass")
+    assert {"LoopClosure", "A", "JointLimit", "B", "C", "D", "E"} <= {name for way in ways for name in asked_types(way)}
+
+
 def _users(library: str) -> set[str]:
     out = set()
     for module, path in MODULES.items():

@@ -7,7 +7,6 @@ import os
 import pickle
 import re
 import shutil
-import time
 import warnings
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from work import calls
 
 import rbd
 from rbd.errors import InputError, JointNotFound, ModelError, ModelWarning
 from rbd.least_constraint import momentum_balance
-from rbd.robots.loop_file import LARGEST_FILE, LoopFile, Mark, read_loop_file
+from rbd.robots.loop_file import LARGEST_FILE, LoopFile, NamedFrame, read_loop_file
 
 TOP = Path(__file__).parents[1]
 FOUR_BAR = TOP / "urdf" / "four_bar.urdf"
@@ -112,7 +112,7 @@ def test_words_are_those_of_yaml_1_2(tmp_path: Path) -> None:
     """`no` and `on` are names, 1e-3 is a number, and nothing is a date, an octal or sixty-based number."""
     found = read(tmp_path, "passive: [no, on, yes, 12:30:45, 2020-01-01]\nframes: {off: {link: y, xyz: [1e-3, 010, +.5E1]}}")
     assert found.passive == ("no", "on", "yes", "12:30:45", "2020-01-01")
-    assert found.frames == (Mark("off", "y", (1e-3, 10.0, 5.0)),)
+    assert found.frames == (NamedFrame("off", "y", (1e-3, 10.0, 5.0)),)
 
 
 # ------------------------------------------------------------------------------------------------- where it is found
@@ -227,10 +227,12 @@ def test_an_alias_bomb_is_refused_at_once(tmp_path: Path) -> None:
     """Nine levels of nine aliases would be 400 million words; the first alias ends it."""
     lines = ["a: &a [x, x, x, x, x, x, x, x, x]"]
     lines += [f"{k}: &{k} [{', '.join([f'*{p}'] * 9)}]" for p, k in zip("abcdefgh", "bcdefghi", strict=True)]
-    start = time.perf_counter()
-    with pytest.raises(ModelError, match="it has an alias in line 2"):
-        read(tmp_path, "\n".join(lines))
-    assert time.perf_counter() - start < 1.0
+
+    def refused() -> None:
+        with pytest.raises(ModelError, match="it has an alias in line 2"):
+            read(tmp_path, "\n".join(lines))
+
+    assert calls(refused) < 20_000
 
 
 WRONG_NAMES = [
@@ -240,7 +242,7 @@ WRONG_NAMES = [
     ("frames: {coupler_tip: {link: crank}}", "has a frame 'coupler_tip' already"),
     (LOOP.replace("coupler_tip", "coupler_tp") + "}]", "loop 'pin': no frame 'coupler_tp' in bar; nearest: 'coupler_tip'"),
     (LOOP.replace("rocker_tip", "rocker_top") + "}]", "loop 'pin': no frame 'rocker_top' in bar; nearest: 'rocker_tip'"),
-    (LOOP.replace("coupler_tip", "rocker") + "}]", "loop 'pin': 'rocker' and 'rocker_tip' are fixed to one body"),
+    (LOOP.replace("coupler_tip", "rocker") + "}]", "loop 'pin': .*'rocker' with 'rocker_tip', which are fixed to one body"),
     (LOOP.replace("coupler_tip", "rocker_tip") + "}]", "loop 'pin': .*one body"),
     (LOOP + ", axis: [0, 0, 0]}]", "loop 'pin': axis .* has length 0"),
     ("couplings: [{name: g, joint: a, to: crank_joint, ratio: 1}]", "loop 'g': no joint 'a' in bar"),
@@ -248,12 +250,21 @@ WRONG_NAMES = [
     ("couplings: [{name: g, joint: crank_joint, to: root_joint, ratio: 1}]", "joint 'root_joint' has 6 freedoms"),
     ("couplings: [{name: g, joint: crank_joint, to: crank_joint, ratio: 1}]", "couples joint 'crank_joint' to itself"),
     ("wheels: [{name: w, kind: rolling_ball, frame: ball, radius: 1}]", "wheel 'w': no frame 'ball'"),
-    ("wheels: [{name: w, kind: rolling_ball, frame: crank}]", "a rolling_ball wants a radius"),
+    ("wheels: [{name: w, kind: rolling_ball, frame: crank}]", r"wheels\[0\] \('w'\) has no 'radius'"),
     ("wheels: [{name: w, kind: rolling_ball, frame: crank, radius: 0}]", "wheel 'w': radius .* is 0.0; expected a length > 0"),
-    ("wheels: [{name: w, kind: rolling_ball, frame: crank, radius: 1, axis: [0, 1, 0]}]", "takes radius, not 'axis'"),
-    ("wheels: [{name: w, kind: rolling_disk, frame: crank, radius: 1, direction: [0, 1, 0]}]", "radius and axis, not 'direc"),
+    (
+        "wheels: [{name: w, kind: rolling_ball, frame: crank, radius: 1, axis: [0, 1, 0]}]",
+        "'w'.* has a key 'axis'.* some of name, kind, frame, radius\\.",
+    ),
+    (
+        "wheels: [{name: w, kind: rolling_disk, frame: crank, radius: 1, direction: [0, 1, 0]}]",
+        "'w'.* has a key 'direction'.* some of name, kind, frame, radius, axis\\.",
+    ),
     ("wheels: [{name: w, kind: rolling_disk, frame: crank, radius: 1, axis: [0, 0, 0]}]", "wheel 'w': axis .* has length 0"),
-    ("wheels: [{name: w, kind: knife_edge, frame: crank, radius: 1}]", "a knife_edge takes direction, not 'radius'"),
+    (
+        "wheels: [{name: w, kind: knife_edge, frame: crank, radius: 1}]",
+        "'w'.* has a key 'radius'; .* some of name, kind, frame, direction\\.",
+    ),
     ("postures: {p: {crank: 1}}", "posture 'p': no joint 'crank' in bar; nearest: 'crank_joint'"),
     ("postures: {p: {crank_joint: [1, 2, 3]}}", "posture 'p': .*has 3 numbers; expected an angle"),
     ("postures: {p: {crank_joint: [1, 1]}}", "posture 'p': .*unit circle .* has norm 1.41"),
@@ -479,12 +490,12 @@ def test_a_four_bar_by_connect_moves_as_the_urdf_with_a_planar_pin(tmp_path: Pat
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         robot = rbd.load_robot(path)
-    q = [np.arctan2(*state.q[urdf.model.joints[urdf.joint_id(j)].idx_q :][1::-1]) for j in robot.joints()]
-    v_xml = [v[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints()]
+    q = [np.arctan2(*state.q[urdf.model.joints[urdf.joint_id(j)].idx_q :][1::-1]) for j in robot.joints]
+    v_xml = [v[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints]
     assert robot.loops()[0].name == "connect_a_b" and np.abs(robot.loops()[0].rows(robot.at(np.array(q))).error).max() < 1e-15
     found = rbd.solve(robot.at(np.array(q), np.array(v_xml)), np.zeros(0), robot.loops()).a
     expected = rbd.solve(state, [0.0], urdf.loops()).a
-    expected = [expected[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints()]
+    expected = [expected[urdf.model.joints[urdf.joint_id(j)].idx_v] for j in robot.joints]
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
@@ -569,7 +580,7 @@ def test_joints_that_share_a_body_can_be_coupled(tmp_path: Path) -> None:
         .replace('<joint name="was_j1" axis="0 -1 0" ref="0.3"/>', "")
         .replace('joint1="j1"', 'joint1="j2"')
     )
-    with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several freedoms.*loops=None"):
+    with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several degrees of freedom.*loops=None"):
         rbd.load_robot(path)
     assert rbd.load_robot(path, loops=None).nv == 5
 

@@ -67,9 +67,9 @@ def contacts_on(rng: np.random.Generator, robot: rbd.Robot, held: bool) -> list[
         normal /= np.linalg.norm(normal)
         friction = None if held else rng.choice([0.0, 0.3, 0.7, 1.5]) if rng.random() < 0.9 else None
         where = dict(frame=str(rng.choice(frames)), offset=0.1 * rng.normal(size=3), friction=friction)
-        out.append(rbd.PointContact(f"c{i}", normal=normal, **where))
+        out.append(rbd.PointContact(f"c{i}", on=rbd.Ground(normal=normal), **where))
         if not held and friction is not None and rng.random() < 0.15:
-            out.append(rbd.PointContact(f"c{i}_opposed", normal=-normal, **where))
+            out.append(rbd.PointContact(f"c{i}_opposed", on=rbd.Ground(normal=-normal), **where))
     return out
 
 
@@ -130,13 +130,13 @@ def misses(P: rbd.GaussProblem, s: rbd.Solution) -> dict[str, float]:
             continue
         mu, slip = r.cone.mu, np.hypot(*u[:2])
         own = terms.max()
-        if "facets" in s.law:
+        if s.law.facets:
             rub = np.abs(x[:2]).max()
             across = np.abs(u[:2]).sum() * mu
         else:
             rub, across = np.hypot(*x[:2]), mu * slip
         put("leaves its cone", max(rub - mu * x_n, 0.0), force)
-        if s.law == "coulomb":
+        if s.law.kind == "coulomb":
             put("works", abs(x_n * u_n), force * own)
             put("works", abs(x[:2] @ u[:2] + mu * x_n * slip), force * own)
         else:

@@ -607,7 +607,7 @@ def test_keyframes_keep_their_joints_and_quaternions(write) -> None:
     world = f'<body name="b"><freejoint/>{BOX}{arms}</body>'
     key = '<keyframe><key name="k" qpos="1 2 3 2 0 0 0 .1 .2"/><key qpos="0 0 0 0 1 0 0 0 0"/></keyframe>'
     robot = load(write(world, after=key))
-    assert robot.joints()[1:] == ["z", "a"]
+    assert list(robot.joints)[1:] == ["z", "a"]
     assert robot.posture("k").tolist() == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.2]
     assert robot.posture("key_1")[3:7].tolist() == [1.0, 0.0, 0.0, 0.0]
 
@@ -696,14 +696,15 @@ def test_a_motion_of_such_a_robot_can_be_loaded_again(write, tmp_path: Path) -> 
     assert again.leave_out == {"springs"} and again.nu == 0
 
 
-def test_mutants_are_refused_or_mujocos_own() -> None:
-    """Two hundred files changed at random, of a fixed seed: none is silently another robot than MuJoCo's."""
+def test_mutants_are_refused_or_mujocos_own(exhaustive: bool) -> None:
+    """Files changed at random, of a fixed seed: none is silently another robot than MuJoCo's."""
+    n = 200 if exhaustive else 50
     script = Path(__file__).with_name("fuzz.py")
-    command = [sys.executable, str(script), "--mjcf", "--n", "200", "--seed", "7"]
+    command = [sys.executable, str(script), "--mjcf", "--n", str(n), "--seed", "7"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
-    told = re.search(r"200 mutants in .*: (\d+) refused, (\d+) valid, (\d+) failure, (\d+) unjudged", run.stdout)
+    told = re.search(rf"{n} mutants in .*: (\d+) refused, (\d+) valid, (\d+) failure, (\d+) unjudged", run.stdout)
     assert told and run.returncode == 0 and told[3] == "0", run.stdout + run.stderr
-    assert min(int(told[1]), int(told[2])) > 40, "mutants that all go one way test nothing"
+    assert min(int(told[1]), int(told[2])) > 0.2 * n, "mutants that all go one way test nothing"
 
 
 def test_mujocos_own_files_are_refused_or_the_same() -> None:

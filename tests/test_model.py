@@ -111,7 +111,59 @@ def test_frames_lists_links_and_joints(talos: rbd.Robot) -> None:
     assert {"left_sole_link", "leg_left_4_joint", "torso_2_link"} <= set(names)
     for name in names:
         assert talos.frame(name).name == name
-    assert set(talos.joints()) == set(talos.model.names) - {"universe"}
+    assert set(talos.joints) == set(talos.model.names) - {"universe"}
+
+
+class TestTheJointTable:
+    """`robot.joints`: by name, in the model's order."""
+
+    def test_it_says_where_coordinates_stand_and_what_they_measure(self, talos: rbd.Robot) -> None:
+        """Slices of q and v, unit, limits of the file."""
+        knee, base = talos.joints["leg_left_4_joint"], talos.joints["root_joint"]
+        at = talos.model.joints[knee.id]
+        assert (knee.q, knee.v) == (slice(at.idx_q, at.idx_q + 1), slice(at.idx_v, at.idx_v + 1))
+        assert (knee.nq, knee.nv, knee.unit, knee.is_angle, knee.is_continuous) == (1, 1, "rad", True, False)
+        assert (knee.lower, knee.upper) == (talos.model.lowerPositionLimit[at.idx_q], talos.model.upperPositionLimit[at.idx_q])
+        assert knee.effort == dict(zip(talos.actuated_names, talos.effort_limit, strict=True))[knee.name]
+        assert knee.speed == talos.model.velocityLimit[at.idx_v] and knee.friction == 0.0
+        assert (base.q, base.v, base.unit, base.is_angle) == (slice(0, 7), slice(0, 6), "m, rad", False)
+        assert (base.lower, base.upper, base.speed, base.effort) == (-np.inf, np.inf, np.inf, np.inf)
+
+    def test_it_goes_through_the_joints_in_order(self, talos: rbd.Robot) -> None:
+        """Its slices follow each other through all of q and of v; each velocity has a name of its own."""
+        joints = talos.joints
+        assert list(joints) == list(talos.model.names)[1:] and len(joints) == talos.model.njoints - 1
+        assert np.array_equal(np.concatenate([np.arange(talos.nq)[j.q] for j in joints.values()]), np.arange(talos.nq))
+        assert np.array_equal(np.concatenate([np.arange(talos.nv)[j.v] for j in joints.values()]), np.arange(talos.nv))
+        for i, coordinate in enumerate(joints.velocities):
+            assert joints.velocity(coordinate.name) == slice(i, i + 1)
+        assert joints.velocity("root_joint") == slice(0, 6) and joints.get("knee") is None and 3 not in joints
+        assert joints.angular.tolist() == [c.unit == "rad" for c in joints.velocities]
+
+    def test_a_name_that_is_none_is_answered_with_the_nearest(self, talos: rbd.Robot) -> None:
+        """Of joints, and where a part of a joint may be meant of these too."""
+        with pytest.raises(rbd.errors.JointNotFound, match="no joint 'leg_left_4' in talos; nearest: 'leg_left_4_joint'"):
+            talos.joints["leg_left_4"]
+        with pytest.raises(rbd.errors.JointNotFound, match="'root_joint.wz'"):
+            talos.joints.velocity("root_joint.ww")
+        with pytest.raises(rbd.errors.JointNotFound, match=r"no joint \[\]"):
+            talos.joints[[]]  # type: ignore[index]
+
+    def test_it_is_printed_as_a_table(self) -> None:
+        """One line a joint; a joint alone says the same."""
+        bar = rbd.mechanism.slider_crank(0.3, 1.0)
+        assert str(bar.joints).splitlines()[0] == "3 joints of slider_crank" and len(str(bar.joints).splitlines()) == 4
+        assert "PX" in repr(bar.joints) or "PrismaticUnaligned" in repr(bar.joints)
+        panda = rbd.load_robot("panda", root="fixed").joints["panda_joint4"]
+        assert repr(panda) == "Joint('panda_joint4', RZ, q[3], v[3], rad, -3.072 to -0.0698, at most 87 N m)"
+
+    def test_a_slide_inside_a_joint_made_of_joints_is_a_length(self) -> None:
+        """A composite of a slide and a ball: metres, then radians."""
+        model = pin.Model()
+        joint = model.addJoint(0, _composite(pin.JointModelSpherical()), pin.SE3.Identity(), "both")
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+        both = CheckedModel(model).joints["both"]
+        assert both.unit == "m, rad" and [c.unit for c in both.velocities] == ["m", "rad", "rad", "rad"]
 
 
 def test_of_a_link_and_a_joint_of_one_name_the_link_is_meant(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_every_posture_closes_every_loop(name: str) -> None:
     """To 1e-12 m as stored, and no worse after assembling; the rows have the rank that the README states."""
     robot = load(name)
     for posture in robot.postures:
-        for state in (robot.at(posture), robot.at(assemble(robot, held(robot), robot.posture(posture)).q)):
+        for state in (robot.at(posture), robot.at(assemble(robot.at(posture), held(robot)).q)):
             assert max(np.abs(c.rows(state).error).max() for c in held(robot)) < 1e-12
     state = reference(robot)
     J = np.vstack([c.rows(state).J for c in held(robot)])
@@ -141,7 +141,7 @@ def test_the_foot_of_the_parallel_leg_stays_level() -> None:
     robot = load("parallel_leg")
     q = robot.posture("assembled")
     for thigh, crank in ((-1.3, -1.8), (-0.9, -2.4), (-1.6, -2.2), (-0.6, -1.6)):
-        state = robot.at(assemble(robot, robot.loops(), q, fixed={"thigh_joint": thigh, "crank_joint": crank}).q)
+        state = robot.at(assemble(rbd.State(robot, q), robot.loops(), fixed={"thigh_joint": thigh, "crank_joint": crank}).q)
         angles = link_angles(state)
         assert abs(angles["foot"]) < 1e-11 and abs(angles["knee_plate"]) < 1e-11
         assert abs(math.remainder(angles["shank"] - crank, 2 * math.pi)) < 1e-11  # driven by the crank, from the hip
@@ -179,7 +179,7 @@ def test_the_six_bar_goes_round() -> None:
     robot = load("six_bar")
     q, start = robot.posture("assembled"), link_angles(robot.at("assembled"))["crank"]
     for k in range(1, 37):
-        q = assemble(robot, robot.loops(), q, fixed={"crank_joint": start + math.radians(10 * k)}).q
+        q = assemble(rbd.State(robot, q), robot.loops(), fixed={"crank_joint": start + math.radians(10 * k)}).q
     assert np.abs(q - robot.posture("assembled")).max() < 1e-9
 
 
@@ -243,6 +243,6 @@ def test_the_bicycle_has_its_trail_and_leans() -> None:
     total = sum(force for force in upright.forces.values())
     assert np.abs(total - [0.0, 0.0, robot.mass * 9.81]).max() < 1e-9
     leant = pin.integrate(robot.model, state.q, np.r_[np.zeros(3), 0.05, np.zeros(5)])
-    leant = assemble(robot, robot.wheels(), leant, fixed={"steering_joint": 0.0}).q
+    leant = assemble(rbd.State(robot, leant), robot.wheels(), fixed={"steering_joint": 0.0}).q
     falls = rbd.solve(robot.at(leant), [0.0], robot.wheels())
     assert falls.a[3] > 0.1

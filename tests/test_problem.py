@@ -46,15 +46,15 @@ def test_free_acceleration_delassus_and_whitening_are_their_formulas(problem):
 
 
 def test_the_rays_of_all_rows_stand_side_by_side(problem):
-    """Block-diagonal, in the order of the rows; ray_slices find each constraint's again."""
+    """Block-diagonal, in the order of the rows; slices find each constraint's again."""
     P = problem
-    assert P.rays.G.shape == (6, 2 + 0 + 1 + 4) and P.rays.facets == {4}
+    assert P.force_set.pyramids.G.shape == (6, 2 + 0 + 1 + 4) and P.force_set.facets == (4,)
     assert not P.bilateral and P.cone.dim == 6
-    for rows, part in zip(P.rows, P.ray_slices, strict=True):
-        block = P.rays.G[:, part].copy()
+    for rows, part in zip(P.rows, P.force_set.pyramids.slices, strict=True):
+        block = P.force_set.pyramids.G[:, part].copy()
         block[P.slices[rows.name]] = 0.0
         assert not block.any()
-    assert [(s.start, s.stop) for s in P.ray_slices] == [(0, 2), (2, 2), (2, 3), (3, 7)]
+    assert [(s.start, s.stop) for s in P.force_set.pyramids.slices] == [(0, 2), (2, 2), (2, 3), (3, 7)]
 
 
 def test_a_problem_without_constraints_is_free_motion():
@@ -62,7 +62,7 @@ def test_a_problem_without_constraints_is_free_motion():
     P = rbd.GaussProblem(2.0 * np.eye(3), np.array([2.0, 4.0, 6.0]))
     assert P.a_free == pytest.approx([1.0, 2.0, 3.0], rel=1e-14)
     assert P.J.shape == (0, 3) and P.offset.shape == (0,) and P.bilateral
-    assert P.rays.G.shape == (0, 0) and P.delassus.shape == (0, 0)
+    assert P.force_set.pyramids.G.shape == (0, 0) and P.delassus.shape == (0, 0)
     for solver in (rbd.ProxQP(), rbd.KKT()):
         solution = solver.solve(P)
         assert solution.status == "solved" and np.array_equal(solution.a, P.a_free)
@@ -140,27 +140,27 @@ def test_a_singular_inertia_is_an_error_in_every_solver(solver):
 
 
 class TestWhatAVelocityDecides:
-    """`rays` of rows that move: equal bounds where there is no choice left."""
+    """Force sets of rows that move: equal bounds where there is no choice left."""
 
     def test_a_moving_interval_stands_against_its_motion(self):
         """Each component by itself, and an infinite bound is none to stand at; below 1e-6 nothing is decided."""
         box = rbd.problem.Box([-1.0, -2.0, -3.0, -np.inf], [1.0, 2.0, 3.0, 4.0])
         rows = Rows("rub", np.eye(4), np.zeros(4), box, velocity=np.array([0.1, -0.1, 0.9e-6, 0.1]))
-        R = rbd.GaussProblem(np.eye(4), np.zeros(4), [rows]).rays
+        R = rbd.GaussProblem(np.eye(4), np.zeros(4), [rows]).force_set.pyramids
         assert R.lower.tolist() == [-1.0, 2.0, -3.0, -np.inf] and R.upper.tolist() == [-1.0, 2.0, 3.0, 4.0]
 
     def test_what_opens_carries_nothing(self):
-        """All facets of a cone that leaves, none of one that rests; lines stay lines."""
+        """A cone that leaves is a weight of zero, none of one that rests; lines stay lines."""
         cone = rbd.problem.Product([rbd.problem.FrictionCone(0.5), rbd.problem.Free(1), rbd.problem.NonNegative(2)])
         rows = Rows("all", np.eye(6), np.zeros(6), cone, velocity=np.array([0.1, 0.0, 0.2, 5.0, 0.3, 0.0]))
         P = rbd.GaussProblem(np.eye(6), np.zeros(6), [rows])
-        assert P.rays.upper.tolist() == [0.0] * 4 + [np.inf, 0.0, np.inf]
-        assert P.rays.lower.tolist() == [0.0] * 4 + [-np.inf, 0.0, 0.0] and P.slipping == ()
+        assert P.force_set.pyramids.upper.tolist() == [0.0] + [np.inf, 0.0, np.inf]
+        assert P.force_set.pyramids.lower.tolist() == [0.0] + [-np.inf, 0.0, 0.0] and P.force_set.slipping == ()
 
     def test_rows_at_rest_share_their_rays(self, problem):
         """Nothing is copied on the usual path."""
         again = rbd.GaussProblem(problem.M, problem.rhs, problem.rows)
-        assert problem.moving == problem.slipping == () and again.rays is problem.rays
+        assert problem.openings == problem.force_set.slipping == () and again.force_set.pyramids is problem.force_set.pyramids
 
     def test_what_slides_or_tips_is_slipping(self):
         """A point that slides under friction, and a patch whose corners have centripetal accelerations; nothing smooth."""
@@ -168,7 +168,8 @@ class TestWhatAVelocityDecides:
 
         def slipping(cone, velocity):
             rows = Rows("row", np.eye(cone.dim), np.zeros(cone.dim), cone, velocity=np.array(velocity, float))
-            return [r.name for r in rbd.GaussProblem(np.eye(cone.dim), np.zeros(cone.dim), [rows]).slipping]
+            found = rbd.GaussProblem(np.eye(cone.dim), np.zeros(cone.dim), [rows]).force_set.slipping
+            return [[rows][i].name for i in found]
 
         assert slipping(rbd.problem.FrictionCone(0.5), [0.1, 0.0, 0.0]) == ["row"]
         assert slipping(patch, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]) == ["row"]

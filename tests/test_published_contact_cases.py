@@ -51,7 +51,7 @@ def test_slipping_box_lifts_off_under_the_convex_law(crate_10kg):
     assert N == pytest.approx(107.4, abs=0.05) and slips.a[2] == pytest.approx(0.933, abs=5e-4)
     assert slips.forces["floor"][:3] == pytest.approx([-0.6 * N, 0.0, N], abs=1e-8)
     assert slips.a == pytest.approx([(80 - 0.6 * N) / 10, 0, (N - 10 * G) / 10, 0, 0, 0], abs=1e-9)
-    assert "convex" in slips.law and slips.contacts["floor"].friction_used == pytest.approx(1.0)
+    assert "convex" in str(slips.law) and slips.contacts["floor"].friction_used == pytest.approx(1.0)
     sticks = _push(crate_10kg, (30.0, 0.0, 0.0))
     assert np.abs(sticks.a).max() < STILL
     assert sticks.forces["floor"][:3] == pytest.approx([-30.0, 0.0, 10 * G], abs=1e-8)
@@ -66,7 +66,7 @@ def test_four_facets_hold_a_diagonal_push_that_eight_do_not(crate_10kg):
     four, eight = _push(crate_10kg, push), _push(crate_10kg, push, facets=8)
     assert np.abs(four.a).max() < STILL and four.contacts["floor"].friction_used == pytest.approx(80 / 58.86)
     assert eight.a[0] > 0.1 and eight.a[2] > 0.1
-    assert "4 facets" in four.law and "8 facets" in eight.law
+    assert "4 facets" in str(four.law) and "8 facets" in str(eight.law)
 
 
 @pytest.mark.parametrize("facets", [3, 4, 6, 8, 16])
@@ -172,7 +172,7 @@ class TestTable:
         for friction in (0.0, 0.5):
             pushed = self.solve((0.45, 0.2), friction, rbd.ProxQP())
             normal = np.array([pushed.forces[f"leg{i}"][2] for i in range(4)])
-            assert np.abs(pushed.a).max() < STILL and normal.min() >= 0.0
+            assert np.abs(pushed.a).max() < STILL and normal.min() > -1e-13  # rounding of 250 N
             assert normal.sum() == pytest.approx(400.0) and normal @ [0.6, 0.6, -0.6, -0.6] == pytest.approx(180.0)
 
     def test_a_table_whose_mass_is_beyond_its_feet_falls(self):
@@ -196,7 +196,7 @@ class TestLadder:
         v = (np.array([-s, 0.0, -c]) * rate, np.array([0.0, rate, 0.0]))
         feet = [
             rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=floor),
-            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=wall),
+            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=wall),
         ]
         return rbd.solve(_at(ladder, (-c, 0.0, s), angle, v), np.zeros(0), feet)
 

@@ -145,13 +145,15 @@ def test_joints_that_are_held_coupled_and_pulled_back_agree_with_differences(sol
 @pytest.mark.parametrize(
     "contact",
     [
-        rbd.PointContact("tip", "panda_hand", offset=(0.1, 0.05, 0.2), normal=(0.0, 0.6, 0.8)),
+        rbd.PointContact("tip", "panda_hand", offset=(0.1, 0.05, 0.2), on=rbd.Ground(normal=(0.0, 0.6, 0.8))),
         rbd.constraints.Baumgarte(10.0).of(
             rbd.PointContact("tip", "panda_hand", offset=(0.1, 0.05, 0.2), anchor=(0.3, 0.1, 0.4))
         ),
-        rbd.PointContact("tip", "panda_hand", velocity=(0.1, 0.2, 0.3, 1, 2, 3), acceleration=(1, 2, 3), about=(0, 0, 0)),
+        rbd.PointContact(
+            "tip", "panda_hand", on=rbd.Ground(velocity=(0.1, 0.2, 0.3, 1, 2, 3), acceleration=(1, 2, 3), about=(0, 0, 0))
+        ),
         rbd.LineContact("edge", "panda_hand", half_length=0.1),
-        rbd.PointContact("pinch", "panda_hand", offset=(0.1, 0.0, 0.1), against="panda_link2"),
+        rbd.PointContact("pinch", "panda_hand", offset=(0.1, 0.0, 0.1), on=rbd.Body("panda_link2")),
     ],
     ids=["tilted ground", "anchored", "turntable", "line", "own arm"],
 )
@@ -308,7 +310,7 @@ class TestRedundantRows:
     def test_a_sticking_pyramid_with_idle_rays_is_no_change_of_mode(self) -> None:
         """Sixteen rays for six components: whichever carry, the wrench is unique and its derivatives are a held patch's."""
         found = resting_box((10.0, 5.0, -3.0), [PATCH], rbd.ProxQP())
-        basic = replace(found, weights=nnls(found.problem.rays.G, found.multipliers)[0])
+        basic = replace(found, weights=nnls(found.problem.force_set.pyramids.G, found.multipliers)[0])
         assert (basic.weights == 0.0).sum() >= 10 and basic.status is rbd.problem.Status.SOLVED
         d, expected = basic.derivatives(), resting_box((10.0, 5.0, -3.0), [PATCH_HELD], rbd.KKT()).derivatives()
         assert d.active == {"floor": ("sticks",) * 4}
@@ -320,7 +322,7 @@ class TestRedundantRows:
     def test_corner_forces_at_the_edge_of_their_cones_can_be_shared_otherwise(self) -> None:
         """A split with a corner at its edge is no edge of the sole: another split of the same wrench has room."""
         found = resting_box((10.0, 5.0, -3.0), [PATCH], rbd.ConeSolver())
-        T = found.problem.parts
+        T = found.problem.force_set
         w = found.weights.copy()
         G = T.G
         kernel = np.linalg.svd(G)[2][np.linalg.matrix_rank(G) :]
@@ -377,7 +379,7 @@ class TestRefused:
         with pytest.raises(rbd.errors.NotDifferentiable, match="how the points that slip share the load is not unique"):
             found.derivatives()
         problem = rbd.gauss_problem(state, np.zeros(0), [PATCH], external=push)
-        T = problem.parts
+        T = problem.force_set
         D = T.H.T @ problem.J @ np.linalg.solve(problem.M, problem.J.T @ T.G)
         free = T.H.T @ problem.free_row_acceleration + T.offset
         one = np.linalg.lstsq(D, -free, rcond=1e-12)[0]
@@ -440,7 +442,7 @@ class TestRefused:
 
     def test_what_is_no_answer(self) -> None:
         """Contradictory rows have a nearest motion, and no derivatives."""
-        locks = [rbd.PointContact("still", "box"), rbd.PointContact("lift", "box", acceleration=(0, 0, 1.0))]
+        locks = [rbd.PointContact("still", "box"), rbd.PointContact("lift", "box", on=rbd.Ground(acceleration=(0, 0, 1.0)))]
         state = rbd.State(BOX, pin.neutral(BOX.model))
         found = rbd.solve(state, np.zeros(0), locks, solver=rbd.KKT(), check=False)
         with pytest.raises(rbd.errors.NotDifferentiable, match="this is no answer"):

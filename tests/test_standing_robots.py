@@ -57,7 +57,7 @@ def test_pushed_states_are_solved_or_refused_never_wrong(robot: rbd.Robot):
         motion = state.M @ s.a + state.h - robot.actuation.T @ noisy - J.T @ s.multipliers
         assert np.abs(motion).max() < 1e-9 * max(1.0, np.abs(state.M @ s.a).max(), np.abs(s.multipliers).max())
         c = np.concatenate([s.accelerations[foot.name] for foot in feet])
-        opening, scale = s.problem.rays.G.T @ c, max(1.0, (np.abs(J) @ np.abs(s.a)).max())
+        opening, scale = s.problem.force_set.pyramids.G.T @ c, max(1.0, (np.abs(J) @ np.abs(s.a)).max())
         assert s.weights is not None and s.weights.min() >= 0.0 and opening.min() > -1e-8 * scale
         assert np.abs(s.weights * opening).max() < 1e-8 * scale * max(1.0, s.weights.max())
     assert solved >= 0.99 * PUSHED_STATES

@@ -126,12 +126,13 @@ def test_a_table_tells_its_cells_as_they_are():
 def test_what_the_terminal_cannot_say_is_written_with_backslashes(tmp_path: Path):
     """A file's name that is no UTF-8, and an ASCII terminal: no UnicodeEncodeError."""
     name = os.fsdecode(b"\xff\xfe")
-    command = [sys.executable, "-m", "rbd", "plane", "--from", "1,0", "--to", "0.5,0.5", "--out", f"{name}.png"]
+    box = str(URDF / "box.urdf")
+    command = [sys.executable, "-m", "rbd", "simulate", box, "--duration", "0.002", "--save", f"{name}.npz"]
     for encoding in ("utf-8", "ascii"):
         environment = os.environ | {"PYTHONIOENCODING": encoding}
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, timeout=120)
         assert done.returncode == 0, done.stderr
-        assert b"picture: \\udcff\\udcfe.png" in done.stdout and (tmp_path / f"{name}.png").is_file()
+        assert b"trajectory: \\udcff\\udcfe.npz" in done.stdout and (tmp_path / f"{name}.npz").is_file()
 
 
 def test_each_warning_is_told_once(capsys: pytest.CaptureFixture[str]):

@@ -72,7 +72,9 @@ def contact(request: pytest.FixtureRequest, talos: rbd.Robot) -> rbd.PointContac
     if request.param == "surface":
         return rbd.SurfaceContact("sole", sole.frame, corners=sole.corners, placement=sole.placement, friction=0.5)
     friction = 0.0 if request.param == "smooth point" else 0.5
-    return rbd.PointContact("sole", sole.frame, offset=(0.1, 0.02, -0.1), normal=(0.6, 0.0, 0.8), friction=friction)
+    return rbd.PointContact(
+        "sole", sole.frame, offset=(0.1, 0.02, -0.1), on=rbd.Ground(normal=(0.6, 0.0, 0.8)), friction=friction
+    )
 
 
 def test_a_right_constraint_passes_and_is_measured_to_nine_digits(bent, contact):
@@ -251,7 +253,7 @@ def test_true_cones_and_coulombs_law_are_judged_by_their_own_equations():
     lifts = rbd.ProxQP().solve(problem)
     for f, passes in ((slides, "coulomb"), (lifts.multipliers, "convex")):
         a = (problem.rhs + f) / 10.0
-        answer = rbd.problem.Answer(problem, a, f, None, "true cones", "by hand", 1, 0.0)
+        answer = rbd.problem.Answer(problem, a, f, None, "convex", "by hand", 1, 0.0)
         for law in ("coulomb", "convex"):
             assert (max(law_residuals(problem, answer, law).values()) < 1e-9) == (law == passes)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from work import calls
 
 import rbd
 from rbd.errors import InputError, ModelError, RbdError
@@ -159,12 +159,16 @@ def test_the_good_file_is_good(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "says"), BROKEN.values(), ids=BROKEN)
 def test_a_broken_file_is_refused_by_name(tmp_path: Path, text: str, says: str) -> None:
     """The message has the file and the link or joint, fits on a screen, and comes at once."""
-    start = time.perf_counter()
-    with pytest.raises(ModelError, match=says) as caught:
-        rbd.load_robot(written(tmp_path, text))
-    assert str(caught.value).startswith("mine.urdf")
-    assert len(str(caught.value)) < 1500
-    assert time.perf_counter() - start < 10.0
+    path = written(tmp_path, text)
+
+    def load() -> None:
+        with pytest.raises(ModelError, match=says) as caught:
+            rbd.load_robot(path)
+        assert str(caught.value).startswith("mine.urdf")
+        assert len(str(caught.value)) < 1500
+
+    load()  # the first in a process imports what it needs
+    assert calls(load) < 20_000
 
 
 def test_others_that_are_wrong_are_counted(tmp_path: Path) -> None:
@@ -198,10 +202,15 @@ def test_what_is_too_large_is_refused_before_it_is_parsed(
     tmp_path: Path, limits: FileLimits, makes: Callable[[], bytes], says: str
 ) -> None:
     """By its bytes, at once, with the limit to raise."""
-    start = time.perf_counter()
-    with pytest.raises(ModelError, match=says):
-        rbd.load_robot(written(tmp_path, makes()), limits=limits)
-    assert time.perf_counter() - start < 10.0
+    with pytest.raises(ModelError):  # the first in a process imports what it needs
+        rbd.load_robot(written(tmp_path, "", "empty.urdf"))
+    path = written(tmp_path, makes())
+
+    def load() -> None:
+        with pytest.raises(ModelError, match=says):
+            rbd.load_robot(path, limits=limits)
+
+    assert calls(load) < 20_000
 
 
 def chain(n: int, kind: str) -> str:

@@ -90,8 +90,8 @@ class TestNames:
             "point": rbd.PointContact("point", "box", friction=friction),
             "edge": rbd.LineContact("edge", "box", half_length=0.1, friction=friction),
             "face": rbd.SurfaceContact("face", "box", **FACE, friction=friction),
-            "ball": rbd.RollingBall("ball", "box", radius=0.1, point=(0, 0, -0.1), friction=friction),
-            "disk": rbd.RollingDisk("disk", "box", radius=0.1, point=(0, 0, -0.1), friction=friction),
+            "ball": rbd.RollingBall("ball", "box", radius=0.1, on=rbd.Ground(point=(0, 0, -0.1)), friction=friction),
+            "disk": rbd.RollingDisk("disk", "box", radius=0.1, on=rbd.Ground(point=(0, 0, -0.1)), friction=friction),
         }
         for name, contact in kinds.items():
             with pytest.warns(OpeningContactWarning, match=f"'{name}'"):
@@ -207,7 +207,7 @@ class TestOtherDoors:
         turning = rbd.Rows("sole", np.eye(6), np.zeros(6), patch, velocity=[0, 0, 0, 0, 0, 0.01])
         slides = rbd.Rows("toe", np.eye(6)[:3], np.zeros(3), rbd.problem.FrictionCone(0.5), velocity=[1.0, 0, 0])
         P = rbd.GaussProblem(np.eye(6), np.zeros(6), [turning, slides], rest_speed=0.1)
-        assert not P.parts.offset.any() and [r.name for r in P.slipping] == ["toe"]
+        assert not P.force_set.offset.any() and [P.rows[i].name for i in P.force_set.slipping] == ["toe"]
 
     @pytest.mark.parametrize("wrong", [-1e-6, np.nan, np.inf, "fast", None, True])
     def test_a_limit_that_is_no_speed_is_refused(self, talos, wrong):
@@ -251,7 +251,7 @@ class TestProjectVelocity:
         """A ground that moves takes the contact along; without friction only the normal velocity goes."""
         robot = box(mass=3.0)
         state = rbd.State(robot, pin.neutral(robot.model), np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
-        belt = rbd.SurfaceContact("belt", "box", **FACE, friction=0.5, velocity=(0.3, 0.0, 0.0))
+        belt = rbd.SurfaceContact("belt", "box", **FACE, friction=0.5, on=rbd.Ground(velocity=(0.3, 0.0, 0.0)))
         assert project_velocity(state, [belt]).v == pytest.approx([0.3, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-12)
         ice = rbd.SurfaceContact("ice", "box", **FACE, friction=0.0)
         toe = PointContact("ice", "box", friction=0.0)
@@ -269,7 +269,10 @@ class TestProjectVelocity:
         """Two belts that pull apart under one box."""
         robot = box(mass=3.0)
         state = rbd.State(robot, pin.neutral(robot.model))
-        belts = [rbd.PointContact(n, "box", friction=0.5, velocity=(u, 0, 0)) for n, u in (("one", 0.3), ("other", -0.3))]
+        belts = [
+            rbd.PointContact(n, "box", friction=0.5, on=rbd.Ground(velocity=(u, 0, 0)))
+            for n, u in (("one", 0.3), ("other", -0.3))
+        ]
         with pytest.raises(rbd.InputError, match=r"no velocity .* is missed by 0\.3"):
             project_velocity(state, belts)
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 import rbd
-from rbd.analysis.complementary import admissible
+from rbd.analysis.admissible_forces import admissible
 from rbd.analysis.extent import Reach
 from rbd.problem.limits import ENDS_WORK, Work
 

@@ -30,7 +30,7 @@ def pushed(name, count, seed=0):
 
 def in_a(P, *, precondition, infeasibility):
     """Gauss's QP posed in the acceleration itself: H = M, one inequality a ray. Worst scaled residual."""
-    rows, opening = P.rays.G.T @ P.J, P.rays.G.T @ P.offset
+    rows, opening = P.force_set.pyramids.G.T @ P.J, P.force_set.pyramids.G.T @ P.offset
     problem = proxsuite.proxqp.dense.QP(P.nv, 0, len(rows))
     s = problem.settings
     s.eps_abs, s.eps_rel, s.max_iter = 1e-10, 0.0, 1000
@@ -42,7 +42,7 @@ def in_a(P, *, precondition, infeasibility):
     )  # fmt: skip
     problem.solve()
     weights = np.maximum(-np.array(problem.results.z), 0.0)
-    f = P.rays.G @ weights
+    f = P.force_set.pyramids.G @ weights
     answers = (np.array(problem.results.x), P.a_free + P.solve_M(P.J.T @ f))  # its own x, or a from its forces
     return min(residuals_of(P, a, f, weights).worst for a in answers)
 
@@ -62,7 +62,7 @@ def main(count=1000):
     for name in ROBOTS:
         solved, seconds = {w: 0 for w in WAYS}, {w: [] for w in WAYS}
         for P in pushed(name, count):
-            P.delassus, P.rays, P.a_free  # noqa: B018  cached: shared by all ways
+            P.delassus, P.force_set.pyramids, P.a_free  # noqa: B018  cached: shared by all ways
             for way, run in WAYS.items():
                 start = time.perf_counter()
                 solved[way] += run(P) <= SOLVED

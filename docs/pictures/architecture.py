@@ -38,10 +38,10 @@ WAYS = {
     ],
     "rbd.simulate": [
         ("State at t", "model.state"),
-        ("contact points: gap, J, cone", "constraints.sources"),
+        ("contact points: gap, J, cone", "constraints.contact_points"),
         ("velocity problem over the step h", "simulation.velocity_problem"),
         ("impulses of sticking, slipping points", "solvers.newton"),
-        ("step; impacts at their own times", "simulation.stepping"),
+        ("step; impacts at their own times", "simulation.time_step"),
         ("back onto loops and contacts", "mechanism.projection"),
         ("Trajectory: motion, forces, proof", "simulation.trajectory"),
     ],

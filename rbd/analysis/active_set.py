@@ -20,12 +20,11 @@ from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
 from rbd.arrays import Array, block_diagonal
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
-from rbd.problem.parts import centripetal
+from rbd.problem.contact_motion import centripetal
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import RANK
 
-RANK_TOLERANCE = 1e-9
-"""Singular values up to this, of columns of unit length, count as zero."""
 CONSISTENT = 1e-6
 """Largest part of a change, over its largest entry, that may be left over by rows that repeat each other."""
 
@@ -47,28 +46,28 @@ class ActiveSet:
     def __init__(self, answer: Answer) -> None:
         P = self._problem = answer.problem
         self._modes = modes_of(answer)
-        C, k = self._modes.generators, len(self._modes.start)
-        self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((len(C.w), 0))
-        self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((len(C.w), 0))
-        self._J = C.H.T @ P.J  # of the accelerations y
+        T, k = self._modes.sets, len(self._modes.start)
+        self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((T.size, 0))
+        self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((T.size, 0))
+        self._J = T.H.T @ P.J  # of the accelerations y
         self.words: dict[str, tuple[str, ...]] = {
-            r.name: tuple(word for part, word in self._modes.words.items() if part.rows == i) for i, r in enumerate(P.rows)
+            r.name: tuple(word for e, word in self._modes.words.items() if e.rows == i) for i, r in enumerate(P.rows)
         }
         self._factorise()
         _check_room(answer, self._modes, self._kernel)
-        forces = C.G @ self._Phi @ self._kernel
-        self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK_TOLERANCE] if P.m else forces
+        forces = T.G @ self._Phi @ self._kernel
+        self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK] if P.m else forces
 
     def _factorise(self) -> None:
         """L L^T = M+, and bases of what the active columns push on and answer to, in the metric of inertia."""
-        P, C, M = self._problem, self._modes.generators, self._problem.M.copy()
+        P, T, M = self._problem, self._modes.sets, self._problem.M.copy()
         for slip in self._modes.slips:
-            E = C.G[:, slip.columns].T @ P.J
+            E = T.G[:, slip.columns].T @ P.J
             M -= self._modes.start[slip.active] * E.T @ slip.turning @ E
         self._L, info = lapack.dpotrf(M, lower=1, clean=1)
         if info:
             raise NotDifferentiable("a point that slips pulls at the ground: solve again, to scaled residuals below 1e-9.")
-        X = blas.dtrsm(1.0, self._L, P.J.T @ (C.G @ self._Phi), lower=1)
+        X = blas.dtrsm(1.0, self._L, P.J.T @ (T.G @ self._Phi), lower=1)
         Y = blas.dtrsm(1.0, self._L, self._J.T @ self._Psi, lower=1)
         self._U, self._to_weights, self._kernel = _bases(X)
         self._V, to_answers, self._repeated = _bases(Y)
@@ -80,7 +79,7 @@ class ActiveSet:
                 "of a patch that slips on more than three corners. Use fewer corners, or the convex law."
             )
         meeting = self._V.T @ self._U
-        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK_TOLERANCE:
+        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK:
             raise NotDifferentiable(
                 "friction and what slides lock each other (Painleve): near this answer there is no motion, or more than one."
             )
@@ -98,20 +97,20 @@ class ActiveSet:
             NotDifferentiable: if rows that repeat each other here do not where the change leads, or if the change depends
                 on how forces are shared that no motion decides.
         """
-        P, C = self._problem, self._modes.generators
+        P, T = self._problem, self._modes.sets
         forces, y = self._turning(u)
-        y = y + C.H.T @ c
+        y = y + T.H.T @ c
         weights = np.zeros_like(y)
         for slip in self._modes.slips:
             weights[slip.columns] = self._modes.start[slip.active] * slip.turning @ y[slip.columns]
-        p, z = self._motion(r + P.J.T @ (forces + C.G @ weights), -(self._Psi.T @ y), c)
+        p, z = self._motion(r + P.J.T @ (forces + T.G @ weights), -(self._Psi.T @ y), c)
         da = self._back(z)
         dy = self._J @ da + y
         weights += self._Phi @ (self._to_weights @ p)
         for slip in self._modes.slips:
             weights[slip.columns] += self._modes.start[slip.active] * slip.turning @ (dy - y)[slip.columns]
         self._check_shares(dy, da)
-        return da, forces + C.G @ weights
+        return da, forces + T.G @ weights
 
     def response(self, r: Array) -> Array:
         """M^-1 r less what the constraints take up: how a generalised force r moves the robot, shape (nv, n)."""
@@ -135,22 +134,21 @@ class ActiveSet:
 
     def _turning(self, u: Array) -> tuple[Array, Array]:
         """(forces, y): what a change of velocities does to friction that slides, and to centripetal accelerations."""
-        P, C, n = self._problem, self._modes.generators, u.shape[1]
-        forces, y = np.zeros((P.m, n)), np.zeros((len(C.w), n))
-        if not n or not self._modes.true_parts or not any(r.speed > P.rest_speed for r in P.rows):
+        P, T, w, n = self._problem, self._modes.sets, self._modes.w, u.shape[1]
+        forces, y = np.zeros((P.m, n)), np.zeros((T.size, n))
+        if not n or T.bilateral or not any(r.speed > P.rest_speed for r in P.rows):
             return forces, y
         generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
-        sliding = {s.column: s for s in P.parts.sliding}
+        sliding = {s.column: s for s in T.sliding}
         offset = np.vstack([_centripetal_change(r, u[P.slices[r.name]]) for r in P.rows])
-        for part in C.parts:
-            normal = len(part.columns) == 1 and part.dim == 3
-            for k, j in enumerate(part.columns):
-                y[j] = offset[part.source + (2 if normal else k)]
-            if (s := sliding.get(part.columns[0])) is not None:
-                tangents, t = generators[:, part.source : part.source + 2], np.array(s.direction)
+        for e in T.elements:
+            own = offset[e.source]
+            y[e.columns] = T.push[e.columns] @ own if e.facets else own[-e.size :]
+            if (s := sliding.get(e.columns.start)) is not None:
+                tangents, t = generators[:, e.source][:, :2], np.array(s.direction)
                 turned = tangents.T @ u
                 turned -= np.outer(t, t @ turned)
-                forces -= C.w[s.column] * s.mu / s.speed * (tangents @ turned)
+                forces -= w[s.column] * s.mu / s.speed * (tangents @ turned)
         return forces, y
 
     def _check_shares(self, dy: Array, da: Array) -> None:
@@ -162,7 +160,7 @@ class ActiveSet:
                 turned[slip.columns] = load * n[slip.active] * slip.turning @ dy[slip.columns]
             if not turned.any():
                 continue
-            moved = self.response(self._problem.J.T @ (self._modes.generators.G @ turned))
+            moved = self.response(self._problem.J.T @ (self._modes.sets.G @ turned))
             if np.abs(moved).max() > CONSISTENT * max(1.0, float(np.abs(da).max())):
                 raise NotDifferentiable(
                     "a patch slips without turning, and how its corners share the load is not unique; yet that decides how "
@@ -175,7 +173,7 @@ def _bases(X: Array) -> tuple[Array, Array, Array]:
     length = np.linalg.norm(X, axis=0)
     length[length == 0.0] = 1.0
     U, s, Vt = np.linalg.svd(X / length, full_matrices=True)
-    rank = int((s > RANK_TOLERANCE).sum())
+    rank = int((s > RANK).sum())
     N = Vt[rank:].T / length[:, None]
     return U[:, :rank], Vt[:rank].T / s[:rank] / length[:, None], N / np.linalg.norm(N, axis=0)
 
@@ -252,9 +250,10 @@ def _plane(need: Need, s: Array) -> _Plane:
 
 
 def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
-    rows, y = answer.problem.rows[need.part.rows], modes.generators.y[list(need.part.columns)]
+    e = need.element
+    rows, y = answer.problem.rows[e.rows], modes.y[e.columns]
     raise NotDifferentiable(
-        f"{rows.name!r} is at a change of contact mode: its part {need.part.number} {modes.words[need.part]} (acceleration "
+        f"{rows.name!r} is at a change of contact mode: its part {e.number} {modes.words[e]} (acceleration "
         f"{np.abs(y).max():.1e} m/s2), and no forces with this motion keep more than {RESOLUTION * need.unit:.1e} N from the "
         "edge of its set. On one side of this answer it goes on so, on the other it slips, opens or yields, and the two have "
         "their own derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."

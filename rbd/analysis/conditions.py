@@ -8,14 +8,14 @@ ask nothing. Coulomb's law asks of a point at rest that it does not sink, and no
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array
-from rbd.problem.cones import Free, LineCone, NonNegative, Part, SecondOrderCone, WrenchCone, pyramid
-from rbd.problem.parts import project_cones
+from rbd.arrays import Array, block_diagonal
+from rbd.problem.cones import Free, LineCone, NonNegative, SecondOrderCone, WrenchCone, project_cones
+from rbd.problem.force_set import Element
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 
@@ -123,19 +123,33 @@ class Conditions:
         return self.with_rays(rays)
 
 
-def conditions_of(problem: GaussProblem, law: str) -> Conditions:
+def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
     """What a law asks of the rows of a problem.
 
     Args:
         problem: The rows, with their velocities.
-        law: "bilateral", "convex", "convex, n facets" or "coulomb", as `Answer.law`.
+        law: As `Answer.law`.
     """
-    builder = _Builder(problem)
-    if "facets" in law:
-        _of_rays(problem, builder)
-    else:
-        _of_parts(problem, builder, coulomb=law == "coulomb")
-    return builder.conditions()
+    out, T = _Builder(problem), problem.force_set_of(law)
+    generators = block_diagonal([r.cone.generators()[0] for r in problem.rows])
+    for e in T.elements:
+        r = problem.rows[e.rows]
+        out.member_of(r, _words(r, e, generators[problem.slices[r.name], e.source]))
+        H, more = T.H[:, e.columns], T.offset[e.columns]
+        if e.is_cone and law.kind != "coulomb":
+            out.put_round(H, e.mu, more)
+        elif e.is_cone:
+            out.put(H[:, 2], 0.0, math.inf, float(more[2]), _ALONG_NORMAL)
+        elif e.facets:
+            for column, ray, level in zip(H.T, T.push[e.columns], more.tolist(), strict=True):
+                length = float(np.linalg.norm(ray))
+                out.put(column / length, 0.0, math.inf, level / length, ray / length)
+            out.span[-1] = (H @ np.linalg.pinv(T.push[e.columns].T)).T @ problem.J
+        else:
+            at = e.columns.start
+            push = _ALONG_NORMAL if isinstance(e.shape, SecondOrderCone) else np.zeros(3)
+            out.put(H[:, 0], float(T.lower[at]), float(T.upper[at]), float(more[0]), push)
+    return out.conditions()
 
 
 class _Builder:
@@ -187,67 +201,20 @@ class _Builder:
         )  # fmt: skip
 
 
-def _of_rays(P: GaussProblem, out: _Builder) -> None:
-    at = 0
-    for r in P.rows:
-        for i, block, part in _parts(r, P):
-            out.member_of(r, _words(r, i, part, block[P.slices[r.name]]))
-            if not isinstance(part, SecondOrderCone):
-                out.put(block[:, 0], float(P.rays.lower[at]), float(P.rays.upper[at]))
-                at += 1
-                continue
-            corners = pyramid(part.mu, part.facets)
-            for push in (corners / np.linalg.norm(corners, axis=0)).T:
-                out.put(block @ push, float(P.rays.lower[at]), float(P.rays.upper[at]), push=push)
-                at += 1
-            if len(out.span[-1]):
-                out.span[-1] = block.T @ P.J
-
-
-def _of_parts(P: GaussProblem, out: _Builder, *, coulomb: bool) -> None:
-    T = P.parts
-    cones = dict(zip(T.cone_at.tolist(), T.mu.tolist(), strict=True))
-    for r, span in zip(P.rows, T.slices, strict=True):
-        kinds = list(_parts(r, P))
-        at = span.start
-        while at < span.stop:
-            i, block, part = kinds[T.point[at]]
-            out.member_of(r, _words(r, i, part, block[P.slices[r.name]]))
-            if at in cones and not coulomb:
-                out.put_round(T.H[:, at : at + 3], cones[at], T.offset[at : at + 3])
-            elif at in cones:
-                out.put(T.H[:, at + 2], 0.0, math.inf, float(T.offset[at + 2]), _ALONG_NORMAL)
-            else:
-                push = _ALONG_NORMAL if isinstance(part, SecondOrderCone) else np.zeros(3)
-                out.put(T.H[:, at], float(T.lower[at]), float(T.upper[at]), float(T.offset[at]), push)
-            at += 3 if at in cones else 1
-
-
-def _parts(r: Rows, P: GaussProblem) -> Iterator[tuple[int, Array, Part]]:
-    """(number, columns among all rows (m, 1 or 3), part) of each part of a constraint's set."""
-    local, parts = r.cone.generators()
-    at = 0
-    for i, part in enumerate(parts):
-        block = np.zeros((P.m, part.dim))
-        block[P.slices[r.name]] = local[:, at : at + part.dim]
-        at += part.dim
-        yield i, block, part
-
-
 _ALONG_NORMAL = np.array([0.0, 0.0, 1.0])
 _AXES = ("tangent x", "tangent y", "normal", "turn about x", "turn about y", "turn about the normal")
 
 
-def _words(r: Rows, i: int, part: Part, local: Array) -> str:
-    """Which of a constraint's rows or points a part is."""
+def _words(r: Rows, e: Element, local: Array) -> str:
+    """Which of a constraint's rows or points an element is; `local` are its columns among the rows."""
     if isinstance(r.cone, WrenchCone | LineCone):
-        return f"corner {i + 1}" if len(r.cone.corners) > 1 else "the corner"
+        return f"corner {e.number + 1}" if len(r.cone.corners) > 1 else "the corner"
     touched = np.flatnonzero(np.abs(local).max(axis=1))
     first = int(touched[0]) if len(touched) else 0
     if r.patch is not None and isinstance(r.cone, Free | NonNegative):
         axes = {1: _AXES[2:3], 3: _AXES[:3], 5: (*_AXES[:3], *_AXES[4:]), 6: _AXES}.get(len(r))
         if axes is not None:
             return axes[first]
-    if len(r) <= part.dim:
+    if len(r) <= e.shape.dim:
         return ""
     return f"row {first + 1}" if len(touched) == 1 else f"rows {first + 1} to {int(touched[-1]) + 1}"

@@ -1,9 +1,9 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.analysis.separable` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not come
-so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a barrier's
-path. What is reached is attained.
+`rbd.analysis.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not
+come so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a
+barrier's path. What is reached is attained.
 
 All of it together may cost a number of multiplications; what was not found within them is said to be not found.
 """
@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array, hstack, identity
 
-from rbd.analysis.admissible import Admissible, null_space
-from rbd.analysis.barrier import ConeSet, interior, least
-from rbd.analysis.separable import Separable, least_squares
+from rbd.analysis.admissible_forces import Admissible
+from rbd.analysis.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.arrays import Array, lazy, max_abs
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import Work
 from rbd.problem.programs import LinearAnswer, linear_program
+from rbd.problem.subspaces import null_space
 
 EXACT = 1e-10
 """How near an end is come to, over the size of the forces."""
@@ -73,11 +73,11 @@ class Reach:
         """Whether circular cones leave the set no inside, so that they were widened by `EXACT`."""
         self.normals, self.offsets = self._planes()
         self.shut = self._shut()
-        self.basis = self.basis @ null_space((self.normals @ self.basis)[self.shut])[0]
-        loose, _ = null_space(np.vstack([self.normals, self._cone_rows()]) @ self.basis)
+        self.basis = self.basis @ null_space((self.normals @ self.basis)[self.shut])
+        loose = null_space(np.vstack([self.normals, self._cone_rows()]) @ self.basis)
         self.loose = self.basis @ loose
         """Directions that no bound and no cone feels, shape (n, .)."""
-        self.basis = self.basis @ null_space(loose.T)[0] if loose.size else self.basis
+        self.basis = self.basis @ null_space(loose.T) if loose.size else self.basis
         self.open_cones = ~self.shut[len(adm.d) :].reshape(len(adm.mu), _TOUCHING).all(axis=1)
 
     @property
@@ -125,7 +125,7 @@ class Reach:
     @lazy
     def _across(self) -> Array:
         """Orthonormal rows that are zero along the bounded directions, shape (., n)."""
-        return null_space(self.basis.T)[0].T
+        return null_space(self.basis.T).T
 
     def _count(self, found: LinearAnswer) -> None:
         self.work.spend(1e6 + 10.0 * found.pivots * (len(self.normals) + len(self.start)) * max(1, len(self._across)))
@@ -156,7 +156,7 @@ class Reach:
             y += np.linalg.pinv(block[j : j + 3]).dot(self.start[j : j + 3]).tolist()
             j += 3
         T = np.hstack(columns) if columns else np.zeros((n, 0))
-        across = null_space(adm.null.T)[0].T
+        across = null_space(adm.null.T).T
         cones = np.array([place[int(at)] for at in adm.cone_at], int)[:, None] + np.arange(3)
         R, none = across @ T, np.zeros(len(lower))
         return T, Separable(
@@ -208,7 +208,7 @@ class Reach:
             return np.zeros(q, bool)
         # variables: x, theta, t <= 1: normals x - offsets theta - t >= 0, and across (x - theta start) = 0.
         # The planes have three entries each: in x the program is sparse, and in z it is not.
-        across = null_space(self.basis.T)[0].T
+        across = null_space(self.basis.T).T
         A = hstack([csr_array(self.normals), csr_array(-self.offsets[:, None]), -identity(q)], format="csr")
         A_eq = np.hstack([across, -(across @ self.start)[:, None], np.zeros((len(across), q))])
         cost = np.concatenate([np.zeros(n + 1), -np.ones(q)])

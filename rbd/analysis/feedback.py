@@ -6,14 +6,15 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.arrays import Array
-from rbd.problem.parts import Parts
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 
 CARRIES = 1e-9
 """A weight is active above this, times the largest weight (at least 1 N)."""
 
 
-def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: str) -> Array:
+def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law) -> Array:
     """The change of a that the feedback makes through the active rows, shape (nv,) [m/s2, rad/s2].
 
         da = M^-1 J^T G dw      with      H^T (J da + feedback) = 0
@@ -25,7 +26,7 @@ def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: str
 
     Args:
         problem: What was solved.
-        weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; None where all rows hold.
+        weights: As `Answer.weights`; None where all rows hold.
         law: The law of the answer.
     """
     P = problem
@@ -43,27 +44,23 @@ def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: str
     return np.asarray(blas.dtrsv(P.factor, moved, lower=1, trans=1))
 
 
-def _active(P: GaussProblem, weights: Array | None, law: str) -> tuple[Array, Array]:
+def _active(P: GaussProblem, weights: Array | None, law: Law) -> tuple[Array, Array]:
     """(G, H) of the columns whose weights can change."""
     if weights is None:
         one = np.eye(P.m)
         return one, one
     small = CARRIES * max(1.0, float(np.abs(weights).max(initial=0.0)))
-    if "facets" in law:
-        R = P.rays
-        G = R.G[:, (weights > R.lower + small) & (weights < R.upper - small)]
-        return G, G
-    T = P.parts
+    T = P.force_set_of(law)
     alone = (weights > T.lower + small) & (weights < T.upper - small)
     alone[T.cone_columns.ravel()] = False
     found = [(T.G[:, alone], T.H[:, alone])]
     for i in range(len(T.mu)):
-        found += _cone_columns(T, i, weights, small, coulomb=law == "coulomb")
+        found += _cone_columns(T, i, weights, small, coulomb=law.kind == "coulomb")
     G = np.hstack([g for g, _ in found])
-    return G, G if T.H is T.G and law != "coulomb" else np.hstack([h for _, h in found])
+    return G, G if T.H is T.G and law.kind != "coulomb" else np.hstack([h for _, h in found])
 
 
-def _cone_columns(T: Parts, i: int, weights: Array, small: float, *, coulomb: bool) -> list[tuple[Array, Array]]:
+def _cone_columns(T: ForceSet, i: int, weights: Array, small: float, *, coulomb: bool) -> list[tuple[Array, Array]]:
     """Of one second-order cone: all three columns where it sticks, one along its force where it slips, else none."""
     columns, mu = T.cone_columns[i], float(T.mu[i])
     w = weights[columns]

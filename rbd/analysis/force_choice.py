@@ -4,8 +4,8 @@
 
 with T the identity or the user's weights. The least is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-Newton's method on its dual (`rbd.analysis.separable`), exact too, and where that does not end, as of sets without an inside or
-weights that mix the corners, a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
+Newton's method on its dual (`rbd.analysis.cone_programs`), exact too, and where that does not end, as of sets without an inside
+or weights that mix the corners, a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
 """
 
 from __future__ import annotations
@@ -16,16 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.admissible import Admissible
-from rbd.analysis.barrier import ConeSet, least
-from rbd.analysis.complementary import admissible
+from rbd.analysis.admissible_forces import Admissible, admissible
+from rbd.analysis.cone_programs import ConeSet, least, least_squares
 from rbd.analysis.extent import Reach
-from rbd.analysis.separable import least_squares
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.problem.law import Law
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem
-from rbd.problem.programs import nonnegative
+from rbd.problem.programs import least_distance
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"
@@ -39,7 +38,7 @@ _EXACT = 1e-12
 
 
 def minimum_norm(
-    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str, weight: Mapping[str, object] | None = None
+    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, weight: Mapping[str, object] | None = None
 ) -> tuple[Array, Array | None]:
     """(row forces, weights) of least norm among those that give the same motion under the same law.
 
@@ -152,18 +151,10 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     norms = np.maximum(np.linalg.norm(G, axis=1), 1e-300)
     felt = norms > 1e-12  # the others are constants: 0 >= their part of h
     G, h = G[felt] / norms[felt, None], h[felt] / norms[felt]
-    n = len(R)
-    target = np.zeros(n + 1)
-    target[n] = 1.0
-    size = float(np.abs(h).max(initial=0.0)) or 1.0  # planes far away would leave few digits to the pushes y
-    planes = np.vstack([G.T, h / size])
-    y = nonnegative(planes, target)
-    if y is None:
+    found = least_distance(G, h, 1e-14)
+    if found is None:
         return None
-    r = planes @ y - target
-    if not r[n] < -1e-14:
-        return None
-    u = -size * r[:n] / r[n]
+    u, y = found
     active = y > 0.0
     if active.any():  # once more on the planes found: the last digits
         again = np.linalg.lstsq(G[active], h[active], rcond=1e-12)[0]

@@ -21,18 +21,18 @@ import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
 from rbd.arrays import Array, max_abs
-from rbd.errors import InputError
+from rbd.problem.force_set import at_rest
+from rbd.problem.law import CONVEX, Law
 from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import linear_program
-from rbd.problem.rays import rays_of
+from rbd.problem.subspaces import RANK, null_space, range_of
 
 CONTRADICTS = 1e-8
 """Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
 BALANCED = 1e-12
 """Largest |J^T f| of a certificate, over sum |f_i| times the longest row of J."""
 _NAMED = 8  # constraints named in a message
-_DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Contradiction:
     violation: float
     smallest: bool
     unbalanced: float
-    law: str
+    law: Law
     met: Mapping[str, Array]
     unmet: Mapping[str, Array]
 
@@ -106,7 +106,7 @@ class Contradiction:
         return "\n".join(lines)
 
 
-def contradiction(problem: GaussProblem, law: str = "convex") -> Contradiction | None:
+def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradiction | None:
     """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
 
     What contradicts by no more than rounding (`CONTRADICTS`) does not. Every certificate is verified before it is given. None
@@ -115,14 +115,13 @@ def contradiction(problem: GaussProblem, law: str = "convex") -> Contradiction |
 
     Args:
         problem: The rows, with their velocities.
-        law: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". Coulomb's law asks of a point at rest
-            only that it does not sink, so that certificates push along normals there.
+        law: A law, or as it prints: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". Coulomb's law asks
+            of a point at rest only that it does not sink, so that certificates push along normals there.
 
     Raises:
         InputError: on a problem or a law that is none.
     """
-    if not isinstance(law, str) or not (law in ("bilateral", "convex", "coulomb") or _says_facets(law)):
-        raise InputError(f"law is {law!r:.80}; expected 'bilateral', 'convex', 'convex, 4 facets' or 'coulomb'.")
+    law = Law.of(law)
     search = _Search(conditions_of(checked(problem), law))
     found = search.farkas(frozenset(range(len(search.asked.members))))
     if found is None:
@@ -151,12 +150,11 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
 
     By least squares over all rows that hold, in their own units. Shapes (m,) each; met + unmet = -offset.
     """
-    held = [r for r in problem.rows if rays_of(r.cone).all_lines and len(r)]
+    held = [r for r in problem.rows if at_rest(r.cone).bilateral and len(r)]
     if not held:
         return {}, {}
     at = np.concatenate([np.arange(problem.m)[problem.slices[r.name]] for r in held])
-    U, s, _ = np.linalg.svd(problem.J[at], full_matrices=False)
-    U = U[:, s > _DEPENDENT * max(s[0], 1e-300)]
+    U = range_of(problem.J[at])
     required = -problem.offset[at]
     met = U @ (U.T @ required)
     ends = np.cumsum([len(r) for r in held])[:-1]
@@ -170,10 +168,6 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
 def _numbers(x: Array) -> str:
     # Rounding before adding zero turns -0.0000 into 0.
     return np.array2string(np.round(x, 4) + 0.0, precision=4)
-
-
-def _says_facets(law: str) -> bool:
-    return law.startswith("convex") and "facets" in law
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +238,7 @@ class _Search:
         if not len(stacked):
             return True
         length = np.linalg.norm(stacked, axis=1)
-        if len(stacked) > stacked.shape[1] or length.min() <= _DEPENDENT * self.longest:
+        if len(stacked) > stacked.shape[1] or length.min() <= RANK * self.longest:
             return False
         return float(np.linalg.svd(stacked / length[:, None], compute_uv=False)[-1]) > 1e-6
 
@@ -299,7 +293,7 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
         return np.zeros(k), np.zeros(nv)
     # Rows of unit length, so that HiGHS's tolerances mean the same to all; lines as the difference of two.
     length = np.linalg.norm(C.A, axis=1)
-    length[length <= _DEPENDENT * longest] = longest or 1.0
+    length[length <= RANK * longest] = longest or 1.0
     A, b, size = C.A / length[:, None], C.b / (rate * length), length.min() / length
     A, b, size = np.vstack([A, -A[C.holds]]), np.r_[b, -b[C.holds]], np.r_[size, size[C.holds]]
     answer = linear_program(
@@ -315,14 +309,13 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
 def _polished(C: Conditions, z: Array, longest: float) -> Array:
     """The nearest z with A^T z = 0 on the same support; what changes sign on the way is left out."""
     length = np.linalg.norm(C.A, axis=1)
-    length[length <= _DEPENDENT * longest] = longest or 1.0
+    length[length <= RANK * longest] = longest or 1.0
     x = z * length
     some = np.abs(x) > 1e-7 * max_abs(x)
     while some.any():
         out = np.zeros(len(z))
         U = (C.A[some] / length[some, None]).T
-        _, s, Vt = np.linalg.svd(U, full_matrices=True)
-        N = Vt[int((s > _DEPENDENT).sum()) :].T
+        N = null_space(U, unit=True)
         for _ in range(2):  # twice is exact to rounding
             out[some] = N @ (N.T @ x[some])
         out[np.abs(out) <= 1e-12 * max_abs(out)] = 0.0

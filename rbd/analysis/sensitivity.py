@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from rbd.analysis.active_set import CONSISTENT, RANK_TOLERANCE, ActiveSet
+from rbd.analysis.active_set import CONSISTENT, ActiveSet
 from rbd.arrays import Array
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import HasRows
@@ -22,6 +22,7 @@ from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import RANK
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +265,7 @@ class _Chain:
         P, internal, lost = self.answer.problem, self.active.internal, []
         for _, r in self.acting:
             part = internal[P.slices[r.name]]
-            if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK_TOLERANCE:
+            if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK:
                 lost.append(r.name)
         return tuple(lost)
 

@@ -1,8 +1,8 @@
 """What is unique of the forces of one motion, and how far the rest could go.
 
-The same acceleration under the same law leaves the forces a convex set (`rbd.analysis.admissible`). Over it each normal force
-has a smallest and a largest value, both attained: by linear programs where all is flat, along a barrier's path where cones are
-circular (`rbd.analysis.extent`). A resultant is unique where no direction of the set changes it.
+The same acceleration under the same law leaves the forces a convex set (`rbd.analysis.admissible_forces`). Over it each normal
+force has a smallest and a largest value, both attained: by linear programs where all is flat, along a barrier's path where
+cones are circular (`rbd.analysis.extent`). A resultant is unique where no direction of the set changes it.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import blas
 
-from rbd.analysis.active_set import RANK_TOLERANCE
-from rbd.analysis.admissible import Admissible
+from rbd.analysis.admissible_forces import Admissible
 from rbd.analysis.extent import End, Reach
 from rbd.analysis.modes import modes_of
 from rbd.arrays import Array
 from rbd.problem.answer import Answer
 from rbd.problem.contact_force import CARRIES_NOTHING_N
+from rbd.problem.law import Law
 from rbd.problem.limits import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
+from rbd.problem.subspaces import rank_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ class Uniqueness:
             printed as "?"; where even the dimension of the set was not found, the two freedoms are upper bounds.
     """
 
-    law: str
+    law: Law
     rows: int
     rank: int
     active_rank: int
@@ -178,7 +179,7 @@ class Uniqueness:
 
 
 def uniqueness_of(
-    adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
+    adm: Admissible, a: Array, law: Law, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
 ) -> Uniqueness:
     """What is unique of the forces of one motion; `rbd.Solution.uniqueness` asks it.
 
@@ -195,7 +196,7 @@ def uniqueness_of(
 
 
 class _Asker:
-    def __init__(self, adm: Admissible, a: Array, law: str, corner_forces: Mapping[str, Array], f: Array) -> None:
+    def __init__(self, adm: Admissible, a: Array, law: Law, corner_forces: Mapping[str, Array], f: Array) -> None:
         self.adm, self.a, self.law = adm, a, law
         self.reach = Reach(adm, Work(ENDS_WORK))
         stacked = adm.corners @ adm.start + adm.corners_at
@@ -218,7 +219,7 @@ class _Asker:
             if name not in adm.has_corners and span.stop > span.start
         }
         changes = adm.rows @ self.reach.directions
-        row_freedom = int(np.linalg.matrix_rank(changes, tol=1e-9)) if changes.size else 0
+        row_freedom = rank_of(changes, unit=True)
         found = self.reach.known and all(end.found for end in self.ends.values())
         return Uniqueness(
             self.law, P.m, adm.rank, adm.active_rank, row_freedom, self.reach.dimension, choice, contacts, others,
@@ -333,19 +334,19 @@ def motion_freedom(answer: Answer) -> int:
     With the forces that may change, J^T Phi, and the accelerations that must stay zero, Psi^T J, it is the rank of the first
     less that of the second (see `rbd.analysis.modes`), in the metric of inertia. Motions with other modes are not looked for.
     """
-    if answer.law != "coulomb":
+    if answer.law.kind != "coulomb":
         return 0
     P, modes = answer.problem, modes_of(answer)
     if not modes.phi:
         return 0
-    C = modes.generators
-    return _rank(P.factor, P.J.T @ (C.G @ np.array(modes.phi).T)) - _rank(P.factor, P.J.T @ (C.H @ np.array(modes.psi).T))
+    T = modes.sets
+    return _rank(P.factor, P.J.T @ (T.G @ np.array(modes.phi).T)) - _rank(P.factor, P.J.T @ (T.H @ np.array(modes.psi).T))
 
 
 def _rank(L: Array, X: Array) -> int:
     X = blas.dtrsm(1.0, L, X, lower=1)
     length = np.linalg.norm(X, axis=0)
-    return int((np.linalg.svd(X / np.where(length > 0.0, length, 1.0), compute_uv=False) > RANK_TOLERANCE).sum())
+    return rank_of(X / np.where(length > 0.0, length, 1.0), unit=True)
 
 
 def _short(value: float, digits: int = 2) -> str:

@@ -20,20 +20,21 @@ import numpy as np
 from rbd.analysis.conditions import Conditions, Round, conditions_of
 from rbd.arrays import Array, as_array, max_abs
 from rbd.errors import InputError, nearest
+from rbd.problem.law import Law
 from rbd.problem.limits import QP_WORK, VIOLATION_CUTS, Work
 from rbd.problem.problem import GaussProblem
-from rbd.problem.programs import nonnegative
+from rbd.problem.programs import least_distance
 from rbd.problem.residuals import ENOUGH
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import RANK, null_space
 from rbd.solvers import qp
 
 ROUNDING = 1e-11
 """A violation up to this, over max(1, |offset|), is none."""
 _EXACT = 1e-12  # scaled residuals up to this are not improved further
-_DEPENDENT = 1e-9  # singular values below this, over the largest, are zero
 
 
-def smallest_violation(P: GaussProblem, law: str, weights: Array | None = None) -> tuple[Array, float]:
+def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) -> tuple[Array, float]:
     """(s, optimality): the violation, shape (m,) [m/s2, rad/s2], and the largest scaled residual of its conditions.
 
     Args:
@@ -113,7 +114,7 @@ class _LeastSquares:
         self.weights = weights
         self.H = self.G.T @ self.G
         U, S, Vt = np.linalg.svd(C.A, full_matrices=False)
-        kept = S > _DEPENDENT * max(float(S.max(initial=0.0)), 1e-300)
+        kept = S > RANK * max(float(S.max(initial=0.0)), 1e-300)
         self.U, self.to_a = U[:, kept], Vt[kept].T / S[kept]
         self._keep(np.zeros(len(C.b)), -np.linalg.lstsq(C.A, C.b)[0] if len(C.b) else np.zeros(C.A.shape[1]))
 
@@ -152,17 +153,12 @@ class _LeastSquares:
         size = float(np.linalg.norm(self.G, axis=0).max(initial=0.0)) or 1.0
         b = C.b / self.rate
         for soft in (1e-3, 1e-5):
-            E = np.vstack([self.G / size, self.U.T / soft, b])
+            E = np.vstack([self.G / size, self.U.T / soft, -b])
             E = np.hstack([E, -E[:, C.holds]])
-            goal = np.zeros(len(E))
-            goal[-1] = -1.0
-            u = nonnegative(E, goal)
-            if u is None:
+            found = least_distance(E[:-1].T, E[-1])
+            if found is None:
                 continue
-            left = E @ u - goal
-            if not left[-1] > 1e-12:
-                continue
-            u = u / (left[-1] * size**2)
+            u = found[1] / size**2
             z = u[: len(b)].copy()
             z[C.holds] -= u[len(b) :]
             y = self.U.T @ z * size**2 / soft**2
@@ -173,7 +169,7 @@ class _LeastSquares:
         """The exact answer if the conditions with z above `least` are those that carry; kept if it is better."""
         C = self.C
         some = C.holds | (z > least * max(1.0, max_abs(z)))
-        N = _null_space(self.U[some].T)
+        N = null_space(self.U[some].T, unit=True)
         H = N.T @ self.H[np.ix_(some, some)] @ N
         x = N.T @ z[some]
         x -= np.linalg.lstsq(H, H @ x + N.T @ C.b[some] / self.rate, rcond=1e-12)[0]
@@ -181,7 +177,7 @@ class _LeastSquares:
         z[some] = N @ x
         z = self.rate * np.where(C.holds, z, np.maximum(z, 0.0))
         a = self.rate * a
-        a = a - np.linalg.lstsq(C.A[some], C.A[some] @ a + (self.H @ z + C.b)[some], rcond=_DEPENDENT)[0]
+        a = a - np.linalg.lstsq(C.A[some], C.A[some] @ a + (self.H @ z + C.b)[some], rcond=RANK)[0]
         self._keep(z, a)
 
     def _keep(self, z: Array, a: Array) -> None:
@@ -192,11 +188,3 @@ class _LeastSquares:
         miss = max(max_abs(wrong), max_abs(slack), max_abs(self.C.A.T @ z)) / self.rate
         if not miss >= getattr(self, "flat", np.inf):
             self.flat, self.a, self.s, self.carries = miss, a, s, z != 0.0
-
-
-def _null_space(A: Array) -> Array:
-    """Orthonormal columns N with A N = 0."""
-    if not A.shape[1]:
-        return np.zeros((0, 0))
-    _, s, Vt = np.linalg.svd(A, full_matrices=True)
-    return np.asarray(Vt[int((s > _DEPENDENT).sum()) :].T)

@@ -237,7 +237,7 @@ def simulate(
     """
     from rbd.cli.simulate_report import SimulateReport, draw
     from rbd.cli.simulate_setup import loaded, pushes, setup
-    from rbd.control.pushes import Pushes
+    from rbd.control.schedules import Pushes
     from rbd.problem.cones import check_friction
     from rbd.simulation.run import simulate as run
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.cli.terminal import in_options
 from rbd.constraints.constraint import Constraint
-from rbd.errors import InputError, RbdError
+from rbd.errors import RbdError
 from rbd.mechanism import (
     Branches,
     Integrability,
@@ -31,8 +31,8 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
-from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
-from rbd.mechanism.held import check_seed, turning
+from rbd.mechanism.arguments import check_seed, check_whole
+from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 
@@ -130,7 +130,7 @@ class MechanismReport:
     def _away(self, q: Array) -> float:
         """Largest difference from the pose looked at, whole turns left out [m, rad]."""
         change = pin.difference(self.robot.model, self.state.q, q)
-        angles = turning(self.robot)
+        angles = self.robot.joints.angular
         change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
         return float(np.abs(change).max(initial=0.0))
 
@@ -142,8 +142,7 @@ def check_tries(seed: int, tries: int) -> None:
         InputError: a seed that is no whole number from 0, tries that are none from 1 to 1,000,000.
     """
     check_seed(seed)
-    if isinstance(tries, bool) or not isinstance(tries, int) or not 1 <= tries <= MOST_TRIES:
-        raise InputError(f"tries is {tries!r:.80}; expected a whole number from 1 to {MOST_TRIES}.")
+    check_whole("tries", tries, MOST_TRIES)
 
 
 def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:
@@ -163,12 +162,12 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     held = (*robot.loops(), *robot.wheels())
     state = assembled(robot, held, State(robot, q))
     left_out: dict[str, str] = {}
-    topology, found = classify(robot, held, at=state), mobility(state, held, seed=seed)
+    topology, found = classify(state, held), mobility(state, held, seed=seed)
     free = independent_velocities(state, held, prefer=robot.actuated_names)
     fixed = _values(robot, state, free, left_out)
     every = None
     if fixed is not None and held and not found.velocity_only:
-        every = _unless(left_out, "branches", lambda: branches(robot, held, fixed=fixed, seed=seed, tries=tries))
+        every = _unless(left_out, "branches", lambda: branches(state, held, fixed=fixed, seed=seed, tries=tries))
     inputs = [] if fixed is None else list(fixed)
     driven = inputs if len(inputs) < robot.nv else []  # of an open chain nothing is left but them
     here = singularities(state, held, inputs=driven)
@@ -176,12 +175,12 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     if fixed is not None and len(inputs) == 1 and driven and not found.velocity_only:
         start = fixed[inputs[0]]
         turn = (start, start + 2.0 * np.pi)
-        motion = _unless(left_out, "motion", lambda: trace(robot, held, state.q, inputs[0], turn, steps=180))
+        motion = _unless(left_out, "motion", lambda: trace(state, held, joint=inputs[0], values=turn, steps=180))
         if motion is not None and len(motion) > 2:
-            along = singularities_along(robot, motion.q, held, inputs=inputs)
+            along = singularities_along(robot.at(motion.q[0]), held, path=motion.q, inputs=inputs)
     integrable = None
     if found.velocity_only:
-        integrable = _unless(left_out, "integrability", lambda: integrability(robot, held, seed=seed))
+        integrable = _unless(left_out, "integrability", lambda: integrability(robot.at(), held, seed=seed))
     return MechanismReport(robot, state, topology, found, fixed or {}, every, here, motion, along, integrable, left_out)
 
 
@@ -193,7 +192,7 @@ def assembled(robot: Robot, constraints: Sequence[Constraint], near: State) -> S
     """
     rows = [(c, c.rows(near)) for c in constraints]
     placed = [c for c, r in rows if r.error is not None and (r.holonomic is None or r.holonomic.any())]
-    return State(robot, assemble(robot, placed, near.q).q) if placed else near
+    return State(robot, assemble(near, placed).q) if placed else near
 
 
 def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str, str]) -> dict[str, float] | None:

@@ -100,17 +100,17 @@ class PlaneReport:
         yield Text(f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}")
         far = float(np.hypot(*np.diff(m.x, axis=0).T).sum())
         rows = [("length of the end point's path", f"{far:.6g} m")]
-        rows.append(("peak speed", _peak(m.speed, m.times, "m/s")))
-        rows.append(("peak acceleration", _peak(np.hypot(*m.a.T), m.times, "m/s2")))
+        rows.append(("peak speed", _peak(m.speed, m.t, "m/s")))
+        rows.append(("peak acceleration", _peak(np.hypot(*m.a.T), m.t, "m/s2")))
         for part in PARTS:
             name = "Coriolis" if part == "coriolis" else part
-            rows.append((f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.times, "m/s2")))
+            rows.append((f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.t, "m/s2")))
         for k in range(min(m.chain.n, MOST_ROWS)):
-            rows.append((f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.times, "deg/s")))
+            rows.append((f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.t, "deg/s")))
         if m.chain.n > MOST_ROWS:
             rows.append(("", f"and {m.chain.n - MOST_ROWS} more angles"))
         for k in range(0 if m.unbounded else min(m.chain.n, MOST_ROWS)):
-            rows.append((f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.times, "deg/s2")))
+            rows.append((f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.t, "deg/s2")))
         if m.unbounded:
             ends = " and ".join(f"{t:g} s" for t in m.unbounded)
             rows.append(("angular accelerations", f"without bound towards {ends}"))
@@ -134,15 +134,15 @@ class PlaneReport:
             "from": _end_data(task.start),
             "to": _end_data(task.stop),
             "peaks": {
-                "speed": _largest(m.speed, m.times),
-                "acceleration": _largest(np.hypot(*m.a.T), m.times),
-                "rates": [_largest(column, m.times) for column in m.qd.T],
-                **{part: _largest(np.hypot(*getattr(m.split, part).T), m.times) for part in PARTS},
+                "speed": _largest(m.speed, m.t),
+                "acceleration": _largest(np.hypot(*m.a.T), m.t),
+                "rates": [_largest(column, m.t) for column in m.qd.T],
+                **{part: _largest(np.hypot(*getattr(m.split, part).T), m.t) for part in PARTS},
             },
             "least_manipulability": self._manipulability()[0],
             "unbounded": list(m.unbounded),
             "note": m.note,
-            "times": m.times.tolist(),
+            "t": m.t.tolist(),
             "x": m.x.tolist(),
             "q": m.q.tolist(),
             "qd": m.qd.tolist(),
@@ -151,12 +151,12 @@ class PlaneReport:
     def _manipulability(self) -> tuple[dict[str, float], dict[str, float]]:
         """Its least and its largest value, and when; zero at the samples that were left out, where the chain is in line."""
         m = self.motion
-        left_out = np.setdiff1d(m.path.times(SAMPLES), m.times)
+        left_out = np.setdiff1d(m.path.times(SAMPLES), m.t)
         i = int(np.argmin(m.manipulability))
-        least = {"value": float(m.manipulability[i]), "at": float(m.times[i])}
+        least = {"value": float(m.manipulability[i]), "at": float(m.t[i])}
         if len(left_out):
             least = {"value": 0.0, "at": float(left_out[0])}
-        return least, _largest(m.manipulability, m.times)
+        return least, _largest(m.manipulability, m.t)
 
 
 def plane_task(

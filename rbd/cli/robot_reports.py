@@ -116,7 +116,7 @@ def _joints_table(robot: Robot) -> Table:
         table.add_column(heading, justify="right")
     model = robot.model
     effort = dict(zip(robot.actuated.tolist(), robot.effort_limit.tolist(), strict=True))
-    for name in robot.joints():
+    for name in robot.joints:
         joint = model.joints[robot.joint_id(name)]
         at = f"{joint.idx_v}" if joint.nv == 1 else f"{joint.idx_v}..{joint.idx_v + joint.nv - 1}"
         bounds = ("", "", "")
@@ -182,7 +182,7 @@ class StandReport:
             "mass": robot.mass,
             "push": None if self.push is None else {"force": self.push.tolist(), "frame": self.at},
             "status": str(s.status),
-            "law": s.law,
+            "law": str(s.law),
             "solver": s.solver,
             "rows": s.problem.m,
             "rank": s.rank,

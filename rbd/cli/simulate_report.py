@@ -15,7 +15,7 @@ from rich.text import Text
 from rbd.arrays import Array
 from rbd.cli.simulate_setup import Setup
 from rbd.cli.terminal import Table, counted, facts, rounded, save_figure
-from rbd.control.pushes import Push
+from rbd.control.schedules import Push
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.events import HOLDS, OPEN, SLIPS
@@ -126,7 +126,7 @@ class SimulateReport:
         kinds = [e.kind for e in x.events if e.name == name]
         return {
             "mode": str(x.modes[name][-1]),
-            "largest": {"value": float(size[most]), "at": float(x.times[most])},
+            "largest": {"value": float(size[most]), "at": float(x.t[most])},
             "force": x.forces[name][-1].tolist(),
             "touches": kinds.count("touches"),
             "leaves": kinds.count("leaves"),
@@ -140,7 +140,7 @@ class SimulateReport:
         return np.linalg.norm(force[:, :3], axis=1) if name in self.trajectory.points else np.abs(force).max(axis=1)
 
     def _when(self, values: Array) -> float:
-        return float(self.trajectory.times[int(np.argmax(values))])
+        return float(self.trajectory.t[int(np.argmax(values))])
 
     def __rich__(self) -> Group:
         """The tables of the command line."""
@@ -188,7 +188,7 @@ class SimulateReport:
     def _motion_table(self) -> Table:
         x = self.trajectory
         steps = f"{counted(self.steps, 'step')} of {1e3 * x.step:g} ms"
-        rows = [("time", f"{x.times[0]:g} to {x.times[-1]:g} s, {steps}")]
+        rows = [("time", f"{x.t[0]:g} to {x.t[-1]:g} s, {steps}")]
         rows += [("ended early", x.interrupted)] if x.interrupted else []
         rows += [("at the end", self.verdict)] if self.verdict else []
         rows += self._places()
@@ -274,4 +274,4 @@ def _busiest_motor(x: Trajectory) -> str:
     at, i = np.unravel_index(int(np.argmax(used)), used.shape)
     limit = robot.effort_limit[i]
     share = f", {100 * used[at, i]:.1f} % of its limit" if np.isfinite(limit) else ""
-    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.times[at]:.3f} s"
+    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.t[at]:.3f} s"

@@ -14,8 +14,7 @@ from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
 from rbd.control.posture import HoldPosture
-from rbd.control.pushes import Push
-from rbd.control.torques import Controller
+from rbd.control.schedules import Controller, Push
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.robots.loop_file import Root

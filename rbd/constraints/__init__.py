@@ -1,11 +1,11 @@
 """Constraints: each gives named rows with a set for its forces. They know no solver."""
 
-from rbd.constraints.collision import CollisionContacts, ContactPoints
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.collision import CollisionContacts
+from rbd.constraints.contact import Contact, LineContact, PointContact, SurfaceContact
+from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.function import FunctionConstraint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
-from rbd.constraints.line_contact import LineContact
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge, VelocityConstraint
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
@@ -15,6 +15,7 @@ from rbd.modules import submodule as _submodule
 __all__ = [
     "Baumgarte",
     "CollisionContacts",
+    "Contact",
     "ContactPoints",
     "FunctionConstraint",
     "JointCoupling",

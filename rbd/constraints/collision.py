@@ -4,43 +4,30 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import combinations
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from rbd.arrays import Array, as_float, as_vector3, cross_matrix
-from rbd.constraints.collision_shapes import CollisionShapes
-from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
-from rbd.constraints.touching import Between, Bodies, OnPlane, Touching, joined
-from rbd.errors import InputError
+from rbd.arrays import Array, as_float, cross_matrix
+from rbd.constraints.contact_kinematics import Between, Bodies, OnPlane, Touching, joined
+from rbd.constraints.contact_points import ContactPoints
+from rbd.constraints.convex.solids import ConvexShape, convex_shape
+from rbd.constraints.surface import check_state, contact_axes
+from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.forks import renewed_after_fork
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction
-from rbd.problem.ground import TOUCHES, Ground
+from rbd.problem.ground import TOUCHES, Ground, On, plane_of
 from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4
 """Points with a gap up to this count as touching, by default: what a posture found by iteration leaves open."""
-
-
-class ContactPoints(NamedTuple):
-    """k points where shapes touch, or are within the margin.
-
-    Attributes:
-        names: What stays with a point over time, "left_sole_link_0:3": corner 3 of that shape.
-        positions: In W, shape (k, 3) [m].
-        axes: R_WC (tangent, tangent, normal) of each, shape (k, 3, 3); the normal pushes the (first) body away.
-        gaps: Distance along the normal, shape (k,) [m]; negative where shapes overlap.
-    """
-
-    names: tuple[str, ...]
-    positions: Array
-    axes: Array
-    gaps: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +46,9 @@ class CollisionContacts:
     body. (Between bodies it is exact where a face, a ball or a corner of a ball's partner gives the normal; of edges that cross
     or slide over each other it takes the place for material, which leaves out terms of sliding speed times angular velocity.)
 
-    With the plane alone all points share its axes: `resultant` gives the wrench on the robot about `point` (by default W's
-    origin), `patch` the corners. With `pairs` there is neither, and `solution.forces` has row forces: for both kinds give one
-    constraint for the ground and one, `ground=False`, for the pairs.
+    With the plane alone all points share its axes: `resultant` gives the wrench on the robot about the plane's point (by
+    default W's origin), `patch` the corners. With `pairs` there is neither, and `solution.forces` has row forces: for both
+    kinds give one constraint for the ground and one, `ground=False`, for the pairs.
 
     Attributes:
         name: The role of all these contacts together.
@@ -71,8 +58,7 @@ class CollisionContacts:
         ground: Whether there is a plane; or names of the links or shapes that alone may touch it.
         pairs: Pairs of names of links or shapes that may touch each other; True: the collision pairs of
             `robot.collision_model`, or all bodies that no single joint connects where it has none.
-        point: Of the plane, in W, shape (3,) [m].
-        normal: Of the plane, out of the ground, a unit vector in W, shape (3,).
+        on: The plane, of ground at rest: `rbd.Ground(point=..., normal=...)`, or the height of a level one [m].
         margin: Largest gap of points that get rows [m]. At an acceleration all of them touch; a simulation sees farther.
 
     Raises:
@@ -88,14 +74,13 @@ class CollisionContacts:
     facets: int
     ground: bool | tuple[str, ...]
     pairs: bool | tuple[tuple[str, str], ...]
-    point: Array
-    normal: Array
+    on: Ground
     margin: float
-    _axes: Array = field(repr=False)
-    _ground: Ground = field(repr=False)
-    _turn: Array = field(repr=False)
-    _finder: _Finder = field(repr=False)
-    _cone: Cone = field(repr=False)
+    _point: Array = field(init=False, repr=False)
+    _axes: Array = field(init=False, repr=False)
+    _turn: Array = field(init=False, repr=False)
+    _finder: _Finder = field(init=False, repr=False)
+    _cone: Cone = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -106,22 +91,26 @@ class CollisionContacts:
         facets: int = 4,
         ground: bool | Sequence[str] = True,
         pairs: bool | Sequence[tuple[str, str]] = False,
-        point: Sequence[float] | Array = (0.0, 0.0, 0.0),
-        normal: Sequence[float] | Array = (0.0, 0.0, 1.0),
+        on: On = 0.0,
         margin: float = TOUCHES_M,
     ) -> None:
         if not isinstance(name, str) or not name:
             raise InputError(f"the name of CollisionContacts is {name!r:.80}; expected a word, e.g. 'ground'.")
         if friction is None:
-            raise InputError(f"friction of {name!r:.80} is None; expected a number >= 0: shapes that collide do not hold on.")
+            raise InputError(
+                f"friction of {name!r:.80} is None; expected a number >= 0: contacts found from shapes are unilateral."
+            )
         check_friction(friction, facets)
         put = object.__setattr__
         put(self, "name", name)
         put(self, "robot", robot)
         put(self, "friction", float(friction))
         put(self, "facets", int(facets))
-        put(self, "point", as_vector3(f"point of {name!r:.80}", point))
-        put(self, "normal", unit_normal(name, normal))
+        put(self, "on", plane_of(name, on))
+        if self.on.velocity is not None or self.on.acceleration is not None:
+            raise InputError(
+                f"the ground of {name!r:.80} moves; expected one at rest. On one that moves give contacts at points."
+            )
         put(self, "margin", _checked_margin(name, margin))
         shapes = CollisionShapes(name, robot)
         low, both = shapes.on_ground(ground), shapes.pairs(pairs)
@@ -130,12 +119,12 @@ class CollisionContacts:
         put(self, "ground", ground if isinstance(ground, bool) else tuple(ground))
         put(self, "pairs", pairs if isinstance(pairs, bool) else tuple(tuple(pair) for pair in pairs))
         bodies = Bodies(robot)
-        put(self, "_axes", contact_axes(np.asarray(self.normal)))
-        put(self, "_ground", Ground(point=self.point, normal=self.normal))
+        put(self, "_point", np.asarray(self.on.point))
+        put(self, "_axes", contact_axes(np.asarray(self.on.normal)))
         put(self, "_turn", np.hstack([cross_matrix(e) for e in self._axes.T]))  # takes r to r x e of the three axes
-        plane = OnPlane(robot, bodies, low, self._axes, np.asarray(self.point)) if low else None
+        plane = OnPlane(robot, bodies, low, self._axes, self._point) if low else None
         put(self, "_finder", _Finder(robot, plane, Between(robot, bodies, both) if both else None))
-        put(self, "_cone", FrictionCone(self.friction, self.facets) if self.friction else NonNegative(1))
+        put(self, "_cone", _cone(self.friction, self.facets))
 
     def with_margin(self, margin: float) -> CollisionContacts:
         """The same contacts seen from farther off, or less far.
@@ -143,9 +132,16 @@ class CollisionContacts:
         Raises:
             InputError: a margin that is no length.
         """
+        return self._changed(margin=_checked_margin(self.name, margin), _finder=self._finder.another())
+
+    def with_friction(self, mu: float) -> CollisionContacts:
+        """The same contacts with another coefficient."""
+        return self._changed(friction=float(mu), _cone=_cone(float(mu), self.facets))
+
+    def _changed(self, **changes: object) -> CollisionContacts:
+        """The same with other fields, all of them given; what was found of the shapes is kept."""
         out = object.__new__(CollisionContacts)
-        out.__dict__.update(self.__dict__ | {"margin": _checked_margin(self.name, margin)})
-        out.__dict__["_finder"] = self._finder.another()
+        out.__dict__.update(self.__dict__ | changes)
         return out
 
     def rows(self, state: State) -> Rows:
@@ -160,29 +156,40 @@ class CollisionContacts:
             return self._nothing(state)
         error = np.zeros(3 * k)
         error[2::3] = found.gaps
-        resultant, patch = None, None
+        patch, kept = None, self._kept
         if not self.pairs:
-            r = found.positions - self.point
-            resultant = np.empty((6, 3 * k))
-            resultant[:3].reshape(3, k, 3)[:] = self._axes[:, None]
-            resultant[3:] = (r @ self._turn).reshape(3 * k, 3).T
-            within = max(TOUCHES, self.margin)
-            patch = Patch(self.point, self._axes, r @ self._axes, self.friction, on=self._ground, within=within)
-        J, bias, velocity = found.J, found.bias, found.velocity
-        if not self.friction:
-            J, bias, velocity, error = J[2::3], bias[2::3], velocity[2::3], error[2::3]
-            resultant = None if resultant is None else resultant[:, 2::3]
-        cone, held = _stacked(self._cone, k), _normals(k, bool(self.friction))
-        return Rows(self.name, J, bias, cone, velocity, error, resultant=resultant, patch=patch, holonomic=held)
+            within, r = max(TOUCHES, self.margin), found.positions - self._point
+            patch = Patch(self._point, self._axes, r @ self._axes, self.friction, on=self.on, within=within)
+        J, bias, velocity = found.J[kept], found.bias[kept], found.velocity[kept]
+        cone, held, resultant = _stacked(self._cone, k), _normals(k, bool(self.friction)), self._resultant(found)
+        return Rows(self.name, J, bias, cone, velocity, error[kept], resultant=resultant, patch=patch, holonomic=held)
 
-    def points(self, state: State) -> ContactPoints:
-        """The points themselves, in the order of the rows.
+    def points(self, state: State, t: float = 0.0) -> ContactPoints:
+        """The points themselves, in the order of the rows; at all times `t`, as the ground is at rest.
 
         Raises:
             InputError: a state of another robot.
         """
-        found = self._touching(state)
-        return ContactPoints(found.names, found.positions, found.axes, found.gaps)
+        found, kept = self._touching(state), self._kept
+        return ContactPoints(
+            found.names, found.positions, found.axes, found.gaps, found.J[kept], found.velocity[kept], found.bias[kept],
+            (self._cone,) * len(found.gaps), self._resultant(found),
+        )  # fmt: skip
+
+    @property
+    def _kept(self) -> slice:
+        """Which of a point's three rows there are."""
+        return slice(None) if self.friction else slice(2, None, 3)
+
+    def _resultant(self, found: Touching) -> Array | None:
+        """From row forces to the wrench on the robot about the plane's point; None with pairs."""
+        if self.pairs:
+            return None
+        k = len(found.gaps)
+        resultant = np.empty((6, 3 * k))
+        resultant[:3].reshape(3, k, 3)[:] = self._axes[:, None]
+        resultant[3:] = ((found.positions - self._point) @ self._turn).reshape(3 * k, 3).T
+        return resultant[:, self._kept]
 
     def _touching(self, state: State) -> Touching:
         check_state(state, self.name)
@@ -194,12 +201,12 @@ class CollisionContacts:
         nv = state.robot.nv
         if self.pairs:
             return Rows(self.name, np.zeros((0, nv)), np.zeros(0), NonNegative(0))
-        patch = Patch(self.point, self._axes, np.zeros((0, 3)), self.friction)
+        patch = Patch(self._point, self._axes, np.zeros((0, 3)), self.friction)
         return Rows(self.name, np.zeros((0, nv)), np.zeros(0), NonNegative(0), resultant=np.zeros((6, 0)), patch=patch)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are made anew, in another process too."""
-        words = ("friction", "facets", "ground", "pairs", "point", "normal", "margin")
+        words = ("friction", "facets", "ground", "pairs", "on", "margin")
         return _made, (self.name, self.robot, {word: getattr(self, word) for word in words})
 
 
@@ -244,13 +251,142 @@ def _checked_margin(name: str, margin: float) -> float:
     return float(margin)
 
 
+def _cone(friction: float, facets: int) -> Cone:
+    """Set of the forces of one point."""
+    return FrictionCone(friction, facets) if friction else NonNegative(1)
+
+
 @lru_cache(maxsize=256)
 def _stacked(cone: Cone, k: int) -> Cone:
     return NonNegative(k) if isinstance(cone, NonNegative) else Product([cone] * k)
 
 
 @lru_cache(maxsize=256)
-def _normals(k: int, rubs: bool) -> Array:
-    out = np.tile([False, False, True], k) if rubs else np.ones(k, bool)
+def _normals(k: int, friction: bool) -> Array:
+    out = np.tile([False, False, True], k) if friction else np.ones(k, bool)
     out.flags.writeable = False
     return out
+
+
+class CollisionShapes:
+    """The collision shapes of a robot, made convex when they are first wanted.
+
+    Raises:
+        InputError: what is given is no robot, or one without collision shapes.
+    """
+
+    def __init__(self, name: str, robot: CheckedModel) -> None:
+        found = getattr(robot, "collision_model", None) if isinstance(robot, CheckedModel) else None
+        if not isinstance(found, pin.GeometryModel):
+            raise InputError(f"CollisionContacts {name!r:.80} wants a robot second, got {robot!r:.80}: rbd.load_robot(name).")
+        self.name, self.robot, self.model = name, robot, found
+        self.objects = list(found.geometryObjects)
+        self.stand_ins = frozenset(getattr(robot, "collision_stand_ins", frozenset()))
+        self._made: dict[int, ConvexShape] = {}
+        self._by_name: dict[str, list[int]] = {}
+        for i, shape in enumerate(self.objects):
+            for known in {str(shape.name), robot.model.frames[shape.parentFrame].name}:
+                self._by_name.setdefault(known, []).append(i)
+        if not self.objects:
+            raise InputError(
+                f"{robot.name} has no collision shapes, so nothing of it can touch. Give <collision> shapes in its file, or "
+                "contacts at points: rbd.PointContact, rbd.SurfaceContact."
+            )
+
+    def on_ground(self, given: bool | Sequence[str]) -> list[ConvexShape]:
+        """The shapes that may touch the ground, in the order of their joints.
+
+        Args:
+            given: True: those of all bodies that move; or names of links or shapes.
+
+        Raises:
+            InputError: unknown names, or shapes that cannot be had or are fixed to the world.
+        """
+        if given is False:
+            return []
+        if given is True:
+            chosen = [i for i, shape in enumerate(self.objects) if shape.parentJoint > 0]
+            if not chosen:
+                raise InputError(f"all collision shapes of {self.robot.name} are fixed to the world; give ground=False.")
+        else:
+            chosen = sorted({i for known in self._words("ground", given) for i in self._named(known)})
+            for i in chosen:
+                if self.objects[i].parentJoint == 0:
+                    raise InputError(f"{self.objects[i].name!r:.80} is fixed to the world and cannot move to the ground.")
+        return sorted((self._shape(i) for i in chosen), key=lambda shape: shape.joint)
+
+    def pairs(self, given: bool | Sequence[tuple[str, str]]) -> list[tuple[ConvexShape, ConvexShape]]:
+        """The pairs of shapes that may touch each other.
+
+        Args:
+            given: Pairs of names of links or shapes; True: the collision pairs of `robot.collision_model` where it has some,
+                else all shapes of bodies that no single joint connects.
+
+        Raises:
+            InputError: unknown names, shapes that cannot be had, shapes of one body.
+        """
+        if given is False:
+            return []
+        if given is True:
+            listed = [(int(p.first), int(p.second)) for p in self.model.collisionPairs]
+            every = listed or [pair for pair in combinations(range(len(self.objects)), 2) if not self._neighbours(*pair)]
+        else:
+            every = []
+            for pair in self._listed("pairs", given):
+                words = self._words("a pair", pair)
+                if len(words) != 2:
+                    raise InputError(f"a pair of contacts {self.name!r:.80} is {pair!r:.80}; expected two names.")
+                one, other = (self._named(known) for known in words)
+                for i in one:
+                    for j in other:
+                        if self.objects[i].parentJoint == self.objects[j].parentJoint:
+                            raise InputError(
+                                f"{words[0]!r:.80} and {words[1]!r:.80} are of one body of {self.robot.name}; expected "
+                                "names of two that move against each other."
+                            )
+                        every.append((i, j))
+        return [(self._shape(i), self._shape(j)) for i, j in dict.fromkeys(every)]
+
+    def _neighbours(self, i: int, j: int) -> bool:
+        one, other = int(self.objects[i].parentJoint), int(self.objects[j].parentJoint)
+        parents = self.robot.model.parents
+        return one == other or (one > 0 and parents[one] == other) or (other > 0 and parents[other] == one)
+
+    def _named(self, known: str) -> list[int]:
+        found = self._by_name.get(known)
+        if found is None:
+            raise InputError(
+                f"no link or collision shape {known!r:.80} in {self.robot.name}; {nearest(known, self._by_name)}. See "
+                "[s.name for s in robot.collision_model.geometryObjects]."
+            )
+        return found
+
+    def _shape(self, i: int) -> ConvexShape:
+        if i not in self._made:
+            shape = self.objects[i]
+            without = "Leave it out: ground=[names of links that may touch], pairs=[(name, name)]."
+            if shape.name in self.stand_ins:
+                raise InputError(
+                    f"the mesh of collision shape {shape.name!r:.80} of {self.robot.name} cannot be had, and the box in its "
+                    "place must touch nothing. Give the folder of its packages, load_robot(..., package_dirs=[folder]). "
+                    f"{without}"
+                )
+            try:
+                self._made[i] = convex_shape(shape)
+            except ModelError as error:
+                raise InputError(f"collision shape {shape.name!r:.80} of {self.robot.name} {error}. {without}") from None
+        return self._made[i]
+
+    def _words(self, what: str, given: Iterable[str]) -> list[str]:
+        out = self._listed(what, given)
+        if not all(isinstance(known, str) for known in out):
+            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected names of links or shapes.")
+        return out
+
+    def _listed(self, what: str, given: Iterable[str] | Iterable[tuple[str, str]]) -> list[Any]:
+        if isinstance(given, str | bytes):
+            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected a list.")
+        try:
+            return list(given)
+        except TypeError:
+            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected True or a list.") from None

@@ -1,4 +1,4 @@
-"""Contacts at a point and on a patch: held, with friction or without; on the ground, on moving ground, on another body.
+"""Contacts at k corner points, bilateral, with friction or without; on ground at rest, on moving ground, on another body.
 
 Rows are in contact axes (tangent, tangent, normal); the normal points out of what is touched, so that a positive normal
 force pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v
@@ -8,210 +8,73 @@ its classical acceleration with the contact axes held still; both as seen from w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3
-from rbd.constraints.contact_geometry import (
-    check_names,
+from rbd.arrays import Array, as_array, as_float, as_vector3, is_finite
+from rbd.constraints.contact_points import ContactPoints
+from rbd.constraints.ground_points import OnGround
+from rbd.constraints.surface import (
+    UP,
+    Counterpart,
+    anchor_of,
     check_state,
+    check_words,
+    cone_of,
     contact_axes,
-    ground_of,
-    patch_corners,
+    corners_of,
+    edge_axes,
     rigid_placement,
-    unit_normal,
 )
-from rbd.constraints.surface import Counterpart, anchor_placement, anchor_point, changed, counterpart, remember
+from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, WrenchCone, check_friction
-from rbd.problem.ground import Ground, On
+from rbd.problem.cones import Cone, check_friction
+from rbd.problem.ground import Body, Ground, On, Surface, surface_of
 from rbd.problem.rows import Patch, Rows
 
-_ONE_CORNER = np.zeros((1, 3))
-_ONE_CORNER.flags.writeable = False
+_FIVE = np.array([0, 1, 2, 4, 5])
+
+Seen = tuple[pin.SE3, Array, Array, Array, Array, Array | None]
+"""Pose, axes R_WC, and J, velocity, J_dot v and error in these axes."""
 
 
-@dataclass(frozen=True, eq=False)
-class PointContact:
-    """A point of the robot touching the ground, a surface that moves, or another body.
+@dataclass(frozen=True, eq=False, init=False)
+class Contact:
+    """A contact of the robot at one corner point, at two (an edge), or at k >= 3 (a patch).
 
-    `friction=None` holds: 3 rows, forces in all directions. `friction=mu` pushes and rubs: 3 rows and a friction cone.
-    `friction=0.0` only pushes: 1 row, the normal one.
+        corners   rows, friction=None or mu                                         frictionless
+        1         velocity of the point (3)                                         its normal one
+        2         velocity of the middle (3), angular velocity about y and z (2)    the same 5
+        k         velocity of the centre (3), angular velocity (3)                  the same 6
 
-    Attributes:
-        name: The contact's role, e.g. "left_toe".
-        frame: Frame of the robot that the point is fixed to.
-        offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
-        normal: Outward normal of what is touched, a unit vector, shape (3,): in world axes, as it is at this state; with
-            `against`, in that frame's axes. By default that of `on`, else z.
-        friction: Coulomb's coefficient, or None.
-        facets: Facets of the pyramid that a QP puts in place of the cone; it circumscribes the cone, so it admits up to
-            mu / cos(pi / facets) on its edges.
-        against: Frame of another body of the same model that the point touches, in place of the ground. The force is the
-            one on `frame`'s body; the other feels the opposite.
-        velocity: Of the ground's surface (a belt, a lift, a turntable, a cart), world axes: linear (3,), or linear and
-            angular (6,) [m/s, rad/s]; zero if not given. Rows are relative to it: a point that moves with it is at rest.
-        acceleration: Likewise of the material point of the surface that `velocity` is of [m/s2, rad/s2]. Both are of the
-            instant: another instant wants another contact.
-        about: Point in W, shape (3,) [m], at which `velocity` and `acceleration` are those of the surface, as a point on
-            a turntable's axis; the contact's own point if not given.
-        anchor: Where on what it touches the point first touched, shape (3,) [m], in W or in `against`'s axes: the rows'
-            `error` is the way from there, in contact axes. None gives no error. See `anchored`.
-        on: The plane that it stands on, `rbd.Ground(point=..., normal=...)` in W, or the height of a level one [m]. A point
-            more than a millimetre off it gets a `DistantContactWarning` where it is solved, and `rbd.simulate` lets it fall
-            onto the plane. None: not known, and taken as touching wherever it is.
+    `friction=None` is bilateral: forces and moments of all kinds. `friction=mu` is unilateral with Coulomb friction at the
+    corners, which resists torque too: the rows take what corner forces in friction cones can make. `friction=0.0` is
+    unilateral without friction.
 
-    Raises:
-        InputError: negative friction, a normal that is not of unit length or not that of the plane it is on, numbers that are
-            not finite, `against` together with a plane or with a motion of the ground.
-    """
-
-    name: str
-    frame: str
-    offset: Sequence[float] | Array = (0.0, 0.0, 0.0)
-    normal: Sequence[float] | Array = (0.0, 0.0, 1.0)
-    friction: float | None = None
-    facets: int = 4
-    against: str | None = None
-    velocity: Sequence[float] | Array | None = None
-    acceleration: Sequence[float] | Array | None = None
-    about: Sequence[float] | Array | None = None
-    anchor: Sequence[float] | Array | None = None
-    on: On = None
-    _axes: Array = field(init=False, repr=False)
-    _X_FP: pin.SE3 = field(init=False, repr=False)
-    _cone: Cone = field(init=False, repr=False)
-    _upright: bool = field(init=False, repr=False)
-    _touched: Counterpart | None = field(init=False, repr=False)
-    _plane: Ground | None = field(init=False, repr=False)
-
-    def __init__(
-        self,
-        name: str,
-        frame: str,
-        *,
-        offset: Sequence[float] | Array = (0.0, 0.0, 0.0),
-        normal: Sequence[float] | Array | None = None,
-        friction: float | None = None,
-        facets: int = 4,
-        against: str | None = None,
-        velocity: Sequence[float] | Array | None = None,
-        acceleration: Sequence[float] | Array | None = None,
-        about: Sequence[float] | Array | None = None,
-        anchor: Sequence[float] | Array | None = None,
-        on: On = None,
-    ) -> None:
-        check_names(name, frame)
-        check_friction(0.0 if friction is None else friction, facets)
-        put = object.__setattr__
-        put(self, "name", name)
-        put(self, "frame", frame)
-        put(self, "offset", as_vector3(f"offset of contact {name!r}", offset))
-        told = None if normal is None else unit_normal(name, normal)
-        X_S0 = anchor_point(name, anchor)
-        up = np.array([0.0, 0.0, 1.0]) if told is None and on is None else told
-        plane, measured_from = ground_of(name, on, against, velocity, X_S0, up)
-        put(self, "on", plane)
-        put(self, "_plane", measured_from)
-        put(self, "normal", up if up is not None or plane is None else np.array(plane.normal))
-        put(self, "friction", friction)
-        put(self, "facets", facets)
-        touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
-        remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
-        put(self, "anchor", None if X_S0 is None else X_S0.translation)
-        put(self, "_axes", contact_axes(np.asarray(self.normal)))
-        put(self, "_X_FP", pin.SE3(np.eye(3), self.offset))
-        put(self, "_upright", bool(np.array_equal(self._axes, np.eye(3))))
-        if friction is None:
-            put(self, "_cone", Free(3))
-        else:
-            put(self, "_cone", NonNegative(1) if friction == 0.0 else FrictionCone(float(friction), int(facets)))
-
-    @property
-    def corners(self) -> Array:
-        """The point itself, in contact axes from the contact point: one zero row, shape (1, 3) [m]."""
-        return np.zeros((1, 3))
-
-    def rows(self, state: State) -> Rows:
-        """Three rows (tangent, tangent, normal), or the normal one alone without friction.
-
-        Raises:
-            FrameNotFound: with the nearest names.
-            InputError: if it is between two frames of one body.
-        """
-        if type(state) is not State:  # one call less on the hot path
-            check_state(state, self.name)
-        R, against, error = self._axes, None, None
-        if self._touched is None:
-            X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
-            turned = not self._upright
-        else:
-            motion = self._touched.motion(state, self.frame, self._X_FP)
-            X_WP, J, v, bias = motion.X_WP, motion.J, motion.v, motion.bias
-            R, against, turned = motion.X_WS.rotation @ R, self.against, True
-            error = self._touched.shift(motion, R)
-        J, v, bias = J[:3], v[:3], bias[:3]
-        if turned:
-            J, v, bias = R.T @ J, R.T @ v, R.T @ bias
-        resultant = R
-        if self.friction == 0.0:
-            J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
-            error = None if error is None else error[2:]
-        patch = Patch(X_WP.translation, R, _ONE_CORNER, self.friction, against, self._plane, 0.0)
-        return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
-
-    def anchored(self, state: State) -> PointContact:
-        """The same contact, its anchor where it touches at this state."""
-        bare = changed(self, anchor=np.zeros(3))
-        assert bare._touched is not None
-        motion = bare._touched.motion(state, self.frame, self._X_FP)
-        return changed(self, anchor=motion.X_WS.actInv(motion.X_WP.translation))
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceContact:
-    """A flat patch of the robot on something flat: a sole on the ground, a palm on a box.
-
-    `friction=None` holds: 6 rows, wrenches of all kinds. `friction=mu` pushes and rubs at the patch's corners, and so
-    resists torque: 6 rows, wrenches that corner forces in friction cones can make. `friction=0.0` only pushes at them.
+    `PointContact`, `LineContact` and `SurfaceContact` are the three, by what one knows of each.
 
     Attributes:
         name: The contact's role, e.g. "left_sole".
-        frame: Frame of the robot that the patch is fixed to.
-        corners: Corner points in patch axes from the patch's centre, shape (k, 3) [m].
-        placement: X_FP, from the frame to the patch's centre and axes: the patch's z is the outward normal of what it
-            touches.
+        frame: Frame of the robot that it is fixed to.
+        corners: Corner points from the contact's centre in its axes, shape (k, 3) [m]; two become an edge along x.
+        placement: X_FP, from the frame to the centre and axes: z is the outward normal of what is touched. A point has no
+            axes of its own: W's, turned to the normal.
         friction: Coulomb's coefficient, or None.
-        facets: Facets of each corner's pyramid in a QP; see `PointContact`.
-        against: Frame of the other body, in place of the ground; see `PointContact`.
-        velocity: Of the ground's surface; see `PointContact`.
-        acceleration: Likewise.
-        about: Point in W that these are given at; the patch's centre if not given.
-        anchor: Pose of the patch, pin.SE3 in W or in `against`'s axes, where it first touched. The rows' `error` is the
-            way from there and the rotation vector from there, in patch axes: its derivative is J v where the error is
-            zero, and to first order elsewhere. None gives no error.
-        on: The plane that it stands on; see `PointContact`.
-
-    Args:
-        name: The contact's role.
-        frame: Frame of the robot.
-        half_lengths: Half sizes (X, Y) of a rectangle along the patch's x and y [m]; or give `corners`.
-        corners: Corner points, shape (k, 2) in the patch's plane or (k, 3), at least three and not on one line.
-        placement: pin.SE3, a 4 x 4 matrix, or None for the frame itself.
-        friction: Coulomb's coefficient, or None.
-        facets: Facets of each corner's pyramid.
-        against: Frame of the other body.
-        velocity: Of the ground's surface, (3,) or (6,).
-        acceleration: Likewise.
-        about: Point in W, (3,).
-        anchor: pin.SE3, a 4 x 4 matrix, or None.
-        on: rbd.Ground, the height of a level ground [m], or None.
+        facets: Facets of each corner's pyramid that a QP puts in place of the cone; it circumscribes the cone, so it admits
+            up to mu / cos(pi / facets) on its edges.
+        on: What is touched: a plane, `rbd.Ground(point=..., normal=...)`, which may move, or the height of a level one [m];
+            another body, `rbd.Body(frame)`; or None where nothing is known of it, and the contact is taken as touching
+            wherever it is. One more than a millimetre off its plane gets a `DistantContactWarning` where it is solved, and
+            `rbd.simulate` lets it fall onto the plane.
+        anchor: Where it first touched, in W or in the body's axes: of a point shape (3,) [m], else pin.SE3 of its centre. The
+            rows' `error` is the way from there, and how far it has turned, in contact axes: its derivative is J v where the
+            error is zero, and to first order elsewhere. None gives no error. See `anchored`.
 
     Raises:
-        InputError: negative friction, a patch without area, both or neither of `half_lengths` and `corners`, `against`
-            together with a plane or with a motion of the ground.
+        InputError: negative friction, corners of no length or area, numbers that are not finite.
     """
 
     name: str
@@ -220,16 +83,273 @@ class SurfaceContact:
     placement: pin.SE3
     friction: float | None
     facets: int
-    against: str | None
-    velocity: Array | None
-    acceleration: Array | None
-    about: Array | None
-    anchor: pin.SE3 | None
-    on: Ground | None
+    on: Surface
+    anchor: pin.SE3 | Array | None
     _cone: Cone = field(init=False, repr=False)
-    _touched: Counterpart | None = field(init=False, repr=False)
+    _touched: Counterpart = field(init=False, repr=False)
     _plane: Ground | None = field(init=False, repr=False)
+    _against: str | None = field(init=False, repr=False)
     _reach: float = field(init=False, repr=False)
+    _axes: Array = field(init=False, repr=False)
+    _upright: bool = field(init=False, repr=False)
+
+    def __init__(
+        self,
+        name: str,
+        frame: str,
+        *,
+        corners: Sequence[Sequence[float]] | Array,
+        placement: pin.SE3 | Array | None = None,
+        friction: float | None = None,
+        facets: int = 4,
+        on: On = None,
+        anchor: pin.SE3 | Sequence[float] | Array | None = None,
+    ) -> None:
+        check_words("a contact", name=name, frame=frame)
+        check_friction(0.0 if friction is None else friction, facets)
+        points, X_FP = corners_of(name, corners, rigid_placement(f"placement of contact {name!r}", placement))
+        surface = surface_of(name, on)
+        if isinstance(surface, Body) and surface.frame == frame:
+            raise InputError(f"contact {name!r} is between {frame!r} and itself; expected a frame of another body.")
+        X_S0 = anchor_of(name, anchor, point=len(points) == 1)
+        put = object.__setattr__
+        for key, value in {"name": name, "frame": frame, "friction": friction, "facets": facets, "on": surface}.items():
+            put(self, key, value)
+        put(self, "corners", points)
+        put(self, "placement", X_FP)
+        put(self, "anchor", X_S0.translation if X_S0 is not None and len(points) == 1 else X_S0)
+        put(self, "_cone", cone_of(points, friction, int(facets)))
+        put(self, "_touched", Counterpart(name, surface, X_S0))
+        put(self, "_plane", self._measured_from(X_S0))
+        put(self, "_against", surface.frame if isinstance(surface, Body) else None)
+        # Of corners off the contact's own plane no bound is kept.
+        put(self, "_reach", np.inf if points[:, 2].any() else float(np.linalg.norm(points, axis=1).max()))
+        put(self, "_axes", contact_axes(UP if self.normal is None else self.normal))
+        put(self, "_upright", bool(np.array_equal(self._axes, np.eye(3))))
+
+    @property
+    def normal(self) -> Array | None:
+        """Outward normal of what is touched, shape (3,), in W or in the body's axes; None: the placement's z, as it is."""
+        given = None if self.on is None else self.on.normal
+        if given is None:
+            return UP.copy() if len(self.corners) == 1 else None
+        return np.array(given)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Its own frame, and that of the body that it touches."""
+        return (self.frame,) if self._against is None else (self.frame, self._against)
+
+    def rows(self, state: State) -> Rows:
+        """One to six rows in contact axes; see the class.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: it is between two frames of one body, or an edge stands more than 45 degrees off its surface.
+        """
+        if type(state) is not State:  # one call less on the hot path
+            check_state(state, self.name)
+        k = len(self.corners)
+        X_WP, R, J, v, bias, error = self._point(state) if k == 1 else self._line(state) if k == 2 else self._patch(state)
+        if k == 1:
+            resultant = R
+            if self.friction == 0.0:
+                J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
+                error = None if error is None else error[2:]
+        else:
+            resultant = np.zeros((6, 6))
+            resultant[:3, :3] = resultant[3:, 3:] = R
+            if k == 2:
+                J, v, bias, resultant = J[_FIVE], v[_FIVE], bias[_FIVE], resultant[:, _FIVE]
+        patch = Patch(X_WP.translation, R, self.corners, self.friction, self._against, self._plane, self._reach)
+        return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
+
+    def points(self, state: State, t: float = 0.0) -> ContactPoints | None:
+        """Its corners on the ground as it stands at a state; None if bilateral, or on a body: there the rows are used.
+
+        Args:
+            state: The robot.
+            t: Time since the ground's motion was given [s].
+        """
+        source = self.source(state)
+        return None if source is None else ContactPoints.of(source.at(state, t))
+
+    def source(self, start: State) -> OnGround | None:
+        """Its corners on the ground for a motion; None if bilateral, or on a body."""
+        return None if self.friction is None or self._against is not None else OnGround(self, start)
+
+    def anchored(self, state: State) -> Self:
+        """The same contact, its anchor where it touches at this state."""
+        motion = Counterpart(self.name, self.on, pin.SE3.Identity()).motion(state, self.frame, self.placement)
+        X_S0 = motion.X_WS.actInv(motion.X_WP)
+        return replace(self, anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
+
+    def with_friction(self, mu: float) -> Self:
+        """The same contact with another coefficient."""
+        return replace(self, friction=mu)
+
+    def renamed(self, prefix: str, placement: pin.SE3 | None) -> Self:
+        """The same contact on a robot whose names begin with a prefix, its ground moved by a placement.
+
+        Raises:
+            InputError: it has an anchor or a moving ground that would have to be moved.
+        """
+        name, frame, on = prefix + self.name, prefix + self.frame, self.on
+        if isinstance(on, Body):
+            on = Body(prefix + on.frame, normal=on.normal)
+        elif placement is not None:
+            if self.anchor is not None or (on is not None and (on.velocity is not None or on.acceleration is not None)):
+                raise InputError(
+                    f"contact {self.name!r} has an anchor or a moving ground, given in the second robot's own world; make it "
+                    f"anew in W, with frame={frame!r}."
+                )
+            n, point = self.normal, None if on is None else on.point
+            if n is not None or point is not None:
+                on = Ground(
+                    normal=None if n is None else placement.rotation @ n,
+                    point=None if point is None else placement.act(np.asarray(point)),
+                )
+        return replace(self, name=name, frame=frame, on=on)
+
+    def _measured_from(self, anchor: pin.SE3 | None) -> Ground | None:
+        """The plane that it is measured from: its ground's, or that through the anchor.
+
+        One on another body, or on a ground that carries it away from its anchor, is not measured.
+        """
+        on = self.on
+        if isinstance(on, Ground) and on.point is not None:
+            return on
+        if anchor is None or isinstance(on, Body) or (on is not None and on.velocity is not None):
+            return None
+        n = anchor.rotation[:, 2] if self.normal is None else self.normal
+        return Ground(point=anchor.translation, normal=n / np.linalg.norm(n))
+
+    def _point(self, state: State) -> Seen:
+        R, error, touched = self._axes, None, self._touched
+        if touched.still and touched.anchor is None:
+            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL_WORLD_ALIGNED)
+            if self._upright:
+                return X_WP, R, J[:3], v[:3], bias[:3], None
+        else:
+            motion = touched.motion(state, self.frame, self.placement)
+            X_WP, J, v, bias = motion.X_WP, motion.J, motion.v, motion.bias
+            R = motion.X_WS.rotation @ R
+            error = touched.shift(motion, R)
+        return X_WP, R, R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3], error
+
+    def _line(self, state: State) -> Seen:
+        """Accelerations of the last two rows are those of its direction, x cross x'': the body's less (w_x w_z, -w_x w_y)."""
+        motion = self._touched.motion(state, self.frame, self.placement)
+        n, error = self.normal, None
+        R = motion.X_WP.rotation if n is None else edge_axes(self.name, motion.X_WP.rotation[:, 0], motion.X_WS.rotation @ n)
+        J, v, bias = motion.in_axes(R)
+        wx, wy, wz = v[3:]
+        bias[4] -= wx * wz
+        bias[5] += wx * wy
+        if self.anchor is not None:
+            x0 = R.T @ self._touched.anchored_axes(motion)[:, 0]  # x0 cross x, in contact axes: (0, x0_z, -x0_y)
+            error = np.concatenate([self._touched.shift(motion, R), [x0[2], -x0[1]]])
+        return motion.X_WP, R, J, v, bias, error
+
+    def _patch(self, state: State) -> Seen:
+        touched, error = self._touched, None
+        if touched.still:
+            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
+            R = X_WP.rotation
+            if touched.anchor is not None:
+                X_0P = touched.anchor.actInv(X_WP)
+                error = np.concatenate([X_0P.rotation.T @ X_0P.translation, pin.log3(X_0P.rotation)])
+            return X_WP, R, J, v, bias, error
+        motion = touched.motion(state, self.frame, self.placement)
+        R = motion.X_WP.rotation
+        if touched.anchor is not None:
+            turned = pin.log3(touched.anchored_axes(motion).T @ R)
+            error = np.concatenate([touched.shift(motion, R), turned])
+        return motion.X_WP, R, *motion.in_axes(R), error
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class PointContact(Contact):
+    """A point of the robot that touches something: `Contact` at one corner point.
+
+    Attributes:
+        offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
+
+    Other attributes as of `Contact`; `anchor` is where the point first touched, shape (3,) [m].
+    """
+
+    corners: Array = field(init=False, repr=False)
+    placement: pin.SE3 = field(init=False, repr=False)
+    offset: Array
+
+    def __init__(
+        self,
+        name: str,
+        frame: str,
+        *,
+        offset: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        friction: float | None = None,
+        facets: int = 4,
+        on: On = None,
+        anchor: Sequence[float] | Array | None = None,
+    ) -> None:
+        at = as_vector3(f"offset of contact {name!r}", offset)
+        super().__init__(name, frame, corners=at[None], friction=friction, facets=facets, on=on, anchor=anchor)
+        object.__setattr__(self, "offset", at)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class LineContact(Contact):
+    """A straight edge of the robot that touches something: `Contact` at its two ends. Turns about it are free.
+
+    A normal of what is touched is worth giving for a body that rolls over its edge: without it, it is the placement's z, which
+    tilts with the body. Its part along the edge is left out.
+
+    Attributes:
+        half_length: Half of the edge's length [m].
+        placement: X_FP, from the frame to the edge's middle: it lies along x.
+
+    Other attributes as of `Contact`; `anchor` is the pose where the edge first touched, and turns about it do not count.
+
+    Raises:
+        InputError: a length that is not above zero, and as `Contact`.
+    """
+
+    corners: Array = field(init=False, repr=False)
+    half_length: float
+
+    def __init__(
+        self,
+        name: str,
+        frame: str,
+        *,
+        half_length: float,
+        placement: pin.SE3 | Array | None = None,
+        friction: float | None = None,
+        facets: int = 4,
+        on: On = None,
+        anchor: pin.SE3 | Array | None = None,
+    ) -> None:
+        if not 0.0 < as_float(half_length) < 1e100:
+            raise InputError(f"half_length of contact {name!r} is {half_length!r:.80}; expected a length > 0 [m].")
+        L = float(half_length)
+        ends = [[L, 0.0, 0.0], [-L, 0.0, 0.0]]
+        super().__init__(name, frame, corners=ends, placement=placement, friction=friction, facets=facets, on=on, anchor=anchor)
+        object.__setattr__(self, "half_length", L)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SurfaceContact(Contact):
+    """A flat patch of the robot on something flat, a sole or a palm: `Contact` at three corner points or more.
+
+    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, and may be given by
+
+        half_lengths = (X, Y)    half sizes of a rectangle along the patch's x and y [m]
+        corners                  shape (k, 2) in the patch's plane or (k, 3), at least three and not on one line
+
+    Raises:
+        InputError: both or neither of `half_lengths` and `corners`, and as `Contact`.
+    """
 
     def __init__(
         self,
@@ -241,67 +361,23 @@ class SurfaceContact:
         placement: pin.SE3 | Array | None = None,
         friction: float | None = None,
         facets: int = 4,
-        against: str | None = None,
-        velocity: Sequence[float] | Array | None = None,
-        acceleration: Sequence[float] | Array | None = None,
-        about: Sequence[float] | Array | None = None,
-        anchor: pin.SE3 | Array | None = None,
         on: On = None,
+        anchor: pin.SE3 | Array | None = None,
     ) -> None:
-        check_names(name, frame)
-        check_friction(0.0 if friction is None else friction, facets)
-        put = object.__setattr__
-        put(self, "name", name)
-        put(self, "frame", frame)
-        put(self, "corners", patch_corners(name, half_lengths, corners))
-        put(self, "placement", rigid_placement(f"placement of contact {name!r}", placement))
-        put(self, "friction", friction)
-        put(self, "facets", facets)
-        X_S0 = anchor_placement(name, anchor)
-        plane, measured_from = ground_of(name, on, against, velocity, X_S0)
-        put(self, "on", plane)
-        put(self, "_plane", measured_from)
-        flat = not self.corners[:, 2].any()  # of corners off the patch's own plane no bound is kept
-        put(self, "_reach", float(np.linalg.norm(self.corners, axis=1).max()) if flat else np.inf)
-        touched = counterpart(name, frame, against, velocity, acceleration, about, X_S0)
-        remember(self, touched, against=against, velocity=velocity, acceleration=acceleration)
-        put(self, "anchor", X_S0)
-        if friction is None:
-            put(self, "_cone", Free(6))
-        else:
-            put(self, "_cone", WrenchCone(self.corners, float(friction), int(facets)))
-
-    def rows(self, state: State) -> Rows:
-        """Six rows: velocity of the patch's centre, then angular velocity, in patch axes.
-
-        Raises:
-            FrameNotFound: with the nearest names.
-            InputError: if it is between two frames of one body.
-        """
-        if type(state) is not State:  # one call less on the hot path
-            check_state(state, self.name)
-        error = None
-        if self._touched is None or self._touched.still:
-            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
-            R = X_WP.rotation
-            if self.anchor is not None:
-                X_0P = self.anchor.actInv(X_WP)
-                error = np.concatenate([X_0P.rotation.T @ X_0P.translation, pin.log3(X_0P.rotation)])
-        else:
-            motion = self._touched.motion(state, self.frame, self.placement)
-            X_WP, R = motion.X_WP, motion.X_WP.rotation
-            J, v, bias = (np.concatenate([R.T @ x[:3], R.T @ x[3:]]) for x in (motion.J, motion.v, motion.bias))
-            if self.anchor is not None:
-                turned = pin.log3(self._touched.anchored_axes(motion).T @ R)
-                error = np.concatenate([self._touched.shift(motion, R), turned])
-        resultant = np.zeros((6, 6))
-        resultant[:3, :3] = resultant[3:, 3:] = R
-        patch = Patch(X_WP.translation, R, self.corners, self.friction, self.against, self._plane, self._reach)
-        return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
-
-    def anchored(self, state: State) -> SurfaceContact:
-        """The same contact, its anchor where it touches at this state."""
-        bare = changed(self, anchor=pin.SE3.Identity())
-        assert bare._touched is not None
-        motion = bare._touched.motion(state, self.frame, self.placement)
-        return changed(self, anchor=motion.X_WS.actInv(motion.X_WP))
+        if (half_lengths is None) == (corners is None):
+            raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
+        if corners is None:
+            half = as_array(f"half_lengths of contact {name!r}", half_lengths)
+            if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
+                raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
+            X, Y = half
+            corners = np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
+        corners = as_array(f"corners of contact {name!r}", corners)
+        if corners.ndim != 2 or corners.shape[1] not in (2, 3) or len(corners) < 3:
+            raise InputError(
+                f"corners of contact {name!r} have shape {corners.shape}; expected (k, 2) or (k, 3) with k >= 3. "
+                "For one point use PointContact, for two LineContact."
+            )
+        super().__init__(
+            name, frame, corners=corners, placement=placement, friction=friction, facets=facets, on=on, anchor=anchor
+        )

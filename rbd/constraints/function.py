@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, is_finite
-from rbd.constraints.contact_geometry import check_state
 from rbd.constraints.differences import ROUGH, first_derivative, jacobian, second_derivative
+from rbd.constraints.surface import check_state
 from rbd.errors import InputError, RbdError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, NonNegative
@@ -29,10 +29,10 @@ class FunctionConstraint:
     orders agree; a phi that has no derivative here, or noise above 1e-8, is refused. Twelve calls of phi a coordinate are
     no hot path: give `jacobian`, and `bias`, where time matters. Both are believed; `rbd.testing.check_constraint` checks them.
 
-    q has unit quaternions (x, y, z, w) and, of continuous joints, (cos, sin): phi gets them as they stand in q, shape (nq,).
-    J has one column an entry of v, shape (m, nv): for a joint with one freedom dphi/dq_i, for a floating base by velocities
-    in the base's axes. Row forces are in units of work over phi (newtons where phi is in metres); `J^T f` is the generalised
-    force.
+    q has unit quaternions (x, y, z, w) and, of continuous joints, (cos, sin): phi gets them as they stand in q, shape
+    (nq,). J has one column an entry of v, shape (m, nv): for a joint with one degree of freedom dphi/dq_i, for a floating
+    base by velocities in the base's axes. Row forces are in units of work over phi (newtons where phi is in metres);
+    `J^T f` is the generalised force.
 
     Attributes:
         name: The constraint's role, e.g. "four_bar".

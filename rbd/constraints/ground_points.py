@@ -1,17 +1,16 @@
-"""Contacts of bodies with fixed and moving ground, as points on a plane."""
+"""Contacts with fixed and moving ground, as points on its plane."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix
-from rbd.constraints.contact import PointContact, SurfaceContact
-from rbd.constraints.contact_geometry import contact_axes
-from rbd.constraints.line_contact import LineContact
-from rbd.constraints.points import Measured, Structure
+from rbd.constraints.contact_points import Measured, Structure
+from rbd.constraints.surface import contact_axes, motion_of
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative
 from rbd.problem.ground import Ground
@@ -22,31 +21,40 @@ class OnGround:
 
     The plane is the one that the contact stands on (`on`); or goes through its anchor; or through where the contact is at the
     start, with its normal as it is then. A ground with a velocity along its normal carries the plane along.
+
+    Args:
+        contact: A `rbd.constraints.contact.Contact` with a coefficient of friction, on ground.
+        start: Where it starts.
     """
 
-    def __init__(self, contact: PointContact | SurfaceContact | LineContact, start: State) -> None:
-        self.contact = contact
-        mu = float(contact.friction or 0.0)
-        self.X_FP, local = _points_of(contact)
-        k = len(local)
+    def __init__(self, contact: Any, start: State) -> None:
+        self.contact, self.X_FP, self.local = contact, contact.placement, contact.corners
+        mu, k, ground = float(contact.friction or 0.0), len(contact.corners), contact.on
+        assert ground is None or isinstance(ground, Ground)
         X_WP = start.moving(contact.frame, self.X_FP, pin.LOCAL)[0]
-        self.R = _axes_at(contact, X_WP)
+        self.R = _axes_at(contact, ground, X_WP)
         through = X_WP.translation if contact.anchor is None else getattr(contact.anchor, "translation", contact.anchor)
-        if isinstance(contact.on, Ground):
-            through = np.asarray(contact.on.point)
+        if ground is not None and ground.point is not None:
+            through = np.asarray(ground.point)
         self.normal = self.R[:, 2]
         self.height = float(self.normal @ through)
         cone: Cone = FrictionCone(mu, int(contact.facets)) if mu else NonNegative(1)
         self.structure = Structure((contact.name,) * k, tuple(range(k)), (cone,) * k)
-        self.local = local
         # The velocity of a point of the patch is v + w x p, in the patch's axes.
-        self.spread = np.concatenate([np.tile(np.eye(3), (k, 1, 1)), [-cross_matrix(p) for p in local]], axis=2)
+        self.spread = np.concatenate([np.tile(np.eye(3), (k, 1, 1)), [-cross_matrix(p) for p in self.local]], axis=2)
         self.kept = slice(None) if mu else slice(2, 3)
-        touched = contact._touched
-        moves = touched is not None and bool(np.any(touched.velocity) or np.any(touched.acceleration))
-        self.surface = touched if moves else None
-        self.rise = float(self.normal @ touched.velocity[:3]) if moves and touched is not None else 0.0
-        self.point_alone = isinstance(contact, PointContact)
+        self.surface = ground if ground is not None and ground.moves else None
+        self.rise = 0.0 if self.surface is None else float(self.normal @ motion_of(self.surface)[0][:3])
+        self.point_alone = k == 1
+
+    @property
+    def group(self) -> tuple[str, bool] | None:
+        """Points alone stand together, and patches with edges do, whose resultants have moments; on moving ground none does."""
+        return None if self.surface is not None else ("on ground at rest", self.point_alone)
+
+    def together(self, sources: Sequence[OnGround], start: State) -> Grounds:
+        """Several as one."""
+        return Grounds(sources, start)
 
     def at(self, state: State, t: float) -> Measured:
         """Its points at a state and a time [s]."""
@@ -80,9 +88,8 @@ class OnGround:
         """Velocity and acceleration (Coriolis' included) of the ground under each point, in contact axes, shapes (k, 3)."""
         given = self.surface
         assert given is not None
-        at = points if given.about is None else points - given.about
-        r = at if given.about is not None else np.zeros_like(points)
-        u, W, s, dW = given.velocity[:3], given.velocity[3:], given.acceleration[:3], given.acceleration[3:]
+        (u, W), (s, dW) = (np.split(x, 2) for x in motion_of(given))
+        r = np.zeros_like(points) if given.about is None else points - given.about
         turn = cross_matrix(W)
         under = u + r @ turn.T
         relative = velocity @ self.R.T - under
@@ -90,32 +97,20 @@ class OnGround:
         return under @ self.R, carried @ self.R
 
 
-def _points_of(contact: PointContact | SurfaceContact | LineContact) -> tuple[pin.SE3, Array]:
-    """(placement of the contact in its frame, its points in the placement's axes, shape (k, 3))."""
-    if isinstance(contact, PointContact):
-        return pin.SE3(np.eye(3), np.asarray(contact.offset)), np.zeros((1, 3))
-    if isinstance(contact, SurfaceContact):
-        return contact.placement, np.asarray(contact.corners)
-    half = float(contact.half_length)
-    return contact.placement, np.array([[half, 0.0, 0.0], [-half, 0.0, 0.0]])
+def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
+    """R_WC: contact axes as they are at the start, or as the anchor has them; of a patch x along its own, as far as it goes."""
+    if len(contact.corners) == 1:
+        assert contact.normal is not None
+        return contact_axes(contact.normal)
+    if ground is not None and ground.normal is not None and (ground.point is not None or len(contact.corners) > 2):
+        return _axes_on(np.asarray(ground.normal), X_WP.rotation[:, 0])
+    if contact.normal is not None:
+        return contact_axes(contact.normal)
+    return (contact.anchor if isinstance(contact.anchor, pin.SE3) else X_WP).rotation.copy()
 
 
-def _axes_at(contact: PointContact | SurfaceContact | LineContact, X_WP: pin.SE3) -> Array:
-    """R_WC: contact axes as they are at the start, or as the anchor has them."""
-    if isinstance(contact, PointContact):
-        return contact_axes(np.asarray(contact.normal))
-    if isinstance(contact.on, Ground):
-        return _axes_on(contact.on, X_WP.rotation[:, 0])
-    if contact.anchor is not None:
-        X_WP = contact.anchor
-    if isinstance(contact, LineContact) and contact.normal is not None:
-        return contact_axes(np.asarray(contact.normal))
-    return X_WP.rotation.copy()
-
-
-def _axes_on(ground: Ground, along: Array) -> Array:
+def _axes_on(n: Array, along: Array) -> Array:
     """Axes of a plane, the first along a direction as far as it goes."""
-    n = np.asarray(ground.normal)
     x = along - float(along @ n) * n
     length = float(np.linalg.norm(x))
     if length < 0.1:
@@ -173,6 +168,12 @@ class Grounds:
                 self._moves[first : first + robot.model.nvs[above], i] = 1.0
         self._carries = self._moves.T[self._body[self._row]].copy()
         self._zero = np.zeros(len(self._row))
+
+    group = None
+
+    def together(self, sources: Sequence[OnGround], start: State) -> Grounds:
+        """What they are already."""
+        return self
 
     def at(self, state: State, t: float) -> Measured:
         """Their points at a state and a time [s]."""

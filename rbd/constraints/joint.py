@@ -13,9 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.constraints.constraint import PerRobot
+from rbd.constraints.contact_points import Measured, Structure
+from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import JointPlace, PerRobot, joint_motion, with_one_freedom
+from rbd.model.joints import UNLIMITED, Joint
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
 from rbd.problem.rows import Rows
@@ -54,7 +57,7 @@ class JointLimit:
     _stop: PerRobot[_Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         for side in ("lower", "upper"):
             value = getattr(self, side)
             if value is not None and math.isnan(as_float(value)):
@@ -77,7 +80,7 @@ class JointLimit:
 
     def side(self, state: State) -> str:
         """At which bound the joint is: "lower", "upper", "both", or "" for none."""
-        _check_state(state, self.name)
+        check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = state.q[stop.q]
         return _SIDES[bool(q - stop.lower <= self.margin), bool(stop.upper - q <= self.margin)]
@@ -89,7 +92,7 @@ class JointLimit:
             JointNotFound: with the nearest names.
             InputError: as `bounds`.
         """
-        _check_state(state, self.name)
+        check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = float(state.q[stop.q])
         distances = q - stop.lower, stop.upper - q
@@ -101,6 +104,10 @@ class JointLimit:
         J[:, at] = signs
         error = np.array([d for d in distances if d <= self.margin])
         return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
+
+    def source(self, start: State) -> Stops:
+        """Its bounds as points of a motion, seen from anywhere."""
+        return Stops([self], start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +123,15 @@ class _Stop:
 
 def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
     name, joint = limit.name, limit.joint
-    motion = with_one_freedom(robot, name, joint)
-    if motion.turns:
+    found = robot.joints.with_one_freedom(joint, name)
+    if found.is_continuous:
         raise InputError(
             f"{name!r:.80}: joint {joint!r:.80} turns for ever (it is continuous), so it has no bound. "
             "Hold it with rbd.JointLock, or state its limits in the robot's file."
         )
-    low, high = (float(x[motion.q]) for x in (robot.model.lowerPositionLimit, robot.model.upperPositionLimit))
-    low = low if limit.lower is None else float(limit.lower)
-    high = high if limit.upper is None else float(limit.upper)
-    # Files without limits read as +-DBL_MAX.
-    low, high = (-math.inf if low < -1e100 else low), (math.inf if high > 1e100 else high)
+    low = found.lower if limit.lower is None else float(limit.lower)
+    high = found.upper if limit.upper is None else float(limit.upper)
+    low, high = (-math.inf if low < -UNLIMITED else low), (math.inf if high > UNLIMITED else high)
     if low == -math.inf and high == math.inf:
         raise InputError(
             f"{name!r:.80}: joint {joint!r:.80} of {robot.name} has no bound, neither in its file nor given. "
@@ -136,7 +141,40 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
         raise InputError(f"{name!r:.80}: joint {joint!r:.80} has lower bound {low:g} above its upper one, {high:g}.")
     nothing = Rows(name, np.zeros((0, robot.nv)), np.zeros(0), NonNegative(0))
     nothing.J.flags.writeable = False
-    return _Stop(motion.q, motion.v, low, high, nothing)
+    return _Stop(found.q.start, found.v.start, low, high, nothing)
+
+
+class Stops:
+    """Joint limits as points of a motion: one row a bound, none of them dear."""
+
+    group = "joint limits"
+
+    def __init__(self, limits: Sequence[JointLimit], start: State) -> None:
+        self.limits, robot = tuple(limits), start.robot
+        sides = [(limit, i) for limit in limits for i in (0, 1) if math.isfinite(limit.bounds(robot)[i])]
+        places = [limit._stop.of(limit, robot) for limit, _ in sides]
+        k = len(sides)
+        self.q, self.v = np.array([p.q for p in places], int), np.array([p.v for p in places], int)
+        self.sign = np.array([-1.0 if i else 1.0 for _, i in sides])
+        self.bound = np.array([p.upper if i else p.lower for p, (_, i) in zip(places, sides, strict=True)])
+        self.J = np.zeros((k, robot.nv))
+        self.J[np.arange(k), self.v] = self.sign
+        owners, which = tuple(limit.name for limit, _ in sides), tuple(i for _, i in sides)
+        self.structure = Structure(owners, which, (NonNegative(1),) * k)
+        self.nothing = np.zeros(k)
+
+    def together(self, sources: Sequence[Stops], start: State) -> Stops:
+        """All of them as one."""
+        return Stops([limit for source in sources for limit in source.limits], start)
+
+    def at(self, state: State, t: float) -> Measured:
+        """Distances to all bounds."""
+        gap = self.gaps(state, t)
+        return Measured(self.structure, self.J, self.sign * state.v[self.v], self.nothing, gap, self.nothing)
+
+    def gaps(self, state: State, t: float) -> Array:
+        """The distances alone."""
+        return self.sign * (state.q[self.q] - self.bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,12 +204,17 @@ class JointLock:
     name: str
     joint: str
     position: float | Sequence[float] | Array | None = field(default=None, kw_only=True)
-    _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_any_motion), init=False, repr=False)
+    _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_any_joint), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         if self.position is not None:
             object.__setattr__(self, "position", _vector(self.name, "position", self.position))
+
+    def anchored(self, state: State) -> JointLock:
+        """The same lock at the position that the joint has at a state."""
+        check_state(state, self.name)
+        return JointLock(self.name, self.joint, position=state.q[state.robot.joints[self.joint].q])
 
     def rows(self, state: State) -> Rows:
         """One row a freedom of the joint.
@@ -180,17 +223,25 @@ class JointLock:
             JointNotFound: with the nearest names.
             InputError: a position of the wrong size, or off the unit sphere.
         """
-        _check_state(state, self.name)
-        motion = self._motion.of(self, state.robot)
-        span = slice(motion.v, motion.v + motion.nv)
-        J, bias, error, turns = np.zeros((motion.nv, state.robot.nv)), np.zeros(motion.nv), None, None
+        check_state(state, self.name)
+        joint = self._joint.of(self, state.robot)
+        span = joint.v
+        J, bias, error, turns = np.zeros((joint.nv, state.robot.nv)), np.zeros(joint.nv), None, None
         if self.position is None:
-            J[:, span] = np.eye(motion.nv)
+            J[:, span] = np.eye(joint.nv)
         else:
-            target = motion.target(self.name, np.asarray(self.position))
-            error, J[:, span], bias = motion.difference(target, state.q, state.v)
-            turns = motion.period
-        return Rows(self.name, J, bias, Free(motion.nv), J[:, span] @ state.v[span], error, period=turns)
+            target = joint.target(self.name, np.asarray(self.position))
+            error, J[:, span], bias = joint.difference(target, state.q, state.v)
+            turns = joint.period
+        return Rows(self.name, J, bias, Free(joint.nv), J[:, span] @ state.v[span], error, period=turns)
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without the joint.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        self._joint.of(self, robot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,12 +268,10 @@ class JointCoupling:
     to: str
     ratio: float = field(kw_only=True)
     offset: float = field(default=0.0, kw_only=True)
-    _motions: PerRobot[tuple[JointPlace, JointPlace]] = field(
-        default_factory=lambda: PerRobot(_both_motions), init=False, repr=False
-    )
+    _joints: PerRobot[tuple[Joint, Joint]] = field(default_factory=lambda: PerRobot(_both_joints), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint, to=self.to)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
         if self.joint == self.to:
             raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Hold it with rbd.JointLock.")
         _check_finite(self.name, "ratio", self.ratio)
@@ -235,17 +284,26 @@ class JointCoupling:
             JointNotFound: with the nearest names.
             InputError: a joint with several freedoms.
         """
-        _check_state(state, self.name)
-        one, other = self._motions.of(self, state.robot)
+        check_state(state, self.name)
+        one, other = self._joints.of(self, state.robot)
         J = np.zeros((1, state.robot.nv))
         J[0, one.v], J[0, other.v] = 1.0, -self.ratio
         missed = one.coordinate(state.q) - self.ratio * other.coordinate(state.q) - self.offset
-        period = self._period(turns=one.turns, to_turns=other.turns)
+        period = self._period(turns=one.is_continuous, to_turns=other.is_continuous)
         if period > 0.0:
             missed = math.remainder(missed, period)
         error = None if math.isnan(period) else np.array([missed])
         turns = np.array([period]) if period > 0.0 else None
         return Rows(self.name, J, np.zeros(1), Free(1), J @ state.v, error, period=turns)
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without these joints, or on which they have several degrees of freedom.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: a joint with several degrees of freedom.
+        """
+        self._joints.of(self, robot)
 
     def _period(self, *, turns: bool, to_turns: bool) -> float:
         """Up to what the error is known: 0 for exactly, NaN for not at all."""
@@ -277,11 +335,11 @@ class JointFriction:
     name: str
     joint: str
     torque: float
-    _motion: PerRobot[JointPlace] = field(default_factory=lambda: PerRobot(_one_motion), init=False, repr=False)
+    _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_one_joint), init=False, repr=False)
     _cone: Box = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.name, joint=self.joint)
+        check_words("a constraint on a joint", name=self.name, joint=self.joint)
         _check_finite(self.name, "torque", self.torque, least=0.0)
         bound = np.array([float(self.torque)])
         object.__setattr__(self, "_cone", Box(-bound, bound))
@@ -293,34 +351,23 @@ class JointFriction:
             JointNotFound: with the nearest names.
             InputError: a joint with several freedoms.
         """
-        _check_state(state, self.name)
-        at = self._motion.of(self, state.robot).v
+        check_state(state, self.name)
+        at = self._joint.of(self, state.robot).v
         J = np.zeros((1, state.robot.nv))
         J[0, at] = 1.0
-        return Rows(self.name, J, np.zeros(1), self._cone, state.v[at : at + 1].copy())
+        return Rows(self.name, J, np.zeros(1), self._cone, state.v[at].copy())
 
 
-def _any_motion(lock: JointLock, robot: CheckedModel) -> JointPlace:
-    return joint_motion(robot, lock.joint)
+def _any_joint(lock: JointLock, robot: CheckedModel) -> Joint:
+    return robot.joints[lock.joint]
 
 
-def _one_motion(friction: JointFriction, robot: CheckedModel) -> JointPlace:
-    return with_one_freedom(robot, friction.name, friction.joint)
+def _one_joint(friction: JointFriction, robot: CheckedModel) -> Joint:
+    return robot.joints.with_one_freedom(friction.joint, friction.name)
 
 
-def _both_motions(gear: JointCoupling, robot: CheckedModel) -> tuple[JointPlace, JointPlace]:
-    return with_one_freedom(robot, gear.name, gear.joint), with_one_freedom(robot, gear.name, gear.to)
-
-
-def _check_names(name: str, **joints: str) -> None:
-    for what, value in {"name": name, **joints}.items():
-        if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of a constraint on a joint is {value!r:.80}; expected a word, e.g. 'left_knee'.")
-
-
-def _check_state(state: State, name: str) -> None:
-    if not isinstance(state, State):
-        raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
+def _both_joints(gear: JointCoupling, robot: CheckedModel) -> tuple[Joint, Joint]:
+    return robot.joints.with_one_freedom(gear.joint, gear.name), robot.joints.with_one_freedom(gear.to, gear.name)
 
 
 def _check_finite(name: str, what: str, value: float, *, least: float = -math.inf) -> None:

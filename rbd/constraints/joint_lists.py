@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,6 @@ from typing import Any
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import joint_motion
 from rbd.model.xml import read_xml
 
 
@@ -26,14 +26,8 @@ def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimi
     Raises:
         InputError: something other than a robot, a negative margin.
     """
-    model, out = _checked(robot).model, []
-    for name in robot.joints():
-        motion = joint_motion(robot, name)
-        if motion.nv == 1 and not motion.turns:
-            bounds = model.lowerPositionLimit[motion.q], model.upperPositionLimit[motion.q]
-            if min(-bounds[0], bounds[1]) < 1e100:  # files without limits read as +-DBL_MAX
-                out.append(JointLimit(f"{name}_limit", name, margin=margin))
-    return out
+    limited = [j for j in _checked(robot).joints.values() if min(-j.lower, j.upper) < math.inf]
+    return [JointLimit(f"{joint.name}_limit", joint.name, margin=margin) for joint in limited]
 
 
 def joint_frictions(robot: CheckedModel) -> list[JointFriction]:
@@ -44,12 +38,8 @@ def joint_frictions(robot: CheckedModel) -> list[JointFriction]:
     Raises:
         InputError: something other than a robot.
     """
-    friction, out = _checked(robot).model.upperDryFrictionLimit, []
-    for name in robot.joints():
-        motion = joint_motion(robot, name)
-        if motion.nv == 1 and friction[motion.v] > 0.0:
-            out.append(JointFriction(f"{name}_friction", name, float(friction[motion.v])))
-    return out
+    rough = [joint for joint in _checked(robot).joints.values() if joint.friction > 0.0]
+    return [JointFriction(f"{joint.name}_friction", joint.name, joint.friction) for joint in rough]
 
 
 def mimics(robot: Any) -> list[JointCoupling]:
@@ -81,8 +71,8 @@ def _coupling(robot: CheckedModel, joint: ElementTree.Element) -> list[JointCoup
     mimic, name = joint.find("mimic"), joint.get("name", "")
     if mimic is None:
         return []
-    to, known = mimic.get("joint", ""), robot.joints()
-    if not all(n in known and joint_motion(robot, n).nv == 1 for n in (name, to)):
+    to, known = mimic.get("joint", ""), robot.joints
+    if not all(n in known and known[n].nv == 1 for n in (name, to)):
         return []
     ratio, offset = (float(mimic.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0")))
     return [JointCoupling(f"{name}_mimic", name, to, ratio=ratio, offset=offset)]

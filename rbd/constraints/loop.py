@@ -14,8 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3, cross_matrix
-from rbd.constraints.contact_geometry import check_state, contact_axes
+from rbd.constraints.surface import check_state, check_words, contact_axes
 from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.rows import Rows
@@ -43,11 +44,12 @@ class LoopClosure:
     "revolute" is refused.
 
     "planar" is for mechanisms all of whose joints turn about parallel axes, or slide across them: there the other rows of a
-    closure hold by themselves, and as rows they would be spurious. It lets the frames differ along `axis`, as where links lie
-    on top of each other, and it carries no force along it and no moments; those of a real pin are in no equation of motion.
+    closure are satisfied by themselves, and as rows they would be redundant. It lets the frames differ along `axis`, as
+    where links lie on top of each other, and it carries no force along it and no moments; those of a real pin are in no
+    equation of motion.
 
-    Rows hold: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench (6,) of
-    the others, on the body of frame_b at its origin, in world axes; the body of frame_a feels the opposite at that same
+    Bilateral rows: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench
+    (6,) of the others, on the body of frame_b at its origin, in world axes; the body of frame_a feels the opposite at that same
     point. Where frame_b is on the ground it is the one on the body of frame_a: forces are on the robot.
 
     Attributes:
@@ -71,12 +73,11 @@ class LoopClosure:
     _cone: Free = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for what in ("name", "frame_a", "frame_b"):
-            value = getattr(self, what)
-            if not isinstance(value, str) or not value:
-                raise InputError(f"{what} of a loop closure is {value!r:.80}; expected a word, e.g. 'coupler_pin'.")
+        check_words("a loop closure", name=self.name, frame_a=self.frame_a, frame_b=self.frame_b)
         if self.frame_a == self.frame_b:
-            raise InputError(f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself; expected frames of two bodies.")
+            raise InputError(
+                f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself, on one body; expected frames of two bodies."
+            )
         if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
         axis = as_vector3(f"axis of loop {self.name!r:.80}", self.axis)
@@ -88,24 +89,46 @@ class LoopClosure:
         put(self, "_axes", contact_axes(axis / length))
         put(self, "_cone", Free(KINDS[self.kind]))
 
+    @property
+    def frames(self) -> tuple[str, str]:
+        """The two frames that it joins."""
+        return self.frame_a, self.frame_b
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot on which it closes nothing.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: both frames are on one body.
+        """
+        if robot.site(self.frame_a)[0] == robot.site(self.frame_b)[0]:
+            raise InputError(
+                f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with {self.frame_b!r:.80}, which are fixed to one body of "
+                f"{robot.name}; expected frames of two bodies that move against each other."
+            )
+
+    def loop_dof(self, state: State, normal: Array | None) -> int:
+        """Relative velocities that it leaves, of the six in space, or of the three of motion across `normal`."""
+        if normal is None:
+            return 6 - KINDS[self.kind]
+        axis = state.frame(self.frame_a).X_WF.rotation @ self.axis
+        along = np.linalg.norm(np.cross(axis, normal)) < 1e-6
+        # "planar" holds a point in the two directions across its axis.
+        return 3 - {"point": 2, "rigid": 3, "revolute": 2 if along else 3, "planar": 2 if along else 1}[self.kind]
+
     def rows(self, state: State) -> Rows:
-        """Rows that hold, in the axes of frame_a; see the class.
+        """Bilateral rows in the axes of frame_a; see the class.
 
         Raises:
             FrameNotFound: with the nearest names.
             InputError: both frames are on one body; the axes of a hinge are opposite.
         """
         check_state(state, self.name)
-        bodies = state.robot.site(self.frame_a)[0], state.robot.site(self.frame_b)[0]
-        if bodies[0] == bodies[1]:
-            raise InputError(
-                f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with {self.frame_b!r:.80}, which are fixed to one body of "
-                f"{state.robot.name}; expected frames of two bodies that move against each other."
-            )
+        self.check(state.robot)
         X_Wa, J_a, v_a, b_a = state.moving(self.frame_a, _HERE, pin.LOCAL)
         X_Wb, J_b, v_b, b_b = state.moving(self.frame_b, _HERE, pin.LOCAL)
         R, X_ab = X_Wa.rotation, X_Wa.actInv(X_Wb)
-        on_robot = R if bodies[1] else -R  # a force on the ground is the opposite of one on the robot
+        on_robot = R if state.robot.site(self.frame_b)[0] else -R  # a force on the ground is the opposite of one on the robot
         x, R_ab = X_ab.translation, X_ab.rotation
         X, turning = cross_matrix(x), cross_matrix(v_a[3:])
         # As frame_a sees it, in its axes, which turn with v_a[3:]: - turning @ x and Coriolis' - 2 turning @ vx.

@@ -10,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix
-from rbd.constraints.contact_geometry import check_state, unit_normal
 from rbd.constraints.function import check_function, matrix_of, rate, vector_of
+from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Free
+from rbd.problem.ground import unit_normal
 from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER = np.zeros((1, 3))
@@ -30,9 +31,9 @@ class VelocityConstraint:
 
         J = A(q)        J_dot v = A_dot v, along the motion        no error: positions are not constrained
 
-    A has one column an entry of v, and v is not always the derivative of q. Of a joint with one freedom it is. Of a planar
-    joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row given on x', y' and the angle's th' is converted
-    by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w:
+    A has one column an entry of v, and v is not always the derivative of q. Of a joint with one degree of freedom it is. Of
+    a planar joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row given on x', y' and the angle's th'
+    is converted by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w:
 
         no side slip:   -sin(th) x' + cos(th) y' = 0        is the constant row     A = (0, 1, 0)
         x' + x th' = 0                                      is the row              A = (cos(th), -sin(th), x)
@@ -99,20 +100,20 @@ class VelocityConstraint:
 
 @dataclass(frozen=True, eq=False)
 class KnifeEdge:
-    """A blade, a skate, the wheel of a sleigh: its point moves along it and turns, and does not slip sideways.
+    """A knife edge (skate constraint): its point moves along it and turns, and does not slip sideways.
 
         J v = l . p'        l = n x d / |n x d|        J_dot v = l . p'' + l' . p'
 
-    p the point, d the blade's direction, which turns with its frame, n the normal of the plane that it moves on. The second
-    term is why a sleigh that turns with w at speed u needs a side force: l' . p' = -w u [Bloch2003]. One row that holds,
-    velocity alone: nothing keeps the blade on its plane; where the robot could leave it add a contact without friction.
+    p the point, d the edge's direction, which turns with its frame, n the normal of the plane that it moves on. The second
+    term is why a sleigh that turns with w at speed u needs a side force: l' . p' = -w u [Bloch2003]. One bilateral row,
+    velocity alone: nothing keeps the edge on its plane; where the robot could leave it add a contact without friction.
 
-    `solution.forces[name]` is the force on the blade, along l, shape (3,), in world axes.
+    `solution.forces[name]` is the force on the edge, along l, shape (3,), in world axes.
 
     Attributes:
-        name: The blade's role, e.g. "left_skate".
+        name: The edge's role, e.g. "left_skate".
         frame: Frame of the robot that it is fixed to.
-        direction: Of the blade, in the frame's axes, of any length, shape (3,).
+        direction: Of the edge, in the frame's axes, of any length, shape (3,).
         normal: Of the plane, in world axes, a unit vector, shape (3,).
         offset: The point, in the frame's axes, from its origin, shape (3,) [m].
 
@@ -128,19 +129,24 @@ class KnifeEdge:
     _X_FP: pin.SE3 = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_words(self.name, self.frame)
+        check_words("what rolls or glides", name=self.name, frame=self.frame)
         put = object.__setattr__
         put(self, "direction", unit_direction(f"direction of {self.name!r:.80}", self.direction))
-        put(self, "normal", unit_normal(self.name, self.normal))
+        put(self, "normal", unit_normal(f"normal of contact {self.name!r}", self.normal))
         put(self, "offset", as_vector3(f"offset of {self.name!r:.80}", self.offset))
         put(self, "_X_FP", pin.SE3(np.eye(3), np.asarray(self.offset)))
 
+    @property
+    def frames(self) -> tuple[str]:
+        """Its own frame."""
+        return (self.frame,)
+
     def rows(self, state: State) -> Rows:
-        """One row: the point's velocity across the blade, in the plane.
+        """One row: the point's velocity across the edge, in the plane.
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: the blade stands upright on its plane.
+            InputError: the edge stands upright on its plane.
         """
         check_state(state, self.name)
         X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
@@ -149,7 +155,7 @@ class KnifeEdge:
         side = across @ d
         length = float(np.linalg.norm(side))
         if length < 1e-4:
-            raise InputError(f"the blade of {self.name!r:.80} stands upright on its plane; expected one that lies along it.")
+            raise InputError(f"the knife edge {self.name!r:.80} stands upright on its plane; expected one that lies along it.")
         l = side / length
         turning = across @ (cross_matrix(v[3:]) @ d) / length
         turning -= l * (l @ turning)
@@ -165,17 +171,6 @@ class KnifeEdge:
             patch=patch,
             holonomic=_VELOCITY_ONLY,
         )
-
-
-def check_words(name: str, frame: str) -> None:
-    """Refuse names that are no words.
-
-    Raises:
-        InputError: naming which.
-    """
-    for what, value in (("name", name), ("frame", frame)):
-        if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of what rolls or glides is {value!r:.80}; expected a word, e.g. 'left_wheel'.")
 
 
 def unit_direction(what: str, given: Sequence[float] | Array) -> Array:

@@ -17,120 +17,116 @@ the lowest point, its `error`; the others have none.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, as_vector3, cross_matrix
-from rbd.constraints.contact_geometry import check_state, contact_axes, unit_normal
-from rbd.constraints.nonholonomic import check_words, unit_direction
-from rbd.constraints.surface import twist
+from rbd.arrays import Array, as_float, cross_matrix
+from rbd.constraints.nonholonomic import unit_direction
+from rbd.constraints.surface import HERE, UP, check_state, check_two_bodies, check_words, contact_axes, motion_of
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction
-from rbd.problem.ground import Ground
+from rbd.problem.ground import Body, Ground, On, plane_of, surface_of
 from rbd.problem.rows import Patch, Rows
 
-_HERE = pin.SE3.Identity()
 _FLAT = 1e-4
 """Sine of the angle between a disk and its plane below which it lies flat: its lowest point is not one point."""
 
 
 @dataclass(frozen=True, eq=False)
-class RollingBall:
-    """A ball on a plane.
-
-    Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor leaves, and may
-    spin about the normal. `friction=mu` presses and rubs: it slips where it must, and `rbd.ConeSolver` takes one that does.
-    `friction=0.0` only presses: the normal row alone. Rolling and spinning resistance are left out.
-
-    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes.
+class Rolling:
+    """What rolls on a plane, of the ground or of another body; see its kinds.
 
     Attributes:
         name: The contact's role, e.g. "ball".
-        frame: Frame of the robot at the ball's centre.
+        frame: Frame of the robot at the centre of what rolls.
         radius: [m].
-        point: Any point of the plane, in W, shape (3,) [m].
-        normal: Of the plane, to the ball's side, a unit vector in W, shape (3,).
-        friction: Coulomb's coefficient, or None.
-        facets: Facets of the pyramid that a QP puts in place of the cone; see `PointContact`.
-        velocity: Of the plane's material, as of a turntable or a belt, world axes: linear (3,), or linear and angular (6,)
-            [m/s, rad/s]; zero if not given.
-        acceleration: Likewise of its material point at `about` [m/s2, rad/s2].
-        about: Point in W where these are given, as a point on a turntable's axis, shape (3,) [m]; `point` if not given.
+        friction: Coulomb's coefficient, or None: it neither slips nor leaves.
+        facets: Facets of the pyramid that a QP puts in place of the cone; see `Contact`.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, whose material may move, as of a turntable or a belt; the height of
+            a level one [m]; or `rbd.Body(frame)`, through that frame's origin.
 
     Raises:
-        InputError: a radius that is not above zero, negative friction, a normal that is not of unit length.
+        InputError: a radius that is not above zero, negative friction, a ground without a point.
     """
 
     name: str
     frame: str
     radius: float = field(kw_only=True)
-    point: Sequence[float] | Array = field(default=(0.0, 0.0, 0.0), kw_only=True)
-    normal: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
     friction: float | None = field(default=None, kw_only=True)
     facets: int = field(default=4, kw_only=True)
-    velocity: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    acceleration: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    about: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    _plane: Plane = field(init=False, repr=False)
+    on: On = field(default=0.0, kw_only=True)
+    _axes: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_plane", _plane(self))
+        check_words("what rolls or glides", name=self.name, frame=self.frame)
+        check_friction(0.0 if self.friction is None else self.friction, self.facets)
+        if not 0.0 < as_float(self.radius) < 1e50:
+            raise InputError(f"radius of {self.name!r:.80} is {self.radius!r:.80}; expected a length > 0 [m].")
+        on = surface_of(self.name, self.on)
+        if not isinstance(on, Body):
+            on = plane_of(self.name, on)
+        elif on.frame == self.frame:
+            raise InputError(f"contact {self.name!r} is between {self.frame!r} and itself; expected a frame of another body.")
+        object.__setattr__(self, "on", on)
+        object.__setattr__(self, "_axes", contact_axes(UP if on.normal is None else np.asarray(on.normal)))
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Its own frame, and that of the body that it rolls on."""
+        return (self.frame, self.on.frame) if isinstance(self.on, Body) else (self.frame,)
+
+    def with_friction(self, mu: float) -> Self:
+        """The same with another coefficient."""
+        return replace(self, friction=mu)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingBall(Rolling):
+    """A ball on a plane.
+
+    Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor leaves, and may
+    spin about the normal. `friction=mu` is unilateral with Coulomb friction: it slips where it must, and `rbd.ConeSolver` takes
+    one that already does. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
+    resistance are left out.
+
+    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes. Attributes as of
+    `Rolling`.
+    """
 
     def rows(self, state: State) -> Rows:
         """Three rows (tangent, tangent, normal), or the normal one alone without friction.
 
         Raises:
             FrameNotFound: with the nearest names.
+            InputError: it is between two frames of one body.
         """
-        check_state(state, self.name)
-        P, body = self._plane, _Body(*state.moving(self.frame, _HERE, pin.LOCAL_WORLD_ALIGNED))
-        R = P.axes
-        return _rows(self, P, body, -P.n, -P.n_rate, R, P.turning @ R)
+        P, body = _met(self, state)
+        return _rows(self, P, body, -P.n, -P.n_rate, P.axes, P.turning @ P.axes)
 
 
 @dataclass(frozen=True, eq=False)
-class RollingDisk:
+class RollingDisk(Rolling):
     """A thin disk on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
 
     Three rows (heading, side, normal): the heading is where a positive spin about `axis` rolls it to, axis x normal, the side
-    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`, in
-    whose words the other attributes are told. A disk that lies flat touches along its rim and is refused.
+    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`, and
+    the other attributes as of `Rolling`. A disk that lies flat touches along its rim and is refused.
 
     Attributes:
-        name: The contact's role, e.g. "front_wheel".
-        frame: Frame of the robot at the disk's centre.
-        radius: [m].
         axis: About which it spins, in the frame's axes, of any length, shape (3,).
-        point: Of the plane.
-        normal: Of the plane.
-        friction: Coulomb's coefficient, or None.
-        facets: Of its pyramid.
-        velocity: Of the plane's material.
-        acceleration: Likewise.
-        about: Where these are given.
 
     Raises:
-        InputError: as of `RollingBall`; an axis of no length.
+        InputError: an axis of no length.
     """
 
-    name: str
-    frame: str
-    radius: float = field(kw_only=True)
     axis: Sequence[float] | Array = field(default=(0.0, 1.0, 0.0), kw_only=True)
-    point: Sequence[float] | Array = field(default=(0.0, 0.0, 0.0), kw_only=True)
-    normal: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
-    friction: float | None = field(default=None, kw_only=True)
-    facets: int = field(default=4, kw_only=True)
-    velocity: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    acceleration: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    about: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    _plane: Plane = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_plane", _plane(self))
+        super().__post_init__()
         object.__setattr__(self, "axis", unit_direction(f"axis of {self.name!r:.80}", self.axis))
 
     def rows(self, state: State) -> Rows:
@@ -138,52 +134,42 @@ class RollingDisk:
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: the disk lies flat.
+            InputError: the disk lies flat; it is between two frames of one body.
         """
-        return _disk_rows(self, state, self._plane, np.asarray(self.axis))
+        return self._disk_rows(state)
+
+    def _disk_rows(self, state: State, *, normal: bool = True) -> Rows:
+        """Rows of a disk: d lies in it, as far down as it goes, and the heading is along its rim."""
+        P, body = _met(self, state)
+        n, dn, e = P.n, P.n_rate, body.X.rotation @ self.axis
+        de = cross_matrix(body.v[3:]) @ e
+        along = float(e @ n)
+        up = n - along * e  # in the disk; its length is the sine of the angle between disk and plane
+        steep = float(np.linalg.norm(up))
+        if steep < _FLAT:
+            raise InputError(
+                f"{self.name!r:.80} lies flat on its plane, so that its whole rim touches; expected a disk that stands or "
+                "leans. Is its axis the right one?"
+            )
+        up /= steep
+        dup = _turned(up, dn - (float(dn @ e) + float(n @ de)) * e - along * de, steep)
+        heading = cross_matrix(e) @ n / steep
+        dheading = _turned(heading, cross_matrix(de) @ n + cross_matrix(e) @ dn, steep)
+        N = cross_matrix(n)
+        R = np.column_stack([heading, N @ heading, n])
+        dR = np.column_stack([dheading, cross_matrix(dn) @ heading + N @ dheading, dn])
+        return _rows(self, P, body, -up, -dup, R, dR, normal=normal)
 
 
 @dataclass(frozen=True, eq=False)
-class RollingWheel:
+class RollingWheel(RollingDisk):
     """A wheel of a vehicle that cannot leave its plane: it rolls without slip and does not slide sideways.
 
     Two rows (heading, side), those of `RollingDisk` without the normal one, which is empty for a vehicle on a planar joint:
     its joints carry it. A vehicle that is free in space wants `RollingDisk`, or `friction=mu`: then the rows are those of
-    the disk, with the normal, and the wheel may slip; that is refused where the vehicle cannot press on the plane.
-
-    Attributes:
-        name: The contact's role, e.g. "left_wheel".
-        frame: Frame of the robot at the wheel's centre, on the wheel, which spins.
-        radius: [m].
-        axis: About which it spins, in the frame's axes, shape (3,).
-        point: Of the plane.
-        normal: Of the plane.
-        friction: Coulomb's coefficient, or None.
-        facets: Of its pyramid.
-        velocity: Of the plane's material.
-        acceleration: Likewise.
-        about: Where these are given.
-
-    Raises:
-        InputError: as of `RollingDisk`.
+    the disk, with the normal, and the wheel may slip; that is refused where the vehicle cannot press on the plane. Its frame
+    is on the wheel, which spins; attributes as of `RollingDisk`.
     """
-
-    name: str
-    frame: str
-    radius: float = field(kw_only=True)
-    axis: Sequence[float] | Array = field(default=(0.0, 1.0, 0.0), kw_only=True)
-    point: Sequence[float] | Array = field(default=(0.0, 0.0, 0.0), kw_only=True)
-    normal: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
-    friction: float | None = field(default=None, kw_only=True)
-    facets: int = field(default=4, kw_only=True)
-    velocity: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    acceleration: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    about: Sequence[float] | Array | None = field(default=None, kw_only=True)
-    _plane: Plane = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_plane", _plane(self))
-        object.__setattr__(self, "axis", unit_direction(f"axis of {self.name!r:.80}", self.axis))
 
     def rows(self, state: State) -> Rows:
         """Two rows (heading, side); with friction as `RollingDisk`.
@@ -192,7 +178,7 @@ class RollingWheel:
             FrameNotFound: with the nearest names.
             InputError: the wheel lies flat; it has friction, and the vehicle cannot press it on the plane.
         """
-        rows = _disk_rows(self, state, self._plane, np.asarray(self.axis), normal=self.friction is not None)
+        rows = self._disk_rows(state, normal=self.friction is not None)
         if self.friction is not None and np.abs(rows.J[-1]).max() < 1e-9:
             raise InputError(
                 f"wheel {self.name!r:.80} has friction, and nothing presses it on its plane, which {state.robot.name} cannot "
@@ -202,16 +188,16 @@ class RollingWheel:
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
-    """A plane whose material may move.
+class _Plane:
+    """A plane whose material may move, at a state.
 
     Attributes:
         point: Of the plane, in W, shape (3,) [m].
         axes: R_WP, the normal third, shape (3, 3).
         about: Point of the material in W where velocity and acceleration are given, shape (3,) [m].
         u: Velocity there, linear then angular, shape (6,) [m/s, rad/s].
-        s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2].
-        ground: The plane alone.
+        s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2]; of a body, its J_dot v.
+        J: Jacobian of u, shape (6, nv); None of the ground.
     """
 
     point: Array
@@ -219,7 +205,7 @@ class Plane:
     about: Array
     u: Array
     s: Array
-    ground: Ground
+    J: Array | None
 
     @property
     def n(self) -> Array:
@@ -247,48 +233,18 @@ class _Body:
     bias: Array
 
 
-def _plane(given: RollingBall | RollingDisk | RollingWheel) -> Plane:
-    """The plane of a user's arguments, all of them checked.
-
-    Raises:
-        InputError: naming what does not fit.
-    """
-    name = given.name
-    check_words(name, given.frame)
-    check_friction(0.0 if given.friction is None else given.friction, given.facets)
-    if not 0.0 < as_float(given.radius) < 1e50:
-        raise InputError(f"radius of {name!r:.80} is {given.radius!r:.80}; expected a length > 0 [m].")
-    point = as_vector3(f"point of {name!r:.80}", given.point)
-    if given.about is not None and given.velocity is None and given.acceleration is None:
-        raise InputError(f"{name!r:.80} has about= without velocity= or acceleration=: it says where these are given.")
-    about = point if given.about is None else as_vector3(f"about of {name!r:.80}", given.about)
-    u, s = twist(f"velocity of {name!r:.80}", given.velocity), twist(f"acceleration of {name!r:.80}", given.acceleration)
-    n = unit_normal(name, given.normal)
-    return Plane(point, contact_axes(n), about, u, s, Ground(point=point, normal=n))
-
-
-def _disk_rows(given: RollingDisk | RollingWheel, state: State, P: Plane, axis: Array, *, normal: bool = True) -> Rows:
-    """Rows of a disk: d lies in it, as far down as it goes, and the heading is along its rim."""
+def _met(given: Rolling, state: State) -> tuple[_Plane, _Body]:
+    """The plane, and what rolls on it, at a state."""
     check_state(state, given.name)
-    body = _Body(*state.moving(given.frame, _HERE, pin.LOCAL_WORLD_ALIGNED))
-    n, dn, e = P.n, P.n_rate, body.X.rotation @ axis
-    de = cross_matrix(body.v[3:]) @ e
-    along = float(e @ n)
-    up = n - along * e  # in the disk; its length is the sine of the angle between disk and plane
-    steep = float(np.linalg.norm(up))
-    if steep < _FLAT:
-        raise InputError(
-            f"{given.name!r:.80} lies flat on its plane, so that its whole rim touches; expected a disk that stands or leans. "
-            "Is its axis the right one?"
-        )
-    up /= steep
-    dup = _turned(up, dn - (float(dn @ e) + float(n @ de)) * e - along * de, steep)
-    heading = cross_matrix(e) @ n / steep
-    dheading = _turned(heading, cross_matrix(de) @ n + cross_matrix(e) @ dn, steep)
-    N = cross_matrix(n)
-    R = np.column_stack([heading, N @ heading, n])
-    dR = np.column_stack([dheading, cross_matrix(dn) @ heading + N @ dheading, dn])
-    return _rows(given, P, body, -up, -dup, R, dR, normal=normal)
+    body = _Body(*state.moving(given.frame, HERE, pin.LOCAL_WORLD_ALIGNED))
+    on = given.on
+    if isinstance(on, Body):
+        check_two_bodies(state, given.name, given.frame, on)
+        X_WS, J, u, s = state.moving(on.frame, HERE, pin.LOCAL_WORLD_ALIGNED)
+        return _Plane(X_WS.translation, X_WS.rotation @ given._axes, X_WS.translation, u, s, J), body
+    assert isinstance(on, Ground)
+    point = np.asarray(on.point)
+    return _Plane(point, given._axes, point if on.about is None else np.asarray(on.about), *motion_of(on), None), body
 
 
 def _turned(unit: Array, rate: Array, length: float) -> Array:
@@ -296,17 +252,7 @@ def _turned(unit: Array, rate: Array, length: float) -> Array:
     return (rate - unit * float(unit @ rate)) / length
 
 
-def _rows(
-    given: RollingBall | RollingDisk | RollingWheel,
-    P: Plane,
-    body: _Body,
-    d: Array,
-    dd: Array,
-    R: Array,
-    dR: Array,
-    *,
-    normal: bool = True,
-) -> Rows:
+def _rows(given: Rolling, P: _Plane, body: _Body, d: Array, dd: Array, R: Array, dR: Array, *, normal: bool = True) -> Rows:
     """Rows of a contact r d from the centre, where d and the axes R change at dd and dR."""
     r, (v, w), u = float(given.radius) * d, np.split(body.v, 2), P.u[:3]
     p = body.X.translation + r
@@ -316,10 +262,14 @@ def _rows(
     g = v - arm @ w - u - P.turning @ from_about
     surface = P.s[:3] + cross_matrix(P.s[3:]) @ from_about + P.turning @ (v + dr - u)  # of the field u, where the contact goes
     dg = body.bias[:3] - arm @ body.bias[3:] + cross_matrix(w) @ dr - surface
-    J = R.T @ (body.J[:3] - arm @ body.J[3:])
+    J = body.J[:3] - arm @ body.J[3:]
+    if P.J is not None:
+        J = J - P.J[:3] + cross_matrix(from_about) @ P.J[3:]
+    J = R.T @ J
     kept = slice(2, 3) if given.friction == 0.0 else slice(0, 3 if normal else 2)
     error = np.array([0.0, 0.0, float(P.n @ (p - P.point))])
     m = len(error[kept])
+    ground, against = (given.on, None) if isinstance(given.on, Ground) else (None, given.frames[1])
     return Rows(
         given.name,
         J[kept],
@@ -328,12 +278,12 @@ def _rows(
         (R.T @ g)[kept],
         error[kept],
         resultant=R[:, kept],
-        patch=Patch(p, R, np.zeros((1, 3)), given.friction, None, P.ground if normal else None, 0.0),
+        patch=Patch(p, R, np.zeros((1, 3)), given.friction, against, ground if normal else None, 0.0),
         holonomic=np.array([False, False, True])[kept],
     )
 
 
-def _cone(given: RollingBall | RollingDisk | RollingWheel, m: int) -> Cone:
+def _cone(given: Rolling, m: int) -> Cone:
     if given.friction is None:
         return Free(m)
     return NonNegative(1) if given.friction == 0.0 else FrictionCone(float(given.friction), int(given.facets))

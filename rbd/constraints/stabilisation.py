@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, as_float, zeros
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, frames_of, made
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
@@ -20,11 +20,11 @@ class Baumgarte:
 
         feedback = 2 zeta w velocity + w^2 error,      so that      error'' + 2 zeta w error' + w^2 error = 0
 
-    on rows that hold. It is no physics: `solution.accelerations` leave it out, and `solution.feedback_acceleration` tells
+    on bilateral rows. It is no physics: `solution.accelerations` leave it out, and `solution.feedback_acceleration` is
     what it does to the motion. A step of simulation must be short against 1 / w.
 
     Rows without an `error` (a contact without an anchor) get the velocity part alone, which stops their drift and does not
-    undo it; `Stabilised.acts_on` says which. Rows that hold and give no velocity get J v.
+    undo it; `Stabilised.acts_on` says which. Bilateral rows that give no velocity get J v.
 
     Rows that push (limits, normals of contacts that can break) are pushed out of what they have entered, and no more:
     feedback = min(0, 2 zeta w velocity + w^2 error) where error <= 0, or where there is none (there w^2 error is left out);
@@ -83,15 +83,17 @@ class Stabilised:
     by: Baumgarte
 
     def __post_init__(self) -> None:
-        given = self.constraint
-        named = isinstance(getattr(given, "name", None), str) and callable(getattr(given, "rows", None))
-        if isinstance(given, type) or not named:
-            raise InputError(f"{given!r:.80} is no constraint: it wants a name and rows(state), as rbd.JointLock has.")
+        made(self.constraint)
 
     @property
     def name(self) -> str:
         """The constraint's own name."""
         return self.constraint.name
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that the constraint joins."""
+        return frames_of(self.constraint)
 
     def rows(self, state: State) -> Rows:
         """The constraint's rows, with feedback."""

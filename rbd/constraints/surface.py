@@ -1,4 +1,4 @@
-"""The surface that a contact touches: moving ground, another body, or an anchor on either.
+"""How a contact moves as seen from what it touches, ground, another body or an anchor on either; its axes and force sets.
 
 Let the surface move with velocity u, acceleration s, angular velocity W and angular acceleration W', all of the material
 point of it that now touches. Seen from the surface, in axes that turn with it, a point with v and a of a body with w and w'
@@ -16,21 +16,22 @@ another point of the surface, from which the contact is r away, they are carried
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix, lazy
-from rbd.constraints.contact_geometry import rigid_placement
+from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix, is_finite, lazy, zeros
 from rbd.errors import InputError
 from rbd.model.state import State
+from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, WrenchCone
+from rbd.problem.ground import Body, Ground, Surface
 
-Contact = TypeVar("Contact")
-_HERE = pin.SE3.Identity()
+HERE = pin.SE3.Identity()
+UP = np.array([0.0, 0.0, 1.0])
+_ALONG = 0.7
+"""Largest cosine between line and normal: 45 degrees off the surface it is no line contact any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,31 +52,30 @@ class RelativeMotion:
     v: Array
     bias: Array
 
+    def in_axes(self, R: Array) -> tuple[Array, Array, Array]:
+        """(J, velocity, J_dot v) in contact axes R_WC, six rows each."""
+        J, v, bias = (np.concatenate([R.T @ x[:3], R.T @ x[3:]]) for x in (self.J, self.v, self.bias))
+        return J, v, bias
+
 
 @dataclass(frozen=True, eq=False)
 class Counterpart:
-    """What a contact touches.
+    """What a contact touches, and where.
 
     Attributes:
         name: The contact's name.
-        against: Frame of the other body; None for the ground.
-        velocity: Of the ground's surface at `about`, world axes, linear then angular, shape (6,) [m/s, rad/s].
-        acceleration: Likewise [m/s2, rad/s2].
-        about: Point in W that they are given at; None for the contact's own point.
-        anchor: Where the contact first touched, in W or in `against`'s axes; None where it does not matter.
+        on: The ground or the body; None for ground at rest.
+        anchor: Where the contact first touched, in W or in the body's axes; None where it does not matter.
     """
 
     name: str
-    against: str | None
-    velocity: Array
-    acceleration: Array
-    about: Array | None
+    on: Surface
     anchor: pin.SE3 | None
 
     @lazy
     def still(self) -> bool:
         """Whether it is the ground at rest, with an anchor on it."""
-        return self.against is None and not (self.velocity.any() or self.acceleration.any())
+        return self.on is None or (isinstance(self.on, Ground) and not self.on.moves)
 
     def motion(self, state: State, frame: str, X_FP: pin.SE3) -> RelativeMotion:
         """Motion of a pose P fixed to a frame, relative to what it touches.
@@ -86,19 +86,18 @@ class Counterpart:
         """
         X_WP, J, v, bias = state.moving(frame, X_FP, pin.LOCAL_WORLD_ALIGNED)
         if self.still:
-            return RelativeMotion(X_WP, _HERE, J, v, bias)
-        p, X_WS, u, s = X_WP.translation, _HERE, self.velocity, self.acceleration
-        r = np.zeros(3) if self.about is None else p - self.about
-        if self.against is not None:
-            if state.robot.site(frame)[0] == state.robot.site(self.against)[0]:
-                raise InputError(
-                    f"contact {self.name!r} is between {frame!r} and {self.against!r}, which are fixed to one body "
-                    f"of {state.robot.name}; expected frames of two bodies that move against each other."
-                )
-            X_WS, J_S, u, s = state.moving(self.against, _HERE, pin.LOCAL_WORLD_ALIGNED)
+            return RelativeMotion(X_WP, HERE, J, v, bias)
+        p, X_WS = X_WP.translation, HERE
+        if isinstance(self.on, Body):
+            check_two_bodies(state, self.name, frame, self.on)
+            X_WS, J_S, u, s = state.moving(self.on.frame, HERE, pin.LOCAL_WORLD_ALIGNED)
             r = p - X_WS.translation
             J = J - J_S
             J[:3] += cross_matrix(r) @ J_S[3:]  # - W x r
+        else:
+            assert self.on is not None
+            u, s = motion_of(self.on)
+            r = zeros(3) if self.on.about is None else p - self.on.about
         turn, W = cross_matrix(u[3:]), u[3:]
         u = np.concatenate([u[:3] + turn @ r, W])
         s = np.concatenate([s[:3] + cross_matrix(s[3:]) @ r + turn @ (turn @ r), s[3:]])
@@ -120,89 +119,137 @@ class Counterpart:
         return motion.X_WS.rotation @ self.anchor.rotation
 
 
-def counterpart(
-    name: str,
-    frame: str,
-    against: str | None,
-    velocity: Sequence[float] | Array | None,
-    acceleration: Sequence[float] | Array | None,
-    about: Sequence[float] | Array | None,
-    anchor: pin.SE3 | None,
-) -> Counterpart | None:
-    """What a contact touches, from a user's arguments; None for a ground at rest, which has a shorter way.
+def motion_of(ground: Ground) -> tuple[Array, Array]:
+    """(velocity, acceleration) of a ground, shapes (6,); zero where none is given."""
+    u, s = (zeros(6) if given is None else np.asarray(given) for given in (ground.velocity, ground.acceleration))
+    return u, s
+
+
+def check_two_bodies(state: State, name: str, frame: str, on: Body) -> None:
+    """Refuse a contact between two frames of one body.
 
     Raises:
-        InputError: shapes that do not fit, or what excludes each other.
+        FrameNotFound: with the nearest names.
+        InputError: with both frames.
     """
-    if all(given is None for given in (against, velocity, acceleration, about, anchor)):
-        return None
-    u, s = twist(f"velocity of contact {name!r}", velocity), twist(f"acceleration of contact {name!r}", acceleration)
-    if about is not None:
-        about = as_vector3(f"about of contact {name!r}", about)
-        if velocity is None and acceleration is None:
-            raise InputError(f"contact {name!r} has about= without velocity= or acceleration=: it says where these are given.")
-    if against is not None:
-        if not isinstance(against, str) or not against:
-            raise InputError(f"against of contact {name!r} is {against!r:.80}; expected a frame of the other body.")
-        if against == frame:
-            raise InputError(f"contact {name!r} is between {frame!r} and itself; expected a frame of another body.")
-        if velocity is not None or acceleration is not None:
-            raise InputError(
-                f"contact {name!r} has both against= and a motion of the surface; the body of {against!r} moves as the "
-                "state says. Leave velocity= and acceleration= out."
-            )
-    return Counterpart(name, against, u, s, None if about is None else np.asarray(about), anchor)
-
-
-def twist(what: str, value: Sequence[float] | Array | None) -> Array:
-    """Linear and angular parts, shape (6,); a missing angular part, or None, is zero.
-
-    Raises:
-        InputError: if it is neither three nor six finite numbers.
-    """
-    out = np.zeros(6)
-    if value is None:
-        return out
-    given = as_array(what, value)
-    if given.shape not in ((3,), (6,)):
+    if state.robot.site(frame)[0] == state.robot.site(on.frame)[0]:
         raise InputError(
-            f"{what} has shape {given.shape}; expected (3,), linear, or (6,), linear then angular, in world axes: how the "
-            "surface moves."
+            f"contact {name!r} is between {frame!r} and {on.frame!r}, which are fixed to one body of {state.robot.name}; "
+            "expected frames of two bodies that move against each other."
         )
-    check_finite(what, given)
-    out[: len(given)] = given
-    return out
 
 
-def anchor_point(name: str, anchor: Sequence[float] | Array | None) -> pin.SE3 | None:
-    """A point's anchor, or None.
+def check_words(whose: str, **words: object) -> None:
+    """Refuse names that are no words.
+
+    Args:
+        whose: Whose they are, for messages.
+        words: What each is: what was given.
 
     Raises:
-        InputError: if it is not three finite numbers.
+        InputError: naming which.
     """
-    return None if anchor is None else pin.SE3(np.eye(3), as_vector3(f"anchor of contact {name!r}", anchor))
+    for what, value in words.items():
+        if not isinstance(value, str) or not value:
+            raise InputError(f"the {what} of {whose} is {value!r:.80}; expected a word, e.g. 'left_sole'.")
 
 
-def anchor_placement(name: str, anchor: pin.SE3 | Array | None) -> pin.SE3 | None:
-    """A patch's anchor, or None.
+def check_state(state: State, name: str) -> None:
+    """Refuse what is no State.
+
+    Raises:
+        InputError: with the constraint's name.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
+
+
+def contact_axes(normal: Array) -> Array:
+    """R_WP with the normal as third column, the first along W's x as far as it goes (W's y for a normal along x)."""
+    along = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    t1 = along - (along @ normal) * normal
+    t1 /= np.linalg.norm(t1)
+    return np.column_stack([t1, np.cross(normal, t1), normal])
+
+
+def edge_axes(name: str, x: Array, n: Array) -> Array:
+    """R_WP of an edge along x: z is the normal n less its part along the edge.
+
+    Raises:
+        InputError: the edge stands more than 45 degrees off the surface.
+    """
+    along = float(n @ x)
+    if not abs(along) <= _ALONG:
+        raise InputError(
+            f"the line of contact {name!r} stands {90.0 - np.rad2deg(np.arccos(min(1.0, abs(along)))):.0f} degrees off its "
+            "surface; expected one that lies on it (up to 45 are taken). Is the placement's x along the line?"
+        )
+    z = n - along * x
+    z /= np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
+    """A placement as a pin.SE3; the identity for None.
+
+    Args:
+        what: What it is, for messages.
+        placement: pin.SE3, a 4 x 4 matrix, or None.
 
     Raises:
         InputError: if it is no rigid placement.
     """
-    return None if anchor is None else rigid_placement(f"anchor of contact {name!r}", anchor)
+    if placement is None:
+        return pin.SE3.Identity()
+    matrix = placement.homogeneous if isinstance(placement, pin.SE3) else as_array(what, placement)
+    R = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
+    if not is_finite(matrix) or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
+        raise InputError(f"{what} is no rigid placement; expected pin.SE3 or a 4 x 4 matrix.")
+    return pin.SE3(R, matrix[:3, 3])
 
 
-def remember(contact: object, touched: Counterpart | None, **given: object) -> None:
-    """Put what a contact touches, and what it was given about that, into its fields, as the counterpart has checked them."""
-    put = object.__setattr__
-    put(contact, "against", given["against"])
-    for what in ("velocity", "acceleration"):
-        put(contact, what, None if given[what] is None or touched is None else getattr(touched, what))
-    put(contact, "about", None if touched is None else touched.about)
-    put(contact, "_touched", touched)
+def cone_of(corners: Array, friction: float | None, facets: int) -> Cone:
+    """Set of a contact's row forces."""
+    k = len(corners)
+    if friction is None:
+        return Free({1: 3, 2: 5}.get(k, 6))
+    mu = float(friction)
+    if k == 1:
+        return FrictionCone(mu, facets) if mu else NonNegative(1)
+    return LineCone(float(corners[0, 0]), mu, facets) if k == 2 else WrenchCone(corners, mu, facets)
 
 
-def changed(contact: Contact, **changes: Any) -> Contact:
-    """The same contact with some of its arguments changed."""
-    given = {key: getattr(contact, key) for key in inspect.signature(type(contact)).parameters if hasattr(contact, key)}
-    return type(contact)(**(given | changes))
+def anchor_of(name: str, anchor: pin.SE3 | Sequence[float] | Array | None, *, point: bool) -> pin.SE3 | None:
+    """Where it first touched, as a placement."""
+    if anchor is None:
+        return None
+    if point:
+        return pin.SE3(np.eye(3), as_vector3(f"anchor of contact {name!r}", anchor))
+    return rigid_placement(f"anchor of contact {name!r}", anchor)
+
+
+def corners_of(name: str, corners: object, X_FP: pin.SE3) -> tuple[Array, pin.SE3]:
+    """(corners from the centre, shape (k, 3), the placement of the centre): of a point W's axes, of an edge x along it."""
+    given = as_array(f"corners of contact {name!r}", corners)
+    if given.ndim != 2 or given.shape[1] not in (2, 3) or not len(given):
+        raise InputError(f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 1.")
+    check_finite(f"corners of contact {name!r}", given)
+    out = np.zeros((len(given), 3))
+    out[:, : given.shape[1]] = given
+    if len(out) == 1:
+        return np.zeros((1, 3)), pin.SE3(np.eye(3), X_FP.act(out[0]))
+    spread = np.linalg.svd(out - out.mean(axis=0), compute_uv=False)
+    if len(out) > 2:
+        if spread[1] <= 1e-9 * max(spread[0], 1e-300) or spread[0] == 0.0:
+            raise InputError(f"corners of contact {name!r} lie on one line; a patch needs an area. For a line use LineContact.")
+        return out, X_FP
+    half = 0.5 * (out[0] - out[1])
+    length = float(np.linalg.norm(half))
+    if not length > 0.0:
+        raise InputError(f"the two corners of contact {name!r} are one point; for a point use PointContact.")
+    if half[1] or half[2] or half[0] < 0.0 or (out[0] + out[1]).any():
+        x = half / length
+        y = np.cross(UP, x) if abs(x[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
+        z = np.cross(x, y / np.linalg.norm(y))
+        X_FP = X_FP * pin.SE3(np.column_stack([x, np.cross(z, x), z]), 0.5 * (out[0] + out[1]))
+    return np.array([[length, 0.0, 0.0], [-length, 0.0, 0.0]]), X_FP

@@ -1,8 +1,7 @@
 """What decides the motor torques and the pushes over time: controllers, schedules and pushes."""
 
 from rbd.control.posture import HoldPosture
-from rbd.control.pushes import Push, Pushes
-from rbd.control.torques import TorqueSchedule, ZeroOrderHold
+from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
 from rbd.modules import submodule as _submodule
 
 __all__ = ["HoldPosture", "Push", "Pushes", "ZeroOrderHold", "TorqueSchedule"]

@@ -1,20 +1,19 @@
 """Mechanisms: what closed loops and rolling let a robot do, and what not."""
 
-from rbd.mechanism.assembly import Assembly, assemble
-from rbd.mechanism.assembly_modes import Branch, Branches, branches
+from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
 from rbd.mechanism.frobenius import Integrability, integrability
-from rbd.mechanism.independent import independent_velocities
 from rbd.mechanism.partition import (
     AccelerationPartition,
     VelocityPartition,
     acceleration_partition,
+    independent_velocities,
     velocity_partition,
 )
+from rbd.mechanism.projection import project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
-from rbd.mechanism.velocity_projection import project_velocity
 from rbd.modules import submodule as _submodule
 from rbd.robots.linkage import link_angles
 from rbd.robots.standard_linkages import four_bar, n_four_bar, slider_crank

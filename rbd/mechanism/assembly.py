@@ -1,4 +1,4 @@
-"""Assembling a mechanism: from a rough configuration onto its constraints."""
+"""Assembling a mechanism: from a rough configuration onto its constraints, or into all its branches from many random starts."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 from rbd.arrays import Array, as_float, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.mechanism.closure import Closure, Misfit, rank_of, unmet
-from rbd.mechanism.coordinates import Beyond
-from rbd.mechanism.descent import Descent, descend, settle
-from rbd.model.checked_model import CheckedModel
+from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_state, check_whole
+from rbd.mechanism.closure import ASIDE, Closure, ConstraintResidual, Descent, around, descend, minimise, position_residual
+from rbd.mechanism.partition import independent_columns
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, displacement, distance, draw
+from rbd.model.state import State
 from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
@@ -30,9 +31,9 @@ class Assembly:
         q: The configuration, shape (nq,).
         residual: Largest entry of the errors [m, rad].
         iterations: Steps taken.
-        moved: Length of the way from q0 to q as a velocity of unit time, angles by the short way round [rad, m].
+        moved: Length of the way from the start to q as a velocity of unit time, angles by the short way round [rad, m].
         rows: The constraints' rows at q, at rest.
-        freedoms: Free velocities less the rank of the rows' Jacobian: freedoms left at q, at first order.
+        dof: Free velocities less the rank of the rows' Jacobian: degrees of freedom left at q, at first order.
         skipped: Constraints without a say, and why.
         beyond_limits: Joints outside the limits of the robot's file.
     """
@@ -42,14 +43,14 @@ class Assembly:
     iterations: int
     moved: float
     rows: tuple[Rows, ...]
-    freedoms: int
+    dof: int
     skipped: tuple[str, ...]
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
 
     def __str__(self) -> str:
         lines = [
             f"assembled to {self.residual:.1e} in {self.iterations} steps, {self.moved:.4g} from the start; "
-            f"{self.freedoms} freedom{'s' * (self.freedoms != 1)} left"
+            f"{self.dof} degree{'s' * (self.dof != 1)} of freedom left"
         ]
         lines += [f"  not asked: {why}" for why in self.skipped]
         lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
@@ -57,9 +58,8 @@ class Assembly:
 
 
 def assemble(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
-    q0: Array,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
     *,
     fixed: Mapping[str, object] | None = None,
     within_limits: bool = False,
@@ -67,20 +67,19 @@ def assemble(
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
 ) -> Assembly:
-    """A configuration on the constraints near q0, with the residual that is left.
+    """A configuration on the constraints near that of a state, with the residual that is left.
 
-    Levenberg's and Marquardt's steps on the manifold of configurations; see `rbd.mechanism.descent`. Rows that repeat each
+    Levenberg's and Marquardt's steps on the manifold of configurations; see `rbd.mechanism.closure`. Rows that repeat each
     other do no harm. From far away it may end in another branch than the one meant: look at `moved`, or give `within`.
 
     Args:
-        robot: The robot.
+        state: Where to start; its velocity plays no part.
         constraints: Loops, locks, couplings, held contacts with an anchor, functions of q; None for the loops
-            and wheels of its file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
+            and wheels of the robot's file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
             kept to one side.
-        q0: Start, shape (nq,).
         fixed: {joint: value} held exactly: an angle [rad], a displacement [m], or the joint's part of q.
         within_limits: Keep every joint within the limits of the robot's file. If not, those beyond are reported.
-        within: Farthest that q may be from q0, as `Assembly.moved` measures it; farther is refused.
+        within: Farthest that q may be from the start, as `Assembly.moved` measures it; farther is refused.
         tolerance: Largest entry of the errors [m, rad]. Mechanisms of kilometres want more than the default: rounding.
         max_iterations: Most evaluations.
 
@@ -93,59 +92,55 @@ def assemble(
         InputError: no constraint with an error, one that can slip or break, values of a wrong size.
         JointNotFound: a fixed joint that is none.
 
-    >>> found = rbd.mechanism.assemble(robot, robot.loops(), q0, fixed={"crank": 0.7})
+    >>> found = rbd.mechanism.assemble(robot.at(q0), fixed={"crank": 0.7})
     """
     if not as_float(within) > 0.0:
         raise InputError(f"within is {within!r:.80}; expected a number > 0 [rad, m], or inf.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
+    robot, q0 = check_state(state).robot, state.q
     closure = Closure(robot, constraints, fixed, within_limits=within_limits)
     start = closure.start(q0)
     found = descend(closure, start, tolerance=tolerance, most=max_iterations)
     if not found.closed:
-        found = _second_thoughts(closure, found, tolerance, max_iterations)
-    misfit = found.misfit
-    q0 = np.asarray(q0, float)
-    moved = float(np.linalg.norm(closure.coordinates.way(q0, misfit.q)))
+        found = _from_lower_down(closure, found, tolerance, max_iterations)
+    end = found.at
+    moved = float(np.linalg.norm(displacement(robot, q0, end.q)))
     if moved > within:
         raise CannotAssemble(
-            f"{robot.name} closes, but {moved:.4g} from q0 [rad, m], and at most {within:g} is allowed: the start is too far "
-            "away, or this is another branch. Give a nearer q0; see rbd.mechanism.branches for all branches.",
-            q=misfit.q,
-            elsewhere=misfit.q,
+            f"{robot.name} closes, but {moved:.4g} from the start [rad, m], and at most {within:g} is allowed: the start is "
+            "too far away, or this is another branch. Give a nearer one; see rbd.mechanism.branches for all branches.",
+            q=end.q,
+            elsewhere=end.q,
         )
-    J = misfit.J if len(misfit.J) else np.zeros((1, len(closure.free)))
-    rank = rank_of(np.linalg.svd(J, compute_uv=False))
-    beyond = closure.coordinates.beyond_limits(misfit.q)
-    return Assembly(
-        misfit.q, misfit.residual, found.steps, moved, misfit.rows, len(closure.free) - rank, closure.skipped, beyond
-    )
+    beyond = beyond_limits(robot, end.q)
+    return Assembly(end.q, end.residual, found.steps, moved, end.rows, len(end.null), closure.skipped, beyond)
 
 
-def _second_thoughts(closure: Closure, found: Descent, tolerance: float, most: int) -> Descent:
+def _from_lower_down(closure: Closure, found: Descent, tolerance: float, most: int) -> Descent:
     """Off a saddle and down again; raises what is to be said if that does not close either."""
-    bottom = settle(closure, found.misfit)
-    again = descend(closure, bottom.misfit, tolerance=tolerance, most=most)
+    bottom = minimise(closure, found.at)
+    again = descend(closure, bottom.at, tolerance=tolerance, most=most)
     if again.closed:
-        return Descent(again.misfit, found.steps + again.steps, True, False)
-    raise _failure(closure, bottom.misfit, tolerance, most, minimum=bottom.minimum)
+        return Descent(again.at, found.steps + again.steps, True, False)
+    raise _failure(closure, bottom.at, tolerance, most, minimum=bottom.minimum)
 
 
-def _failure(closure: Closure, at: Misfit, tolerance: float, most: int, *, minimum: bool) -> CannotAssemble:
-    name, left = closure.robot.name, distances(at, tolerance)
+def _failure(closure: Closure, at: ConstraintResidual, tolerance: float, most: int, *, minimum: bool) -> CannotAssemble:
+    robot, left = closure.robot, distances(at, tolerance)
     named = ", ".join(f"{row!r:.80} is {_apart(d)} apart" for row, d in list(left.items())[:6])
-    say = [f"{name} does not close: {named or 'nothing is left'}."]
-    floor = 1e3 * np.finfo(float).eps * closure.coordinates.reach
+    say = [f"{robot.name} does not close: {named or 'nothing is left'}."]
+    floor = 1e3 * np.finfo(float).eps * robot.joints.reach
     elsewhere = None
     if at.residual < max(floor, 10.0 * tolerance):
-        say.append(f"What is left is rounding of lengths of {closure.coordinates.reach:.3g} m; give tolerance={floor:.0e}.")
+        say.append(f"What is left is rounding of lengths of {robot.joints.reach:.3g} m; give tolerance={floor:.0e}.")
     else:
         elsewhere, least = _other_starts(closure, tolerance, most)
         say.append("Nothing nearby makes it less: a true minimum of the distance." if minimum else "The steps ran out there.")
         if elsewhere is not None:
             say.append(
-                f"From another start it closes, {float(np.linalg.norm(closure.coordinates.way(at.q, elsewhere))):.3g} away "
-                "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer q0, or see rbd.mechanism.branches."
+                f"From another start it closes, {float(np.linalg.norm(displacement(robot, at.q, elsewhere))):.3g} away "
+                "[rad, m] (`error.elsewhere`): this start is too far away. Give a nearer one, or see rbd.mechanism.branches."
             )
         elif len(closure.free):
             say.append(
@@ -157,11 +152,11 @@ def _failure(closure: Closure, at: Misfit, tolerance: float, most: int, *, minim
     return CannotAssemble(" ".join(say), q=at.q, distances=left, minimum=minimum, elsewhere=elsewhere)
 
 
-def distances(at: Misfit, tolerance: float) -> dict[str, float]:
+def distances(at: ConstraintResidual, tolerance: float) -> dict[str, float]:
     """{constraint: length of its error}, of those that are not met, the largest first [m, rad]."""
     out = {}
     for r in at.rows:
-        error, _ = unmet(r)
+        error, _ = position_residual(r)
         if max_abs(error) > tolerance:
             out[r.name] = float(np.linalg.norm(error))
     return dict(sorted(out.items(), key=lambda item: -item[1]))
@@ -172,12 +167,12 @@ def _other_starts(closure: Closure, tolerance: float, most: int) -> tuple[Array 
     rng, least = np.random.default_rng(0), math.inf
     for _ in range(STARTS if len(closure.free) else 0):
         try:
-            found = descend(closure, closure.at(closure.pin(closure.coordinates.draw(rng))), tolerance=tolerance, most=most)
+            found = descend(closure, closure.at(closure.pin(draw(closure.robot, rng))), tolerance=tolerance, most=most)
         except InputError:  # a start where a constraint is not defined
             continue
         if found.closed:
-            return found.misfit.q, 0.0
-        least = min(least, float(np.linalg.norm(found.misfit.error)))
+            return found.at.q, 0.0
+        least = min(least, float(np.linalg.norm(found.at.error)))
     return None, least
 
 
@@ -191,9 +186,9 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
         if not found.closed:
             continue
         free.append(joint)
-        place = less.coordinates.places[joint]
-        if place.nv == 1:
-            out.append(f"{joint!r:.80} at {place.coordinate(found.misfit.q):.6g} (not {closure.fixed[joint]!r:.40})")
+        moved = closure.robot.joints[joint]
+        if moved.nv == 1:
+            out.append(f"{joint!r:.80} at {moved.coordinate(found.at.q):.6g} (not {closure.fixed[joint]!r:.40})")
     if not free:
         return f"Letting go any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
     if len(closure.fixed) > 1:
@@ -205,23 +200,180 @@ def _apart(distance: float) -> str:
     return f"{distance:.6g} m (or rad)"
 
 
-def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterations") -> None:
-    """Refuse settings that are none.
+SAME = 1e-5
+"""Two poses are one if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""
+
+MOST_TRIES = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """One way to put the mechanism together.
+
+    Attributes:
+        q: Its configuration, shape (nq,), angles in (-pi, pi] where limits let them.
+        hits: How many starts ended there.
+        residual: Largest entry of the errors [m, rad].
+        singular: Whether the constraints lose rank there: another branch meets it, or it is flat.
+        beyond_limits: Joints outside the limits of the robot's file.
+    """
+
+    q: Array
+    hits: int
+    residual: float
+    singular: bool
+    beyond_limits: tuple[LimitViolation, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """All branches that were found. That there are no others is not proved.
+
+    Attributes:
+        found: Ordered by their coordinates.
+        tries: Random starts.
+        closed: Starts that reached the constraints; the others ended in a minimum of the distance.
+        since_new: Starts since the last new branch was found.
+        seed: Of the starts.
+        skipped: Constraints without a say, and why.
+    """
+
+    found: tuple[Branch, ...]
+    tries: int
+    closed: int
+    since_new: int
+    seed: int
+    skipped: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @property
+    def q(self) -> Array:
+        """The configurations, shape (k, nq)."""
+        return np.array([branch.q for branch in self.found])
+
+    def __str__(self) -> str:
+        k = len(self.found)
+        lines = [
+            f"{k} branch{'es' * (k != 1)} in {self.tries} tries (seed {self.seed}; {self.closed} closed), the last new "
+            f"one {self.since_new} tries before the end. That there are no more is not proved."
+        ]
+        for i, b in enumerate(self.found):
+            marks = "".join([", singular" * b.singular, *(f"; beyond its limits: {joint}" for joint in b.beyond_limits)])
+            lines.append(f"  {i}: q = {np.array2string(b.q, precision=6, suppress_small=True)}, {b.hits} hits{marks}")
+        lines += [f"  not asked: {why}" for why in self.skipped]
+        return "\n".join(lines)
+
+
+def branches(
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    fixed: Mapping[str, object] | None = None,
+    seed: int = 0,
+    tries: int = 200,
+    within_limits: bool = False,
+    tolerance: float = TOLERANCE,
+    max_iterations: int = 100,
+) -> Branches:
+    """All ways to assemble a mechanism that many random starts find.
+
+    A start draws every joint over its limits, or over one turn, or (sliding, without limits) over the robot's reach, and goes
+    down to the constraints as `assemble` does. Poses that differ by whole turns are one.
+
+    Args:
+        state: Of the robot; where it is plays no part, starts are drawn.
+        constraints: As for `assemble`; None for the loops and wheels of the robot's file.
+        fixed: {joint: value} held exactly: enough of them that nothing can move.
+        seed: Of the starts: the same seed finds the same.
+        tries: How many starts.
+        within_limits: Only poses within the limits of the robot's file; if not, those outside are marked.
+        tolerance: As for `assemble`.
+        max_iterations: Of each start.
+
+    Returns:
+        The branches, each with its number of hits. No proof that they are all.
 
     Raises:
-        InputError: with what was expected.
+        CannotAssemble: no start closes; says the least distance that is left.
+        InputError: the mechanism can still move, so that its poses are a continuum: says what to fix. And as `assemble`.
+
+    >>> print(rbd.mechanism.branches(robot.at(), fixed={"crank": 0.7}))
     """
-    if not 0.0 < as_float(tolerance) <= 1e-3:
-        raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
-    if isinstance(max_iterations, bool) or not isinstance(max_iterations, int) or not 0 < max_iterations <= 100_000:
-        raise InputError(f"{what} is {max_iterations!r:.80}; expected a whole number from 1 to 100000.")
+    rng = np.random.default_rng(check_seed(seed))
+    check_whole("tries", tries, MOST_TRIES)
+    check_descent(tolerance, max_iterations)
+    check_flag("within_limits", within_limits)
+    robot = check_state(state).robot
+    closure = Closure(robot, constraints, fixed, within_limits=within_limits)
+    poses: list[ConstraintResidual] = []
+    hits: list[int] = []
+    singular: list[bool] = []
+    nearest: ConstraintResidual | None = None
+    refusal: InputError | None = None
+    closed = last_new = 0
+    for i in range(tries):
+        try:
+            start = closure.at(closure.pin(draw(robot, rng)))
+            found = descend(closure, start, tolerance=tolerance, most=max_iterations)
+        except InputError as error:  # of this draw, or of all: then what was given is wrong
+            refusal = refusal or error
+            continue
+        if not found.closed:
+            if nearest is None or found.at.error @ found.at.error < nearest.error @ nearest.error:
+                nearest = found.at
+            continue
+        closed += 1
+        same = [k for k, pose in enumerate(poses) if distance(robot, pose.q, found.at.q) < SAME]
+        if same:
+            hits[same[0]] += 1
+            continue
+        poses.append(found.at)
+        singular.append(_is_singular(closure, found.at, tolerance, max_iterations))
+        hits.append(1)
+        last_new = i
+    if not poses:
+        if nearest is None:
+            assert refusal is not None  # a draw that is not refused closes, or comes near
+            raise refusal
+        raise _no_start_closes(closure, nearest, tries, tolerance)
+    out = []
+    for pose, n, flat in zip(poses, hits, singular, strict=True):
+        q = canonical(robot, pose.q, closure.held)
+        out.append(Branch(q, n, pose.residual, flat, beyond_limits(robot, q)))
+    out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
+    return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped)
 
 
-def check_flag(what: str, value: bool) -> None:
-    """Refuse what is neither True nor False.
+def _is_singular(closure: Closure, at: ConstraintResidual, tolerance: float, most: int) -> bool:
+    """Whether the constraints lose rank at a pose that is alone there.
 
     Raises:
-        InputError: with what was expected.
+        InputError: it is not alone: a step in a direction that J allows, brought back onto the constraints, leads on.
     """
-    if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{what} is {value!r:.80}; expected True or False.")
+    for there in around(closure, at, tolerance=tolerance, most=most):
+        if np.linalg.norm(closure.way(at.q, there.q)) < 0.3 * ASIDE:
+            continue
+        free = closure.names(independent_columns(there.J))
+        held = f" with {', '.join(map(repr, closure.fixed))} fixed"[:200] if closure.fixed else ""
+        raise InputError(
+            f"{closure.robot.name} can still move: {len(free)} degree{'s' * (len(free) != 1)} of freedom left{held}, so its "
+            f"poses are a continuum, not branches. Fix as many joints, e.g. {', '.join(map(repr, free))}."[:600]
+        )
+    return len(at.null) > 0
+
+
+def _no_start_closes(closure: Closure, nearest: ConstraintResidual, tries: int, tolerance: float) -> CannotAssemble:
+    name, fixed = closure.robot.name, ", ".join(map(repr, closure.fixed))
+    bottom = minimise(closure, nearest)
+    left = distances(bottom.at, tolerance)
+    named = ", ".join(f"{row!r:.80} {d:.6g}" for row, d in list(left.items())[:6])
+    return CannotAssemble(
+        f"{name} does not close from any of {tries} starts; nearest it is apart by {named} m (or rad)"
+        f"{', a true minimum of the distance' * bottom.minimum}. Check lengths and frames"
+        f"{f', and the fixed values of {fixed:.200}' if fixed else ''}.",
+        q=bottom.at.q,
+        distances=left,
+        minimum=bottom.minimum,
+    )

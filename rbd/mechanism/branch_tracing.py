@@ -3,21 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite, max_abs
 from rbd.constraints.constraint import Constraint
-from rbd.errors import InputError
-from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent, check_flag
-from rbd.mechanism.closure import Closure
-from rbd.mechanism.continuation import Curve
-from rbd.mechanism.coordinates import Beyond
-from rbd.mechanism.driving import Crossing, Drive, Limit, Motion
-from rbd.model.checked_model import FARTHEST, CheckedModel
+from rbd.errors import InputError, NoSolution
+from rbd.mechanism.arguments import check_descent, check_flag, check_state, check_whole
+from rbd.mechanism.assembly import TOLERANCE, assemble
+from rbd.mechanism.closure import Closure, descend
+from rbd.mechanism.continuation import Curve, Drive, Point, Step
+from rbd.mechanism.poses import LimitViolation, beyond_limits, distance
+from rbd.model.checked_model import FARTHEST
+from rbd.model.state import State
 
 _SHOWN = 6
+ARRIVED = 1e-9
+"""How near to a value, or to a stop, the driven joint counts as being there [rad, m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """Where the driven joint can go no farther: J2 is singular, and the mechanism turns back there.
+
+    Attributes:
+        value: Of the driven joint [rad, m].
+        greatest: Whether it is the greatest value on its way; else the least.
+        q: The pose, shape (nq,).
+    """
+
+    value: float
+    greatest: bool
+    q: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A singular pose that the motion passes, where another branch crosses: known to 1e-5.
+
+    Attributes:
+        value: Of the driven joint [rad, m].
+        q: The pose, shape (nq,).
+        sigma: Least singular value of J there, of those that are not zero on the way.
+    """
+
+    value: float
+    q: Array
+    sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +70,7 @@ class Trace:
         stopped_by: Name of the stop that ended the motion, or "".
         closed: Whether the motion came back to where it began.
         beyond_limits: Joints outside the limits of the robot's file somewhere on the way, as they first were.
-        moved: How far the first pose is from q0, as in `Assembly`.
+        moved: How far the first pose is from the start, as in `Assembly`.
         steps: Steps tried.
     """
 
@@ -48,11 +81,11 @@ class Trace:
     sigma_min: Array
     condition: Array
     limits: tuple[Limit, ...]
-    crossings: tuple[Crossing, ...]
+    crossings: tuple[Bifurcation, ...]
     unreached: Array
     stopped_by: str
     closed: bool
-    beyond_limits: tuple[Beyond, ...]
+    beyond_limits: tuple[LimitViolation, ...]
     moved: float
     steps: int
 
@@ -66,7 +99,7 @@ class Trace:
 
     def __str__(self) -> str:
         worst = int(np.argmin(self.sigma_min))
-        start = f"; it began {self.moved:.3g} from q0" if self.moved > 0.1 else ""
+        start = f"; it began {self.moved:.3g} from the start given" if self.moved > 0.1 else ""
         lines = [
             f"{self.joint} from {self.input[0]:.6g} to {self.input[-1]:.6g}: {len(self)} poses, off {self.residual.max():.0e}"
             + start,
@@ -88,12 +121,11 @@ class Trace:
 
 
 def trace(
-    robot: CheckedModel,
-    constraints: Sequence[Constraint] | None,
-    q0: Array,
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
     joint: str,
     values: Sequence[float] | Array,
-    *,
     steps: int = 100,
     fixed: Mapping[str, object] | None = None,
     past_limits: bool = False,
@@ -104,17 +136,17 @@ def trace(
 ) -> Trace:
     """The poses of a mechanism while one joint is driven through its range, on one branch.
 
-    The branch is that of q0 assembled with the joint at the first value. Along it the poses are followed by arc length
+    The branch is that of the state assembled with the joint at the first value. Along it the poses are followed by arc length
     (`rbd.mechanism.continuation`): singular poses are passed straight on, and where the joint turns back its limit is found.
 
     Args:
-        robot: The robot.
-        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of its file.
-        q0: Start, shape (nq,): assembled first, with the joint at the first value.
-        joint: The driven joint, with one freedom.
+        state: Start: assembled first, with the joint at the first value; its velocity plays no part.
+        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of the robot's
+            file.
+        joint: The driven joint, with one degree of freedom.
         values: (start, stop), or three and more values that are visited in order [rad, m].
         steps: Intervals between start and stop.
-        fixed: {joint: value} held exactly, where the mechanism has more than one freedom.
+        fixed: {joint: value} held exactly, where the mechanism has more than one degree of freedom.
         past_limits: Go on where the joint turns back, over the other side, until it passes the last value or is back where
             it began; the poses are then those of the steps, with whatever values the joint has.
         longest_step: Of the way between two poses, angles in rad, what slides over the robot's length.
@@ -126,13 +158,13 @@ def trace(
         The poses that were reached; `limits` and `unreached` say why not all were.
 
     Raises:
-        InputError: a start where branches meet, or where the joint is at its limit; more than one freedom, or none.
+        InputError: a start where branches meet, or where the joint is at its limit; more than one degree of freedom, or none.
         CannotAssemble: the start does not close.
         NoSolution: the branch is lost; says where.
 
-    >>> motion = rbd.mechanism.trace(robot, loops, q0, "crank", (0.0, 6.28), steps=360)
+    >>> motion = rbd.mechanism.trace(robot.at(q0), joint="crank", values=(0.0, 6.28), steps=360)
     """
-    wanted = _wanted(values, _whole("steps", steps))
+    wanted = _wanted(values, check_whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")
     check_flag("past_limits", past_limits)
     if not 0.0 < as_float(longest_step) <= 0.5:
@@ -140,11 +172,11 @@ def trace(
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
     fixed = {} if fixed is None else fixed
-    closure = Closure(robot, constraints, fixed, one_sided=False)
+    closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False)
     driven = Drive(closure, joint)
-    first = assemble(robot, constraints, q0, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
+    first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
     curve = Curve(closure, tolerance, longest_step)
-    motion = Motion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
+    motion = DrivenMotion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
     if past_limits:
         motion.go_round(float(wanted[-1]))
     else:
@@ -152,22 +184,22 @@ def trace(
     return _found(motion, first.moved)
 
 
-def _found(motion: Motion, moved: float) -> Trace:
+def _found(motion: DrivenMotion, moved: float) -> Trace:
     values = np.array([value for value, _ in motion.samples])
     least, condition = np.empty(len(values)), np.empty(len(values))
-    beyond: dict[str, Beyond] = {}
+    beyond: dict[str, LimitViolation] = {}
     for i, (_, p) in enumerate(motion.samples):
-        J2 = p.misfit.J[:, motion.drive.others]
+        J2 = p.at.J[:, motion.drive.others]
         s = np.linalg.svd(J2, compute_uv=False) if J2.size else np.ones(1)
         least[i] = s[-1] if len(s) >= J2.shape[1] else 0.0
         condition[i] = s[0] / least[i] if least[i] > 0.0 else np.inf
-        for each in motion.curve.closure.coordinates.beyond_limits(p.q):
+        for each in beyond_limits(motion.curve.closure.robot, p.q):
             beyond.setdefault(each.joint, each)
     return Trace(
         motion.drive.joint,
         values,
         np.array([p.q for _, p in motion.samples]),
-        np.array([p.misfit.residual for _, p in motion.samples]),
+        np.array([p.at.residual for _, p in motion.samples]),
         least,
         condition,
         tuple(motion.limits),
@@ -192,7 +224,173 @@ def _wanted(values: Sequence[float] | Array, steps: int) -> Array:
     return np.linspace(wanted[0], wanted[1], steps + 1) if len(wanted) == 2 else wanted
 
 
-def _whole(what: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value <= 1_000_000:
-        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to 1000000.")
-    return value
+class DrivenMotion:
+    """What has been found so far."""
+
+    def __init__(
+        self, curve: Curve, drive: Drive, start: Point, value: float, most: int, progress: Callable[[float], None] | None
+    ) -> None:
+        self.curve, self.drive, self.at, self.value = curve, drive, start, value
+        self.start, self.most, self.progress = start, most, progress
+        self.samples: list[tuple[float, Point]] = [(value, start)]
+        self.limits: list[Limit] = []
+        self.crossings: list[Bifurcation] = []
+        self.unreached = np.zeros(0)
+        self.stopped_by, self.closed = "", False
+        self.step: Step | None = None
+        self.step_value, self.step_turns = value, False
+
+    def visit(self, wanted: Array) -> None:
+        """Go to one value after the other, until a limit or a stop."""
+        for i, target in enumerate(wanted[1:], 1):
+            if not self._to(float(target)):
+                self.unreached = wanted[i:]
+                return
+            if self.progress is not None:
+                self.progress(i / (len(wanted) - 1))
+
+    def go_round(self, target: float) -> None:
+        """Follow the curve over its limits until the joint passes the last value, or the curve is closed."""
+        self._face(target)
+        self.start = self.at
+        began, gone = self.value, 0.0
+        while self.curve.steps < self.most:
+            step, after = self._next()
+            if self._stopped(step):
+                break
+            self._note(step)
+            if self._turns(step):
+                self._limit(self.curve.locate(step, self.drive.rate))
+            if (after - target) * (self.value - target) <= 0.0 and after != self.value:
+                self._sample(step, after, target)
+                return
+            gone += step.length
+            if gone > 4.0 * step.length and self._back(step):
+                self.closed = True
+                self.samples.append((self.value + self.drive.change(self.at.q, self.start.q), self.start))
+                break
+            self.at, self.value = step.end, after
+            self.samples.append((after, step.end))
+            if self.progress is not None:
+                self.progress(min(1.0, abs(after - began) / max(1e-300, abs(target - began))))
+        else:
+            raise self._lost()
+        self.unreached = np.array([target])
+
+    def _to(self, target: float) -> bool:
+        """Go to one value, and take its pose; False where the way ends before."""
+        last = self.samples[-1]
+        if abs(target - last[0]) <= ARRIVED:
+            self.samples.append(last)
+            return True
+        if self.step is None or (target - last[0]) * (self.step_value - self.value) < 0.0:
+            self.at, self.value, self.step = last[1], last[0], None
+            self._face(target)
+        while self.curve.steps < self.most:
+            if self.step is None:
+                step, after = self._next()
+                turns = self._turns(step)
+                if turns:
+                    step = self.curve.locate(step, self.drive.rate)
+                    after = self.value + self.drive.change(self.at.q, step.end.q)
+                self._note(step)
+                self.step, self.step_value, self.step_turns = step, after, turns
+            if (self.step_value - target) * (self.value - target) <= 0.0:
+                if self._stopped(self.step, target):
+                    return False
+                self._sample(self.step, self.step_value, target)
+                return True
+            if self._stopped(self.step):
+                return False
+            self.at, self.value = self.step.end, self.step_value
+            if self.step_turns:
+                self._limit(self.step)
+                self.samples.append((self.value, self.at))
+                self.step = None
+                return abs(self.value - target) <= ARRIVED
+            self.step = None
+        raise self._lost()
+
+    def _lost(self) -> NoSolution:
+        return NoSolution(
+            f"{self.curve.closure.robot.name} does not arrive: after {self.most} steps {self.drive.joint!r:.80} is at "
+            f"{self.value:.6g}. Drive a shorter way, or give more max_steps, or a larger "
+            "longest_step."
+        )
+
+    def _face(self, target: float) -> None:
+        """Turn the tangent so that the joint goes towards the target; at a limit, back the way that it came."""
+        rate = self.drive.rate(self.at)
+        if abs(rate) < 1e-6 or rate * (target - self.value) < 0.0:
+            self.at = replace(self.at, tangent=-self.at.tangent)
+        self.curve.turn_back()
+
+    def _next(self) -> tuple[Step, float]:
+        """The next step, and the joint's value at its end."""
+        step = self.curve.advance(self.at)
+        self.at = step.start
+        return step, self._value(step.end)
+
+    def _value(self, p: Point) -> float:
+        """The joint's value at a pose near `at`."""
+        return self.value + self.drive.change(self.at.q, p.q)
+
+    def _turns(self, step: Step) -> bool:
+        return self.drive.rate(step.start) * self.drive.rate(step.end) <= 0.0 and abs(self.drive.rate(step.start)) > 1e-9
+
+    def _note(self, step: Step) -> None:
+        if step.crossing is None:
+            return
+        robot = self.curve.closure.robot
+        if not self.crossings or distance(robot, self.crossings[-1].q, step.crossing.q) > 1e-3:
+            self.crossings.append(Bifurcation(self._value(step.crossing), step.crossing.q, float(step.crossing.sigma[-1])))
+
+    def _limit(self, step: Step) -> None:
+        value = self._value(step.end) if self.at is step.start else self.value
+        self.limits.append(Limit(value, self.drive.rate(step.start) > 0.0, step.end.q))
+
+    def _stopped(self, step: Step, target: float | None = None) -> bool:
+        """Whether a stop ends the motion within a step, before a target within it."""
+        least, whose = self.curve.stop(step.end)
+        if least >= -ARRIVED:
+            return False
+        end = self.curve.locate(step, lambda p: self.curve.stop(p)[0]).end
+        value = self._value(end)
+        if target is not None and (value - target) * np.sign(self._value(step.end) - self.value) >= 0.0:
+            return False
+        self.samples.append((value, end))
+        self.stopped_by = whose
+        return True
+
+    def _sample(self, step: Step, after: float, target: float) -> None:
+        """The pose within a step where the joint has the target's value."""
+        found = self._at_value(step, after, target)
+        if found is None:
+            found = self.curve.locate(step, lambda p: self._value(p) - target).end
+        self.samples.append((target, found))
+
+    def _at_value(self, step: Step, after: float, target: float) -> Point | None:
+        """The same by Newton's steps with the joint fixed; None where these could end on the other side of a limit."""
+        if min(abs(self.drive.rate(step.start)), abs(self.drive.rate(step.end))) < 0.05 or step.crossing is not None:
+            return None
+        closure, curve = self.curve.closure, self.curve
+        d = closure.way(step.start.q, step.end.q)
+        guess = closure.move(step.start.q, (target - self.value) / (after - self.value) * d)
+        pinned = Closure(closure.robot, closure.constraints, {**closure.fixed, self.drive.joint: target}, one_sided=False)
+        found = descend(pinned, pinned.start(guess), tolerance=curve.tolerance, most=8)
+        if not found.closed:
+            return None
+        gone = closure.way(step.start.q, found.at.q)
+        aside = np.linalg.norm(closure.way(guess, found.at.q))
+        if aside > 0.2 * np.linalg.norm(d) or not 0.0 <= gone @ d <= d @ d * (1.0 + 1e-9):
+            return None
+        return curve.point(closure.at(found.at.q), step.start.tangent)
+
+    def _back(self, step: Step) -> bool:
+        """Whether the curve passes its beginning within a step."""
+        closure = self.curve.closure
+        d, w = closure.way(step.start.q, step.end.q), closure.way(step.start.q, self.start.q)
+        length = float(np.linalg.norm(d))
+        along = float(w @ d) / length
+        aside = float(np.linalg.norm(w - along * d / length))
+        return 0.0 <= along <= length and aside < 0.1 * length and float(self.start.tangent @ step.start.tangent) > 0.9

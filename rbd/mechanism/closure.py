@@ -1,19 +1,30 @@
-"""Constraints as functions of q, with some joints fixed: what is left of the errors, and how it changes."""
+"""Constraints with some joints fixed, and Levenberg-Marquardt steps onto them, down to a minimum of the distance.
+
+The distance is 1/2 |e(q)|^2. A step is
+
+    z = - sum_i  v_i  s_i / (s_i^2 + mu |e|^2)  u_i . e              J = sum_i u_i s_i v_i^T
+
+Its damping goes with the square of the error: quadratic convergence where the errors grow with the distance, also with rows
+that repeat each other [YamashitaFukushima2001]; far away no direction gets more than 1 / (2 sqrt(mu)) (rad), so that the
+way stays near to that of the steepest descent. Where the errors only grow with the square of the distance (a singular pose)
+each step quarters them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
+from rbd.constraints.manifold import own_or, rank_of as rank_at
 from rbd.errors import DuplicateName, InputError
-from rbd.mechanism.coordinates import coordinates_of
-from rbd.mechanism.held import of_its_file
+from rbd.mechanism.poses import displacement, with_values
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free, NonNegative
@@ -27,7 +38,7 @@ _NO_ERROR = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
-class Misfit:
+class ConstraintResidual:
     """What is left of the constraints at one configuration.
 
     Attributes:
@@ -52,6 +63,21 @@ class Misfit:
         """Largest entry of the error [m, rad]."""
         return max_abs(self.error)
 
+    @lazy
+    def svd(self) -> tuple[Array, Array, Array]:
+        """U, s, Vt of J, in full; without rows, of one row of zeros."""
+        return np.linalg.svd(self.J if len(self.J) else np.zeros((1, self.J.shape[1])))
+
+    @property
+    def rank(self) -> int:
+        """Rank of J."""
+        return rank_of(self.svd[1])
+
+    @property
+    def null(self) -> Array:
+        """Orthonormal directions that J allows, shape (free - rank, free)."""
+        return self.svd[2][self.rank :]
+
 
 class Closure:
     """Constraints on a robot, some of its joints fixed.
@@ -64,7 +90,6 @@ class Closure:
         one_sided: Ask stops too for what is beyond them; if not, only what holds.
 
     Attributes:
-        coordinates: The robot's coordinates.
         fixed: {joint: value} as given.
         free: Which velocities are free, indices, shape (free,).
         metric: Unit of each free velocity, shape (free,): the robot's length for those that slide, else one.
@@ -86,28 +111,28 @@ class Closure:
         within_limits: bool = False,
         one_sided: bool = True,
     ) -> None:
-        self.coordinates = coordinates_of(robot)
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
         self.robot, self.model = robot, robot.model
         self.fixed = {} if fixed is None else fixed
-        self._target = self.coordinates.with_values(pin.neutral(self.model), self.fixed)
+        self._target = with_values(robot, pin.neutral(self.model), self.fixed)
         held = np.zeros(robot.nv, bool)
         self._pinned = np.zeros(robot.nq, bool)
         for joint in self.fixed:
-            place = self.coordinates.places[joint]
-            held[self.coordinates.columns(joint)] = True
-            self._pinned[place.q : place.q + sum(p.nq for p in place.pieces)] = True
+            held[robot.joints[joint].v] = True
+            self._pinned[robot.joints[joint].q] = True
         self.free = np.flatnonzero(~held)
         self.held = held
-        self.metric, self.length = self.coordinates.metric[self.free], self.coordinates.length
-        given = of_its_file(robot) if constraints is None else listed(constraints)
+        self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
+        given = own_or(robot, constraints)
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
         self._given, self._one_sided = given, one_sided
         self.skipped: tuple[str, ...] = ()
         self._all_free = len(self.free) == robot.nv and bool(np.all(self.metric == 1.0))
 
-    def start(self, q0: Array) -> Misfit:
-        """The misfit at q0 with the fixed joints at their values; what the constraints are is checked here.
+    def start(self, q0: Array) -> ConstraintResidual:
+        """The residual at q0 with the fixed joints at their values; what the constraints are is checked here.
 
         Raises:
             InputError: q0 is none, something is no constraint, nothing says where the robot is to be.
@@ -117,14 +142,14 @@ class Closure:
         rows = rows_of(state, self._given) + rows_of(state, self._limits)
         self._check(rows)
         self.constraints = (*self._given, *self._limits)
-        return self._misfit(state, tuple(rows))
+        return self._residual(state, tuple(rows))
 
-    def at(self, q: Array) -> Misfit:
-        """The misfit at a configuration."""
+    def at(self, q: Array) -> ConstraintResidual:
+        """The residual at a configuration."""
         if self.constraints is None:
             return self.start(q)
         state = State(self.robot, q)
-        return self._misfit(state, tuple([c.rows(state) for c in self.constraints]))
+        return self._residual(state, tuple([c.rows(state) for c in self.constraints]))
 
     def pin(self, q: Array) -> Array:
         """A copy of q with the fixed joints at their values."""
@@ -141,25 +166,25 @@ class Closure:
 
     def way(self, q: Array, to: Array) -> Array:
         """The displacement of the free velocities from one configuration to another, in units of `metric`."""
-        return self.coordinates.way(q, to)[self.free] / self.metric
+        return displacement(self.robot, q, to)[self.free] / self.metric
 
-    def names(self, mask: Array) -> list[str]:
-        """Names of the free velocities that a mask chooses."""
-        return [self.coordinates.names[i] for i in self.free[mask]]
+    def names(self, which: Array | list[int]) -> list[str]:
+        """Names of some of the free velocities."""
+        return [self.robot.joints.velocities[i].name for i in self.free[which]]
 
-    def _misfit(self, state: State, rows: tuple[Rows, ...]) -> Misfit:
+    def _residual(self, state: State, rows: tuple[Rows, ...]) -> ConstraintResidual:
         errors, Js = [], []
         for r in rows:
-            error, J = unmet(r)
+            error, J = position_residual(r)
             if len(error) and (self._one_sided or type(r.cone) is not NonNegative):
                 errors.append(error)
                 Js.append(J)
         if not errors:
-            return Misfit(state, rows, np.zeros(0), np.zeros((0, len(self.free))))
+            return ConstraintResidual(state, rows, np.zeros(0), np.zeros((0, len(self.free))))
         J = np.concatenate(Js) if len(Js) > 1 else Js[0]
         if not self._all_free:
             J = J[:, self.free] * self.metric
-        return Misfit(state, rows, np.concatenate(errors) if len(errors) > 1 else errors[0], J)
+        return ConstraintResidual(state, rows, np.concatenate(errors) if len(errors) > 1 else errors[0], J)
 
     def _check(self, rows: list[Rows]) -> None:
         names, skipped, says = set(), [], False
@@ -187,17 +212,7 @@ class Closure:
             )
 
 
-def listed(constraints: Sequence[Constraint]) -> Sequence[Constraint]:
-    """An iterable as a tuple, so that it can be gone through twice; what is none is left to be refused."""
-    if isinstance(constraints, str | bytes) or hasattr(constraints, "rows"):
-        return constraints
-    try:
-        return tuple(constraints)
-    except TypeError:
-        return constraints
-
-
-def unmet(rows: Rows) -> tuple[Array, Array]:
+def position_residual(rows: Rows) -> tuple[Array, Array]:
     """The position errors that rows ask to be zero, and their Jacobian: none of rows without an error.
 
     Of rows that push only what is beyond; nothing of friction in a joint.
@@ -215,4 +230,159 @@ def unmet(rows: Rows) -> tuple[Array, Array]:
 
 def rank_of(s: Array) -> int:
     """How many singular values are not zero, at `SINGULAR`."""
-    return int((s > SINGULAR * s[0]).sum()) if len(s) and s[0] > 0.0 else 0
+    return rank_at(s, SINGULAR, least=0.0)
+
+
+_START = 0.5
+_LEAST, _MOST = 1e-3, 1e8
+ASIDE = 0.02
+"""How far along a direction that J allows it is looked whether there is a finite motion, in units of `Closure.metric`."""
+_DIFFERENCE = 1e-5
+"""Step of the Hessian's central differences: their own error goes with its square."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """How far down the steps came.
+
+    Attributes:
+        at: What is left, at the end.
+        steps: How many steps were taken.
+        closed: Whether the constraints are met.
+        stuck: Whether it ended because no step makes the errors less.
+    """
+
+    at: ConstraintResidual
+    steps: int
+    closed: bool
+    stuck: bool
+
+
+def descend(closure: Closure, start: ConstraintResidual, *, tolerance: float, most: int) -> Descent:
+    """Steps from a configuration towards the constraints.
+
+    Args:
+        closure: The constraints.
+        start: Where to begin.
+        tolerance: Largest entry of the error that is left [m, rad].
+        most: Most evaluations.
+    """
+    at, mu, steps, tries = start, _START, 0, 0
+    size2 = float(at.error @ at.error)
+    sliding = ~closure.robot.joints.angular[closure.free]
+    slides = bool(sliding.any())
+    while at.residual > tolerance:
+        # From far away what slides may go as far as the error is; angles may not.
+        far = np.where(sliding, max(1.0, math.sqrt(size2) / closure.length), 1.0) if slides else 1.0
+        U, s, Vt = np.linalg.svd(at.J * far if slides else at.J, full_matrices=False)
+        if not len(s) or not s[0] > 0.0:
+            return Descent(at, steps, False, True)
+        along = at.error @ U
+        s2 = s * s
+        kept = s > 1e-13 * s[0]
+        while True:
+            if tries >= most:
+                return Descent(at, steps, False, False)
+            tries += 1
+            shrink = s2 / (s2 + mu * size2)
+            expected = float(((along * along) * (1.0 - (1.0 - shrink) ** 2)).sum())
+            if not expected > 1e-16 * size2:
+                return Descent(at, steps, False, True)
+            z = -((shrink[kept] * along[kept] / s[kept]) @ Vt[kept]) * far
+            try:
+                there = closure.at(closure.move(at.q, z))
+                left2 = float(there.error @ there.error)
+            except InputError:  # out of where a constraint is defined
+                left2 = np.inf
+            gain = (size2 - left2) / expected
+            if gain > 1e-3:
+                break
+            if mu > _MOST:
+                return Descent(at, steps, False, True)
+            mu = max(4.0 * mu, _START)
+        mu = min(_MOST, 4.0 * mu) if gain < 0.25 else max(_LEAST, 0.25 * mu) if gain > 0.75 else mu
+        at, size2, steps = there, left2, steps + 1
+    return Descent(at, steps, True, False)
+
+
+@dataclass(frozen=True, eq=False)
+class StationaryPoint:
+    """Where the distance to the constraints does not become less.
+
+    Attributes:
+        at: What is left there.
+        slope: |J^T e| over |J| |e|: zero at a minimum.
+        curvature: Least eigenvalue of the Hessian of 1/2 |e|^2 over its largest.
+    """
+
+    at: ConstraintResidual
+    slope: float
+    curvature: float
+
+    @property
+    def minimum(self) -> bool:
+        """Whether no small motion makes the distance less, to second order."""
+        return self.slope < 1e-7 and self.curvature > -1e-6
+
+
+def minimise(closure: Closure, start: ConstraintResidual, *, most: int = 40) -> StationaryPoint:
+    """Newton's steps on 1/2 |e|^2, its Hessian from differences of J^T e on the manifold; downhill out of saddles."""
+    at = start
+    if not len(closure.free) or not len(at.error):
+        return StationaryPoint(at, 0.0, 0.0)
+    slope, curvature = np.inf, 0.0
+    for _ in range(most):
+        g = at.J.T @ at.error
+        scale = float(np.linalg.norm(at.J) * np.linalg.norm(at.error))
+        slope = float(np.linalg.norm(g)) / scale if scale > 0.0 else 0.0
+        values, V = np.linalg.eigh(_hessian(closure, at))
+        large = float(np.abs(values).max()) or 1.0
+        curvature = float(values[0]) / large
+        if slope < 1e-12 and curvature > -1e-6:
+            break
+        along = V.T @ g
+        z = -V @ (along / np.maximum(np.abs(values), 1e-6 * large))
+        if slope < 1e-9 and curvature <= -1e-6:  # a saddle: off it, along its steepest way down
+            z = 0.1 * V[:, 0]
+        z *= min(1.0, 0.5 / max(1e-300, float(np.linalg.norm(z))))
+        there = _lower(closure, at, z)
+        if there is None:
+            break
+        at = there
+    return StationaryPoint(at, slope, curvature)
+
+
+def _hessian(closure: Closure, at: ConstraintResidual) -> Array:
+    n = len(closure.free)
+    H = np.empty((n, n))
+    for i, unit in enumerate(np.eye(n) * _DIFFERENCE):
+        ahead, back = (closure.at(closure.move(at.q, z)) for z in (unit, -unit))
+        H[i] = (ahead.J.T @ ahead.error - back.J.T @ back.error) / (2.0 * _DIFFERENCE)
+    return 0.5 * (H + H.T)
+
+
+def _lower(closure: Closure, at: ConstraintResidual, z: Array) -> ConstraintResidual | None:
+    """The first of halved steps that is not higher; None if there is none."""
+    size2 = float(at.error @ at.error)
+    for _ in range(30):
+        try:
+            there = closure.at(closure.move(at.q, z))
+            if float(there.error @ there.error) < size2:
+                return there
+        except InputError:
+            pass
+        z = 0.5 * z
+    return None
+
+
+def branches_meet(closure: Closure, at: ConstraintResidual) -> bool:
+    """Whether the constraints have a higher rank on what is found a step away in the directions that J allows."""
+    return any(there.rank > at.rank for there in around(closure, at, tolerance=1e-11, most=60))
+
+
+def around(closure: Closure, at: ConstraintResidual, *, tolerance: float, most: int) -> Iterator[ConstraintResidual]:
+    """The poses that steps in the directions that J allows, there and back, lead to, brought back onto the constraints."""
+    for z in (sign * ASIDE * row for row in at.null for sign in (1.0, -1.0)):
+        there = descend(closure, closure.at(closure.move(at.q, z)), tolerance=tolerance, most=most)
+        if there.closed:
+            yield there.at

@@ -1,7 +1,7 @@
 """Following a mechanism's curve of poses by arc length, through turning points and crossings, never onto another curve.
 
-A mechanism with one freedom has a curve of poses. A step predicts along the tangent, the kernel of J, and is corrected by the
-shortest way back onto the constraints [AllgowerGeorg1990]. It is halved where
+A mechanism with one degree of freedom has a curve of poses. A step predicts along the tangent, the null space of J, and is
+corrected by the shortest way back onto the constraints [AllgowerGeorg1990]. It is halved where
 
 - the tangent turns by more than 0.2 rad, or the chord does not lie between the tangents: a jump to a curve beside this one;
 - a singular value of J, followed with its vectors, goes through zero. That happens where two curves cross, and also where a
@@ -19,8 +19,8 @@ from scipy.optimize import brentq
 
 from rbd.arrays import Array
 from rbd.errors import InputError, NoSolution
-from rbd.mechanism.closure import Closure, Misfit, rank_of
-from rbd.mechanism.descent import descend
+from rbd.mechanism.closure import Closure, ConstraintResidual, branches_meet, descend
+from rbd.mechanism.partition import independent_columns
 from rbd.problem.cones import NonNegative
 
 _LEAST_STEP = 1e-6
@@ -33,7 +33,7 @@ class Point:
     """A pose on the curve.
 
     Attributes:
-        misfit: The constraints there.
+        at: The constraints there.
         tangent: Unit direction of the curve, shape (free,), in units of `Closure.metric`.
         rows: Orthonormal combinations of the constraints' rows, shape (m, free - 1).
         columns: Orthonormal directions of the free velocities, likewise, shape (free, free - 1).
@@ -41,7 +41,7 @@ class Point:
         singular: Whether J has lost rank there.
     """
 
-    misfit: Misfit
+    at: ConstraintResidual
     tangent: Array
     rows: Array
     columns: Array
@@ -51,7 +51,7 @@ class Point:
     @property
     def q(self) -> Array:
         """The configuration."""
-        return self.misfit.q
+        return self.at.q
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Step:
 
 
 class Curve:
-    """The poses of a mechanism with one freedom.
+    """The poses of a mechanism with one degree of freedom.
 
     Args:
         closure: The constraints.
@@ -86,18 +86,13 @@ class Curve:
         self._jump: tuple[Step, float] | None = None
         self.steps = 0
 
-    def point(self, at: Misfit, along: Array | None) -> Point | None:
+    def point(self, at: ConstraintResidual, along: Array | None) -> Point | None:
         """A pose with its tangent, turned so as to go `along`; None where the constraints let it move in no one way.
 
         Where J loses rank the tangent is what is left of `along`: straight on.
         """
         n = len(self.closure.free)
-        if not len(at.J):
-            J = np.zeros((1, n))
-        else:
-            J = at.J
-        U, s, Vt = np.linalg.svd(J)
-        null = Vt[rank_of(s) :]
+        (U, s, Vt), null = at.svd, at.null
         if not len(null) or (len(null) > 1 and along is None):
             return None
         t = null[0] if len(null) == 1 or along is None else null.T @ (null @ along)
@@ -118,7 +113,7 @@ class Curve:
             found = descend(self.closure, predicted, tolerance=self.tolerance, most=12)
         except InputError:
             return None
-        return self.point(found.misfit, p.tangent) if found.closed else None
+        return self.point(found.at, p.tangent) if found.closed else None
 
     def advance(self, p: Point) -> Step:
         """The next pose.
@@ -169,7 +164,7 @@ class Curve:
     def stop(self, p: Point) -> tuple[float, str]:
         """(least distance to a stop: negative beyond it, whose it is) of constraints that push to one side."""
         least, whose = 1.0, ""
-        for r in p.misfit.rows:
+        for r in p.at.rows:
             if isinstance(r.cone, NonNegative) and r.error is not None and len(r.error) and r.error.min() < least:
                 least, whose = float(r.error.min()), r.name
         return least, whose
@@ -184,7 +179,7 @@ class Curve:
 
     def _flips(self, p: Point, end: Point) -> bool:
         """Whether a singular value has gone through zero, followed from where it was: one of them, or several at once."""
-        if p.singular or end.singular or not len(p.misfit.J) or len(p.misfit.J) != len(end.misfit.J):
+        if p.singular or end.singular or not len(p.at.J) or len(p.at.J) != len(end.at.J):
             return False
         return bool((np.linalg.eigvals(_followed(p, end)).real < 0.0).any())
 
@@ -222,4 +217,56 @@ class Curve:
 
 def _followed(p: Point, end: Point) -> Array:
     """J at `end` between the singular vectors of p over its singular values: the identity, were `end` where p is."""
-    return (p.rows.T @ end.misfit.J @ p.columns) / p.sigma
+    return (p.rows.T @ end.at.J @ p.columns) / p.sigma
+
+
+class Drive:
+    """The driven joint among the free velocities."""
+
+    def __init__(self, closure: Closure, joint: str) -> None:
+        self.place = closure.robot.joints[joint]
+        if self.place.nv != 1:
+            raise InputError(f"joint {joint!r:.80} has {self.place.nv} degrees of freedom; expected a joint with one to drive.")
+        if closure.held[self.place.v.start]:
+            raise InputError(f"joint {joint!r:.80} is driven and fixed; leave it out of fixed=.")
+        self.closure, self.joint = closure, joint
+        self.column = int(np.searchsorted(closure.free, self.place.v.start))
+        self.others = np.arange(len(closure.free)) != self.column
+
+    def change(self, q: Array, to: Array) -> float:
+        """By how much the joint moves between two near poses."""
+        return float(self.closure.way(q, to)[self.column] * self.closure.metric[self.column])
+
+    def rate(self, p: Point) -> float:
+        """How fast the joint moves along the curve."""
+        return float(p.tangent[self.column])
+
+    def start(self, curve: Curve, at: ConstraintResidual) -> Point:
+        """The first pose.
+
+        Raises:
+            InputError: the mechanism has not one degree of freedom there, or the joint does not move with it.
+        """
+        name = self.closure.robot.name
+        p = curve.point(at, None)
+        if p is None:
+            freedoms = len(at.null)
+            if freedoms == 0:
+                raise InputError(f"{name} does not move: its constraints leave no degree of freedom here. Fix fewer joints.")
+            if branches_meet(self.closure, at):
+                raise InputError(
+                    f"at the start, {self.joint!r:.80} = {self.place.coordinate(at.q):.6g}, {name} is singular: {freedoms} "
+                    "degrees of freedom, branches meet there. Begin a little away, on the branch that is meant."
+                )
+            names = self.closure.names(independent_columns(at.J, ~self.others))
+            others = [x for x in names if x != self.joint]
+            raise InputError(
+                f"{name} has {freedoms} degrees of freedom; driving {self.joint!r:.80} decides one. Fix {freedoms - 1} more, "
+                f"e.g. fixed={{{', '.join(f'{x!r}: ...' for x in others[: freedoms - 1])}}}."[:500]
+            )
+        if abs(self.rate(p)) < 1e-5:
+            raise InputError(
+                f"at the start {self.joint!r:.80} stands still while {name} moves: it is at a limit of its motion, or no part "
+                "of what moves. Begin a little away, on the branch that is meant, or drive another joint."
+            )
+        return p

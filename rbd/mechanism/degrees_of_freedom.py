@@ -1,4 +1,4 @@
-"""Mobility, three ways: Gruebler's count, the velocities that J allows, and the motions that these go on into."""
+"""Mobility, three ways: Gruebler's count, the velocities that J allows, and the finite motions that these extend to."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pinocchio as pin
 from scipy.linalg import qr
 
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint
-from rbd.constraints.loop import LoopClosure
-from rbd.mechanism.held import CLOSED, Held, RowName, check_positive, check_seed, kernel
+from rbd.constraints.constraint import Constraint, loop_dof
+from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, RowName, null_space
+from rbd.mechanism.arguments import check_positive, check_seed
 from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
 from rbd.model.state import State
 
@@ -30,7 +30,7 @@ class Count:
         planar: Whether all motion is parallel to one plane; then k = 3, else k = 6.
         bodies: N, the ground among them; links that fixed joints hold together count as one.
         joints: j, those of the file and the closures of loops.
-        freedoms: f, one entry a joint.
+        joint_dof: f, one entry a joint.
         others: Rows of constraints that are no joints (couplings, functions, contacts, velocities); of a planar mechanism,
             those that say something within it.
     """
@@ -39,7 +39,7 @@ class Count:
     planar: bool
     bodies: int
     joints: int
-    freedoms: tuple[int, ...]
+    joint_dof: tuple[int, ...]
     others: int
 
     @property
@@ -47,7 +47,7 @@ class Count:
         """The count with its numbers, e.g. "planar: 3 (4 - 1 - 4) + 4 = 1"."""
         k, kind = (3, "planar") if self.planar else (6, "spatial")
         others = f" - {self.others}" if self.others else ""
-        return f"{kind}: {k} ({self.bodies} - 1 - {self.joints}) + {sum(self.freedoms)}{others} = {self.value}"
+        return f"{kind}: {k} ({self.bodies} - 1 - {self.joints}) + {sum(self.joint_dof)}{others} = {self.value}"
 
 
 @dataclass(frozen=True)
@@ -65,29 +65,28 @@ class RedundantRow:
     def __str__(self) -> str:
         name = f"{self.row[0]}[{self.row[1]}]"
         if not self.follows_from:
-            return f"{name} says nothing here: it is zero"
+            return f"{name} is zero here"
         return f"{name} follows from " + ", ".join(f"{n}[{i}]" for n, i in self.follows_from)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mobility:
-    """How many freedoms a mechanism has at a configuration, three ways.
+    """How many degrees of freedom a mechanism has at a configuration, three ways.
 
     Attributes:
         count: Gruebler's and Kutzbach's count.
         velocities: n.
         rows: m, of the constraints.
         rank: Of J.
-        singular_values: Of J without units (see `rbd.mechanism.held`), shape (min(m, n),).
+        singular_values: Of J without units (see `rbd.constraints.manifold`), shape (min(m, n),).
         zero: At which fraction of the largest they count as zero.
-        finite: Freedoms of the motions that pass through here; the largest number, where branches differ.
-        branches: The freedoms of each way to go on that was found; of more than one freedom, those of equal dimension are not
-            told apart.
+        finite: Degrees of freedom of the motions that pass through here; the largest number, where branches differ.
+        branches: The dimension of each branch of motion that was found; above one, those of equal dimension are not told apart.
         motion: What was found, point by point.
         redundant: Rows that follow from others here.
         self_stresses: Row forces with J^T f = 0, shape (m, m - rank), each with 1 as its largest entry: forces that the
             constraints can hold against each other and no motion shows.
-        velocity_only: Whether some rows constrain velocity alone; `finite` is then a freedom of velocities, and
+        velocity_only: Whether some rows constrain velocity alone; `finite` is then of velocities, and
             `rbd.mechanism.integrability` tells how many configurations it leads to.
         seed: Of the directions that were looked in.
     """
@@ -143,18 +142,18 @@ class Mobility:
     def verdict(self) -> str:
         """What the three numbers say together, in words."""
         if self.velocity_only:
-            return f"{self.finite} freedoms of velocity; some rows constrain velocity alone (see integrability)"
+            return f"{self.finite} degrees of freedom of velocity; some rows constrain velocity alone (see integrability)"
         if not self.instantaneous:
             return "a structure: J allows no velocity"
         if not self.moves:
-            return f"a structure that gives a little: {self.instantaneous} freedoms of velocity, and none goes on"
+            return f"an infinitesimally mobile structure: {_dof(self.instantaneous)} of velocity, none of finite motion"
         if self.motion.regular:
-            return f"it moves with {_many(self.finite, 'freedom', 'freedoms')}: every velocity that J allows goes on"
+            return f"it moves with {_dof(self.finite)}: every velocity that J allows extends to a finite motion"
         if self.singular:
-            ways = _many(len(self.branches), "way to go on was found, of", "ways to go on were found, of")
-            freedoms = "freedom" if self.branches == (1,) else "freedoms"
-            return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {freedoms}"
-        return f"it moves with {_many(self.finite, 'freedom', 'freedoms')}; other velocities that J allows lead nowhere"
+            ways = _many(len(self.branches), "branch was found, of", "branches were found, of")
+            dof = "degree of freedom" if self.branches == (1,) else "degrees of freedom"
+            return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {dof}"
+        return f"it moves with {_dof(self.finite)}; other velocities that J allows lead nowhere"
 
     def __repr__(self) -> str:
         return f"Mobility(counted {self.count.value}, instantaneous {self.instantaneous}, finite {self.finite})"
@@ -186,7 +185,7 @@ class Mobility:
 def mobility(
     state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED, seed: int = 0
 ) -> Mobility:
-    """How many freedoms a robot has under constraints that hold: counted, instantaneous, and of finite motions.
+    """How many degrees of freedom a robot has under constraints that hold: counted, instantaneous, and of finite motions.
 
         counted         k (N - 1 - j) + sum of f        Gruebler, Kutzbach: bodies and joints, k = 3 or 6
         instantaneous   n - rank J(q)
@@ -213,9 +212,9 @@ def mobility(
     >>> print(rbd.mechanism.mobility(robot.at(q), loops))  # doctest: +SKIP
     """
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
-    held = Held(state, constraints, tolerance)
+    held = ConstraintManifold(state, constraints, tolerance=tolerance)
     at = held.check_assembled()
-    N, s = kernel(at.J, held.zero)
+    N, s = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]
     redundant, stresses = _redundant(held, at.J, rank)
     found = finite_motion(held, at, seed)
@@ -224,7 +223,7 @@ def mobility(
     )
 
 
-def _redundant(held: Held, J: Array, rank: int) -> tuple[tuple[RedundantRow, ...], Array]:
+def _redundant(held: ConstraintManifold, J: Array, rank: int) -> tuple[tuple[RedundantRow, ...], Array]:
     """Rows that follow from others, by pivoted QR of J^T, and the self-stresses."""
     if rank == held.m:
         return (), np.zeros((held.m, 0))
@@ -245,7 +244,11 @@ def _many(k: int, one: str, several: str) -> str:
     return f"{k} {one if k == 1 else several}"
 
 
-def count(held: Held, state: State, seed: int) -> Count:
+def _dof(k: int) -> str:
+    return _many(k, "degree of freedom", "degrees of freedom")
+
+
+def count(held: ConstraintManifold, state: State, seed: int) -> Count:
     """Gruebler's count of a robot's joints and the constraints on it.
 
     Args:
@@ -261,14 +264,15 @@ def count(held: Held, state: State, seed: int) -> Count:
     first = 0
     for constraint in held.constraints:
         m = sum(name == constraint.name for name, _ in held.names)
-        if isinstance(constraint, LoopClosure):
-            closures.append(k - (m if normal is None else _rows_in_plane(constraint, state, normal)))
+        dof = loop_dof(constraint, state, normal)
+        if dof is not None:
+            closures.append(dof)
         else:
             others += m if normal is None else _generic_rank(held, slice(first, first + m), seed)
         first += m
-    freedoms = (*tree, *closures)
-    bodies, joints = len(tree) + 1, len(freedoms)
-    return Count(k * (bodies - 1 - joints) + sum(freedoms) - others, normal is not None, bodies, joints, freedoms, others)
+    each = (*tree, *closures)
+    bodies, joints = len(tree) + 1, len(each)
+    return Count(k * (bodies - 1 - joints) + sum(each) - others, normal is not None, bodies, joints, each, others)
 
 
 def plane_normal(state: State) -> Array | None:
@@ -294,23 +298,9 @@ def plane_normal(state: State) -> Array | None:
     return n
 
 
-def _rows_in_plane(closure: LoopClosure, state: State, normal: Array) -> int:
-    """How many rows of a closure say something of motion in a plane."""
-    kind = closure.kind
-    if kind == "point":
-        return 2
-    if kind == "rigid":
-        return 3
-    axis = state.frame(closure.frame_a).X_WF.rotation @ closure.axis
-    along = np.linalg.norm(np.cross(axis, normal)) < 1e-6
-    if kind == "revolute":
-        return 2 if along else 3
-    return 2 if along else 1  # "planar" holds a point in the two directions across its axis
-
-
-def _generic_rank(held: Held, rows: slice, seed: int) -> int:
+def _generic_rank(held: ConstraintManifold, rows: slice, seed: int) -> int:
     rng, most = np.random.default_rng(seed), 0
     for _ in range(3):
         J = held.at(held.move(held.q, rng.normal(size=held.n))).J[rows]
-        most = max(most, held.n - kernel(J)[0].shape[1])
+        most = max(most, held.rank(J, RANK))
     return most

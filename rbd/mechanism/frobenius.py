@@ -22,8 +22,9 @@ from scipy.linalg import qr
 
 from rbd.arrays import Array, as_array, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space
 from rbd.errors import InputError
-from rbd.mechanism.held import Held, Linearised, check_positive, check_seed, kernel, pieces
+from rbd.mechanism.arguments import check_positive, check_seed, check_state
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -97,7 +98,7 @@ class Integrability:
 
     @property
     def velocity_dof(self) -> int:
-        """Dimension of D: freedoms of velocity."""
+        """Dimension of D: degrees of freedom of velocity."""
         return self.growth[0]
 
     @property
@@ -125,7 +126,7 @@ class Integrability:
 
     def __str__(self) -> str:
         n, d, c = self.velocities, self.velocity_dof, self.configuration_dof
-        moves = f"{d} {'freedom' if d == 1 else 'freedoms'} of velocity"
+        moves = f"{d} {'degree of freedom' if d == 1 else 'degrees of freedom'} of velocity"
         what = ", ".join(self.names) if self.names else "no constraints"
         if self.holonomic:
             verdict = f"holonomic: {moves} and as many of configuration; {n - d} functions of q stay constant"
@@ -152,7 +153,7 @@ class Integrability:
 
 
 def integrability(
-    robot: CheckedModel,
+    state: State,
     constraints: Sequence[Constraint] | None = None,
     *,
     points: Array | Sequence[Array] | None = None,
@@ -163,7 +164,7 @@ def integrability(
 
     D(q) is the kernel of A(q). By Frobenius' theorem there are n - dim D functions of q that stay constant if and only if the
     bracket of any two fields in D is in D again. Where it is not, brackets are added until the dimension stops growing: its
-    last value is the number of configuration freedoms (Chow's theorem), the first that of velocity freedoms.
+    last value is the number of degrees of freedom of configuration (Chow's theorem), the first that of velocity.
 
     Constraints are judged together: two that are nonholonomic each may be holonomic as a pair. Brackets hold the structure
     constants of v (see the module), of fields P(q) b, with P the projector onto D(q) and b constant. The
@@ -171,22 +172,21 @@ def integrability(
     a margin; `PointReport.gap` shows it. Only rows that are independent at a point are used near it.
 
     Args:
-        robot: The robot.
-        constraints: Those that hold, of position too; None for the loops and wheels of its file.
+        state: Of the robot; its velocity plays no part.
+        constraints: Those that hold, of position too; None for the loops and wheels of the robot's file.
         points: Configurations to look at, shape (k, nq); where some rows have positions, near them. By default three are
-            drawn, and brought onto the rows that have positions.
+            drawn within a unit of the state's in each velocity, and brought onto the rows that have positions.
         seed: Of the draws.
         tolerance: Singular values of brackets above it count as new directions.
 
     Raises:
         InputError: points that are none, or off the constraints; none found where constraints meet.
 
-    >>> print(rbd.mechanism.integrability(skate, [blade]))  # doctest: +SKIP
+    >>> print(rbd.mechanism.integrability(skate.at(), [blade]))  # doctest: +SKIP
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
-    starts = _drawn(robot, constraints, seed) if points is None else _given(robot, constraints, points)
+    robot = check_state(state).robot
+    starts = _drawn(state, constraints, seed) if points is None else _given(robot, constraints, points)
     reports = tuple(_look(held, at, tolerance) for held, at in starts)
     names = tuple(dict.fromkeys(name for held, _ in starts for name, _ in held.names))
     return Integrability(names, robot.nv, reports, tolerance, seed)
@@ -194,28 +194,28 @@ def integrability(
 
 def _given(
     robot: CheckedModel, constraints: Sequence[Constraint] | None, points: Array | Sequence[Array]
-) -> list[tuple[Held, Linearised]]:
+) -> list[tuple[ConstraintManifold, Linearised]]:
     listed = np.atleast_2d(as_array("points", points))
     if listed.ndim != 2 or not len(listed) or listed.shape[1] != robot.nq:
         raise InputError(f"points have shape {listed.shape}; expected (k, {robot.nq}): configurations.")
     out = []
     for q in listed:
-        held = Held(State(robot, q), constraints)
+        held = ConstraintManifold(State(robot, q), constraints)
         out.append((held, held.check_assembled()))
     return out
 
 
-def _drawn(robot: CheckedModel, constraints: Sequence[Constraint] | None, seed: int) -> list[tuple[Held, Linearised]]:
+def _drawn(state: State, constraints: Sequence[Constraint] | None, seed: int) -> list[tuple[ConstraintManifold, Linearised]]:
     """Three configurations on the rows that have positions."""
-    rng, out = np.random.default_rng(seed), []
+    robot, rng, out = state.robot, np.random.default_rng(seed), []
     for _ in range(30):
-        q = pin.integrate(robot.model, pin.neutral(robot.model), rng.uniform(-1.0, 1.0, size=robot.nv))
-        at = Held(State(robot, pin.normalize(robot.model, q)), constraints)
+        q = pin.integrate(robot.model, state.q, rng.uniform(-1.0, 1.0, size=robot.nv))
+        at = ConstraintManifold(State(robot, pin.normalize(robot.model, q)), constraints)
         if at.placed.any():
             found = at.project(at.q)
             if max_abs(found.error) > 1e-10:
                 continue
-            at = Held(State(robot, found.q), constraints)
+            at = ConstraintManifold(State(robot, found.q), constraints)
         here = at.at(at.q)
         if _regular(at, here):
             out.append((at, here))
@@ -227,9 +227,9 @@ def _drawn(robot: CheckedModel, constraints: Sequence[Constraint] | None, seed: 
     )
 
 
-def _look(held: Held, at: Linearised, tolerance: float) -> PointReport:
+def _look(held: ConstraintManifold, at: Linearised, tolerance: float) -> PointReport:
     """The growth vector at one configuration."""
-    B, _ = kernel(at.J)
+    B, _ = null_space(at.J)
     rank, n = held.n - B.shape[1], held.n
     kept = np.sort(qr(at.J.T, mode="r", pivoting=True)[1][:rank])
 
@@ -265,16 +265,16 @@ def _look(held: Held, at: Linearised, tolerance: float) -> PointReport:
     return PointReport(at.q, rank, tuple(growth), ends, complete or growth[-1] == n, _regular(held, at))
 
 
-def _regular(held: Held, at: Linearised) -> bool:
+def _regular(held: ConstraintManifold, at: Linearised) -> bool:
     """Whether the rank is the same at two configurations nearby that satisfy the rows that have positions."""
-    B, _ = kernel(at.J)
+    B, _ = null_space(at.J)
     if not B.shape[1]:
         return True
     rng = np.random.default_rng(0)
     for _ in range(2):
         z = B @ rng.normal(size=B.shape[1])
         near = held.project(held.move(at.q, 0.05 * z / np.linalg.norm(z)))
-        if kernel(near.J)[0].shape[1] < B.shape[1]:
+        if null_space(near.J)[0].shape[1] < B.shape[1]:
             return False
     return True
 
@@ -288,7 +288,7 @@ def _projected(A: Array, B: Array) -> Array:
 def ad(robot: CheckedModel, X: Array, Y: Array) -> Array:
     """The bracket of velocities that are constant in their own axes, shape (nv,) [velocity squared]."""
     out = np.zeros(robot.nv)
-    for piece in pieces(robot):
+    for piece in robot.joints.pieces:
         x, y = X[piece.v : piece.v + piece.nv], Y[piece.v : piece.v + piece.nv]
         if piece.kind == "sphere":
             out[piece.v : piece.v + 3] = np.cross(x, y)
@@ -300,7 +300,7 @@ def ad(robot: CheckedModel, X: Array, Y: Array) -> Array:
     return out
 
 
-def derivative(held: Held, fields: Fields, q: Array, z: Array) -> Array:
+def derivative(held: ConstraintManifold, fields: Fields, q: Array, z: Array) -> Array:
     """Derivatives of the components of fields along z, shape (nv, k), by sixth-order differences."""
     length = float(np.linalg.norm(z))
     if length < 1e-12:
@@ -309,9 +309,9 @@ def derivative(held: Held, fields: Fields, q: Array, z: Array) -> Array:
     return np.sum(values, axis=0) * (length / STEP)
 
 
-def brackets(held: Held, X: Fields, Y: Fields, pairs: Sequence[tuple[int, int]]) -> Fields:
+def brackets(held: ConstraintManifold, X: Fields, Y: Fields, pairs: Sequence[tuple[int, int]]) -> Fields:
     """The fields [X_i, Y_j] of the pairs (i, j)."""
-    D = held.metric
+    D = held.scale
 
     def fields(q: Array) -> Array:
         x, y = X(q), Y(q)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, max_abs
-from rbd.mechanism.held import Held, Linearised, kernel
+from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space
 
 FAR, NEAR = 0.1, 0.02
 """Lengths of the first and of the second steps, without units (radians, or parts of the robot's length)."""
@@ -38,11 +38,11 @@ of the distance, an error of 1e-14 leaves the point 1e-7 away."""
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
-    """Motions that go on in one way from a configuration.
+class LocalBranch:
+    """One branch of the motions that begin at a configuration.
 
     Attributes:
-        dimension: Their freedoms.
+        dimension: Their degrees of freedom.
         point: A configuration on it nearby, shape (nq,).
         tangent: Velocities of the constraints there, without units, orthonormal, shape (nv, dimension).
         rank: Of J there.
@@ -60,22 +60,22 @@ class FiniteMotion:
 
     Attributes:
         dimension: The largest dimension of a branch; zero where nothing moves.
-        branches: The different ways to go on that were found, largest first. Curves are told apart by their tangents nearby, so
-            that the two arms of a cusp are two and curves that touch are one; of more than one freedom those of equal
+        branches: Those that were found, largest first. Curves are told apart by their tangents nearby, so
+            that the two arms of a cusp are two and curves that touch are one; of more than one degree of freedom those of equal
             dimension are not told apart.
         points: Configurations that were found and looked at, this one first, shape (k, nq).
         tried: How many directions were tried from here.
-        regular: Whether every velocity that J allows goes on, so that there is one branch.
+        regular: Whether every velocity that J allows extends to a finite motion, so that there is one branch.
     """
 
     dimension: int
-    branches: tuple[Branch, ...]
+    branches: tuple[LocalBranch, ...]
     points: Array
     tried: int
     regular: bool
 
 
-def finite_motion(held: Held, at: Linearised, seed: int) -> FiniteMotion:
+def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> FiniteMotion:
     """The branches of motion that pass through an assembled configuration.
 
     Args:
@@ -85,12 +85,12 @@ def finite_motion(held: Held, at: Linearised, seed: int) -> FiniteMotion:
     """
     rng = np.random.default_rng(seed)
     placed, loose = held.placed, ~held.placed
-    N, _ = kernel(at.J, held.zero)
+    N, _ = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]
-    here = Branch(N.shape[1], at.q, N, rank)
+    here = LocalBranch(N.shape[1], at.q, N, rank)
     if rank == held.m or N.shape[1] == 0:  # the implicit function theorem, or nothing to go on
         return FiniteMotion(here.dimension, (here,) if here.dimension else (), at.q[None], 0, True)
-    branches: list[Branch] = []
+    branches: list[LocalBranch] = []
     points: list[Linearised] = []
     tried = analysed = 0
     for near in _around(held, at, rng):
@@ -104,8 +104,8 @@ def finite_motion(held: Held, at: Linearised, seed: int) -> FiniteMotion:
         analysed += 1
         point, tangent = _regular(held, near, rng) if placed.any() else (near, np.eye(held.n))
         if loose.any():
-            tangent = tangent @ kernel(point.J[loose] @ tangent, held.zero)[0]
-        found = Branch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
+            tangent = tangent @ null_space(point.J[loose] @ tangent, held.zero)[0]
+        found = LocalBranch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
         if found.dimension and not any(_same(found, other) for other in branches):
             branches.append(found)
         if analysed == _POINTS or found.dimension == here.dimension:
@@ -120,7 +120,7 @@ def finite_motion(held: Held, at: Linearised, seed: int) -> FiniteMotion:
     return FiniteMotion(dimension, tuple(branches), looked, tried, False)
 
 
-def _around(held: Held, at: Linearised, rng: np.random.Generator) -> Iterator[Linearised | None]:
+def _around(held: ConstraintManifold, at: Linearised, rng: np.random.Generator) -> Iterator[Linearised | None]:
     """Points to look at, at distance `FAR`; where nothing has a position every configuration will do."""
     if held.placed.any():
         return neighbours(held, at, FAR, rng, _DIRECTIONS)
@@ -133,10 +133,10 @@ def _unit(rng: np.random.Generator, basis: Array) -> Array:
 
 
 def neighbours(
-    held: Held, at: Linearised, step: float, rng: np.random.Generator, directions: int
+    held: ConstraintManifold, at: Linearised, step: float, rng: np.random.Generator, directions: int
 ) -> Iterator[Linearised | None]:
     """For each direction of the kernel that is tried, the point found about one step away; None where there is none."""
-    K, _ = kernel(at.J[held.placed], held.zero)
+    K, _ = null_space(at.J[held.placed], held.zero)
     for _ in range(min(K.shape[1], 1) if K.shape[1] < 2 else (directions + 1) // 2):
         # At random: along axes of a symmetric linkage lie just the points that are singular themselves.
         z = _unit(rng, K)
@@ -146,7 +146,7 @@ def neighbours(
             yield found if max_abs(found.error) <= held.tolerance and _MOVED * step <= moved <= 3.0 * step else None
 
 
-def _regular(held: Held, at: Linearised, rng: np.random.Generator) -> tuple[Linearised, Array]:
+def _regular(held: ConstraintManifold, at: Linearised, rng: np.random.Generator) -> tuple[Linearised, Array]:
     """(point, tangent space): this point, or, where the rank is higher beside it, one beside it."""
     step = NEAR
     for _ in range(2):
@@ -158,13 +158,13 @@ def _regular(held: Held, at: Linearised, rng: np.random.Generator) -> tuple[Line
     return at, tangent
 
 
-def _rank(held: Held, J: Array) -> int:
-    return held.n - kernel(J, max(held.zero, ROUGH))[0].shape[1]
+def _rank(held: ConstraintManifold, J: Array) -> int:
+    return held.rank(J, max(held.zero, ROUGH))
 
 
-def _tangent(held: Held, at: Linearised, step: float, rng: np.random.Generator) -> tuple[Array, list[Linearised]]:
+def _tangent(held: ConstraintManifold, at: Linearised, step: float, rng: np.random.Generator) -> tuple[Array, list[Linearised]]:
     """Orthonormal basis of the directions in which the constraints' points lie about one of them, and these points."""
-    K, _ = kernel(at.J[held.placed], held.zero)
+    K, _ = null_space(at.J[held.placed], held.zero)
     d = K.shape[1]
     around: list[Linearised] = []
     if d == 0:
@@ -180,7 +180,7 @@ def _tangent(held: Held, at: Linearised, step: float, rng: np.random.Generator) 
     return K @ Vt[: int((s > _MOVED * np.sqrt(len(chords))).sum())].T, around
 
 
-def _same(one: Branch, other: Branch) -> bool:
+def _same(one: LocalBranch, other: LocalBranch) -> bool:
     """Whether two branches are not told apart: of equal dimension, above one, or with nearly the same tangent."""
     if one.dimension != other.dimension:
         return False

@@ -16,13 +16,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, lazy, max_abs
-from rbd.constraints.constraint import Constraint
+from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
+from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
-from rbd.mechanism.closure import Closure, rank_of
-from rbd.mechanism.descent import branches_meet
-from rbd.mechanism.independent import HeldVelocities, Rates, independent_columns
+from rbd.mechanism.arguments import check_state
+from rbd.mechanism.closure import SINGULAR, Closure, branches_meet, position_residual, rank_of
 from rbd.model.state import State
+from rbd.problem.cones import Box, Free, NonNegative
+
+Rates = Mapping[str, "float | Sequence[float] | Array"]
 
 _CONSISTENT = 1e-9
 """How well rows must be met, over the largest sum of terms in a row."""
@@ -33,7 +36,7 @@ class Columns:
     """Columns of the constraints' Jacobian, parted into those of known and of unknown velocities.
 
     Attributes:
-        known: Names of the known velocities: the joint's, with its number where the joint has several ("base[2]").
+        known: Names of the known velocities: those of `robot.joints.velocities` ("crank", "base.wz").
         unknown: Names of the others.
         J_known: J1, shape (m, known).
         J_unknown: J2, shape (m, unknown).
@@ -136,7 +139,9 @@ class AccelerationPartition:
         return _table("acceleration", self.columns, self.a, self.accelerations)
 
 
-def velocity_partition(state: State, constraints: Sequence[Constraint] | None, known: Rates) -> VelocityPartition:
+def velocity_partition(
+    state: State, constraints: Sequence[Constraint] | None = None, known: Rates | None = None
+) -> VelocityPartition:
     """All velocities of a mechanism from those that are known: J2 v2 = u - J1 v1.
 
     Rates are those of the model's joints, each against the body before it: in a chain crank - coupler the coupler's is that
@@ -144,9 +149,10 @@ def velocity_partition(state: State, constraints: Sequence[Constraint] | None, k
 
     Args:
         state: The robot, assembled; its own velocity plays no part.
-        constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of its file. Stops
-            and dry friction decide no velocity and are passed over.
-        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base[2]" is one of them alone.
+        constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of the robot's
+            file. Stops and dry friction decide no velocity and are passed over.
+        known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base.wz" is one of them alone;
+            None for none.
 
     Returns:
         v, the unknown rates by name, J1 and J2 with rank and condition number.
@@ -157,14 +163,16 @@ def velocity_partition(state: State, constraints: Sequence[Constraint] | None, k
             contact that can slip.
         JointNotFound: with the nearest names.
 
-    >>> rbd.mechanism.velocity_partition(state, loops, {"crank": 25.0}).rates["rocker"]
+    >>> rbd.mechanism.velocity_partition(state, known={"crank": 25.0}).rates["rocker"]
     """
-    held = HeldVelocities(state, constraints)
-    v, columns, residual = _solved(held, known, held.u, "rate")
+    held = BilateralVelocities(state, constraints)
+    v, columns, residual = _solved(held, {} if known is None else known, held.u, "rate")
     return VelocityPartition(v, _named(held, v, columns), columns, residual)
 
 
-def acceleration_partition(state: State, constraints: Sequence[Constraint] | None, known: Rates) -> AccelerationPartition:
+def acceleration_partition(
+    state: State, constraints: Sequence[Constraint] | None = None, known: Rates | None = None
+) -> AccelerationPartition:
     """All accelerations of a mechanism from those that are known: J2 a2 = -J_dot v - J1 a1.
 
     Args:
@@ -177,7 +185,7 @@ def acceleration_partition(state: State, constraints: Sequence[Constraint] | Non
         InputError: Likewise, and where the state's velocity breaks a constraint.
         JointNotFound: with the nearest names.
     """
-    held = HeldVelocities(state, constraints)
+    held = BilateralVelocities(state, constraints)
     off = held.J @ state.v - held.u
     if max_abs(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
         worst = held.row_names[int(np.argmax(np.abs(off)))]
@@ -185,12 +193,11 @@ def acceleration_partition(state: State, constraints: Sequence[Constraint] | Non
             f"the velocity of {state.robot.name} breaks {worst!r:.80} by {max_abs(off):.3g} m/s (or rad/s); accelerations want "
             "one that the constraints allow: state.with_velocity(velocity_partition(state, constraints, known).v)."
         )
-    bias = np.concatenate([np.zeros(0), *(r.bias for r in held.rows(state))])
-    a, columns, residual = _solved(held, known, -bias, "acceleration")
+    a, columns, residual = _solved(held, {} if known is None else known, -held.rows(state).bias, "acceleration")
     return AccelerationPartition(a, _named(held, a, columns), columns, residual)
 
 
-def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[Array, Columns, float]:
+def _solved(held: BilateralVelocities, known: Rates, rhs: Array, what: str) -> tuple[Array, Columns, float]:
     """(all values, columns, residual) of J x = rhs with some of x known.
 
     Raises:
@@ -198,7 +205,7 @@ def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[
         InputError: they contradict each other, or are too few.
     """
     mask, x = held.values(known, what)
-    names = np.array(held.coordinates.names, dtype=object)
+    names = np.array([c.name for c in held.joints.velocities], dtype=object)
     s, Vt = _filled(held, mask, x, rhs)
     columns = Columns(tuple(names[mask]), tuple(names[~mask]), held.J[:, mask], held.J[:, ~mask], s)
     if columns.rank < len(columns.unknown):
@@ -209,26 +216,26 @@ def _solved(held: HeldVelocities, known: Rates, rhs: Array, what: str) -> tuple[
     return x, columns, residual
 
 
-def _filled(held: HeldVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
+def _filled(held: BilateralVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
     """J2's singular values and right vectors; x, in place, is the least squares' of J x = rhs where J2 decides it."""
-    metric = held.coordinates.metric[~mask]
+    metric = held.joints.scale[~mask]
     U, s, Vt = np.linalg.svd(held.J[:, ~mask] * metric)
     if rank_of(s) == len(metric):
         x[~mask] = metric * (Vt.T @ (((rhs - held.J[:, mask] @ x[mask]) @ U[:, : len(s)]) / s))
     return s, Vt
 
 
-def _undecided(held: HeldVelocities, columns: Columns, null: Array, what: str) -> InputError | SingularPose:
-    robot, J, names = held.state.robot, held.J * held.coordinates.metric, held.coordinates.names
+def _undecided(held: BilateralVelocities, columns: Columns, null: Array, what: str) -> InputError | SingularPose:
+    robot, J, names = held.state.robot, held.J * held.joints.scale, [c.name for c in held.joints.velocities]
     freedoms, k = robot.nv - rank_of(np.linalg.svd(J, compute_uv=False)), len(columns.known)
     moving = np.abs(null).max(axis=0)
     loose = _listed([name for name, size in zip(columns.unknown, moving, strict=True) if size > 1e-3 * moving.max()])
-    few = f"{freedoms} freedom{'s' * (freedoms != 1)} and {k} known {what}{'s' * (k != 1)}"
+    few = f"{freedoms} degree{'s' * (freedoms != 1)} of freedom and {k} known {what}{'s' * (k != 1)}"
     if k < freedoms and not _singular_here(held):
         also = [names[i] for i in independent_columns(J, np.isin(names, columns.known))]
         return InputError(
-            f"{robot.name} has {few}; {loose} can move while the known ones rest. Give as many as there are freedoms, "
-            f"e.g. {_listed(also)}."
+            f"{robot.name} has {few}; {loose} can move while the known ones rest. Give as many as there are degrees of "
+            f"freedom, e.g. {_listed(also)}."
         )
     here = f" The pose itself is singular: {few}." if k < freedoms else ""
     most = columns.singular_values[0] if len(columns.singular_values) else 0.0
@@ -240,7 +247,7 @@ def _undecided(held: HeldVelocities, columns: Columns, null: Array, what: str) -
     )
 
 
-def _singular_here(held: HeldVelocities) -> bool:
+def _singular_here(held: BilateralVelocities) -> bool:
     """Whether branches meet at the state, as far as positions say."""
     try:
         closure = Closure(held.state.robot, held.given)
@@ -249,26 +256,26 @@ def _singular_here(held: HeldVelocities) -> bool:
         return False
 
 
-def _contradicted(held: HeldVelocities, known: Rates, rhs: Array, residual: float, what: str) -> InputError:
+def _contradicted(held: BilateralVelocities, known: Rates, rhs: Array, residual: float, what: str) -> InputError:
     helps = []
     for name in known:
         mask, x = held.values({key: value for key, value in known.items() if key != name}, what)
         s, _ = _filled(held, mask, x, rhs)
         if rank_of(s) == (~mask).sum() and max_abs(held.J @ x - rhs) <= _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
-            found = np.array2string(x[held.place(name)], precision=6)[1:-1].strip()
+            found = np.array2string(x[held.joints.velocity(name)], precision=6)[1:-1].strip()
             helps.append(f"{name!r:.80} at {found} (not {known[name]!r:.40})")
     say = f" They agree with {' or '.join(helps[:6])}." if helps else ""
-    free = [held.coordinates.names[i] for i in independent_columns(held.J * held.coordinates.metric)]
+    free = [held.joints.velocities[i].name for i in independent_columns(held.J * held.joints.scale)]
     return InputError(
         f"the known {what}s of {held.state.robot.name} contradict each other, or the motion of what it touches: "
         f"{residual:.3g} is left at best.{say} {_listed(free) or 'Nothing'} would decide all."
     )
 
 
-def _named(held: HeldVelocities, x: Array, columns: Columns) -> dict[str, float]:
+def _named(held: BilateralVelocities, x: Array, columns: Columns) -> dict[str, float]:
     """{unknown velocity: its value}."""
     unknown = set(columns.unknown)
-    return {name: float(value) for name, value in zip(held.coordinates.names, x, strict=True) if name in unknown}
+    return {c.name: float(value) for c, value in zip(held.joints.velocities, x, strict=True) if c.name in unknown}
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -283,3 +290,101 @@ def _terms(J: Array, x: Array, rhs: Array) -> float:
 def _table(what: str, columns: Columns, x: Array, unknown: Mapping[str, float]) -> str:
     head = f"{what}: {len(columns.known)} known, {len(columns.unknown)} unknown, condition {columns.condition:.4g}"
     return "\n".join([head, *(f"  {name:24s} {value:.6g}" for name, value in unknown.items())])
+
+
+def independent_velocities(
+    state: State, constraints: Sequence[Constraint] | None = None, *, prefer: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Names of velocities that, once known, decide all others: as many as there are degrees of freedom here.
+
+    The others are chosen one after the other, each the column of J that is farthest from those chosen before (pivoted QR
+    [GolubVanLoan2013]); the independent ones are left over. At a singular pose there are more than elsewhere.
+
+    Args:
+        state: The robot, assembled.
+        constraints: As for `velocity_partition`.
+        prefer: Joints that shall be independent where that is possible, as those with motors.
+
+    Raises:
+        InputError: As `velocity_partition`.
+        JointNotFound: with the nearest names.
+    """
+    held = BilateralVelocities(state, constraints)
+    if isinstance(prefer, str) or not isinstance(prefer, list | tuple):
+        raise InputError(f"prefer is {prefer!r:.80}; expected a list of joints' names.")
+    last = np.zeros(state.robot.nv, bool)
+    for joint in prefer:
+        last[state.robot.joints.velocity(joint)] = True
+    free = independent_columns(held.J * state.robot.joints.scale, last)
+    return tuple(state.robot.joints.velocities[i].name for i in free)
+
+
+def independent_columns(J: Array, last: Array | None = None) -> list[int]:
+    """Columns left when the best conditioned basis is taken out one by one; those marked `last` are taken last."""
+    n = J.shape[1]
+    last = np.zeros(n, bool) if last is None else last
+    left, R = list(range(n)), J.copy()
+    size = float(np.linalg.norm(J, 2)) if J.size else 0.0
+    for group in (~last, last):
+        while True:
+            norms = np.linalg.norm(R, axis=0)
+            candidates = [i for i in left if group[i] and norms[i] > SINGULAR * size]
+            if not candidates or size == 0.0:
+                break
+            # The first of those within a thousandth of the longest, so that rounding does not choose.
+            most = max(norms[i] for i in candidates)
+            pivot = next(i for i in candidates if norms[i] >= 0.999 * most)
+            unit = R[:, pivot] / norms[pivot]
+            R = R - np.outer(unit, unit @ R)
+            left.remove(pivot)
+    return left
+
+
+class BilateralVelocities:
+    """Rows of constraints that hold at a state, as conditions on its velocity: J v = u."""
+
+    def __init__(self, state: State, constraints: Sequence[Constraint] | None) -> None:
+        self.state, self.joints = check_state(state), state.robot.joints
+        self.given = own_or(state.robot, constraints)
+        found = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
+        self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]
+
+    def rows(self, state: State) -> StackedRows:
+        """The rows that hold.
+
+        Raises:
+            InputError: something can slip or break, or is not assembled.
+        """
+        out = []
+        for r in rows_of(state, self.given):
+            if not len(r) or isinstance(r.cone, Box | NonNegative):
+                continue  # a stop pushes when the forces say so; friction in a joint resists
+            if not isinstance(r.cone, Free):
+                raise InputError(
+                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): whether it holds, forces decide, rbd.solve. "
+                    "Give it friction=None to hold it."
+                )
+            error, _ = position_residual(r)
+            if max_abs(error) > CLOSED * max(1.0, self.joints.reach):
+                raise InputError(
+                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {max_abs(error):.3g} m (or rad). "
+                    "Close it first, with rbd.mechanism.assemble."
+                )
+            out.append(r)
+        return StackedRows(state, out)
+
+    def values(self, known: Rates, what: str) -> tuple[Array, Array]:
+        """(which velocities are known, their values), both (nv,)."""
+        if not isinstance(known, Mapping):
+            raise InputError(f"known is {known!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'crank': 1.0}}.")
+        mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
+        for name, value in known.items():
+            at = self.joints.velocity(name)
+            given = np.atleast_1d(as_array(f"known {what} of {name!r:.80}", value))
+            if given.shape != (at.stop - at.start,):
+                raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")
+            check_finite(f"known {what} of {name!r:.80}", given)
+            if mask[at].any():
+                raise InputError(f"known {what} of {name!r:.80} is given twice: once for the joint, once for a part of it.")
+            mask[at], out[at] = True, given
+        return mask, out

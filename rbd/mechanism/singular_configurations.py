@@ -1,4 +1,4 @@
-"""Singularities of a mechanism: where its velocities gain or lose a freedom, and where along a motion that happens.
+"""Singularities of a mechanism: where its velocities gain or lose a degree of freedom, and where along a motion that happens.
 
 Three matrices tell them, each by its rank compared with the rank nearby:
 
@@ -18,10 +18,11 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import RANK, ConstraintManifold, Linearised, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.coordinates import Coordinates
-from rbd.mechanism.held import RANK, Held, Linearised, check_positive, check_seed, joint_of_velocity, rank_of
+from rbd.mechanism.arguments import check_positive, check_seed, check_state
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
+from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -132,7 +133,7 @@ def singularities(
         InputError: the state is off the constraints, or nothing is left beside inputs or outputs.
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
-    held = Held(state, constraints)
+    held = ConstraintManifold(state, constraints)
     at = held.check_assembled()
     matrices = _Matrices(held, inputs, outputs)
     nearby = [p for p in neighbours(held, at, FAR, np.random.default_rng(seed), 12) if p is not None]
@@ -144,10 +145,10 @@ def singularities(
 
 
 def singularities_along(
-    robot: CheckedModel,
-    path: Array,
+    state: State,
     constraints: Sequence[Constraint] | None = None,
     *,
+    path: Array,
     inputs: Sequence[str] = (),
     outputs: str | Sequence[str] = (),
     tolerance: float = SINGULAR,
@@ -159,21 +160,20 @@ def singularities_along(
     configurations count as one; so does one that is only touched there.
 
     Args:
-        robot: The robot.
+        state: Where contacts without an anchor are anchored and rows are measured, e.g. at the path's beginning.
+        constraints: As `singularities`; likewise the other arguments. The usual ranks are the largest along the path.
         path: Configurations in order, shape (k, nq), near enough to the constraints to be brought onto them; or anything with
             such an array as its `q`.
-        constraints: As `singularities`; likewise the other arguments. The usual ranks are the largest along the path.
         inputs: See there.
         outputs: See there.
         tolerance: See there.
     """
     tolerance = check_positive("tolerance", tolerance, 0.1)
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
+    robot = check_state(state).robot
     given = as_array("path", getattr(path, "q", path))
     if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
         raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")
-    held = Held(State(robot, given[0]), constraints)
+    held = ConstraintManifold(state, constraints)
     matrices = _Matrices(held, inputs, outputs)
     along = [held.project(State(robot, q).q) for q in given]
     for k, point in enumerate(along):
@@ -199,7 +199,7 @@ def singularities_along(
 class _Matrices:
     """The matrices whose ranks tell the kinds, as functions of a configuration."""
 
-    def __init__(self, held: Held, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
+    def __init__(self, held: ConstraintManifold, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
         self.held = held
         self.of: dict[str, Callable[[Linearised], Array]] = {"configuration": lambda p: p.J}
         self.columns = {"configuration": np.arange(held.n)}
@@ -211,7 +211,7 @@ class _Matrices:
             robot.frame_id(frame)
             scale = np.r_[np.full(3, 1.0 / held.length), np.ones(3)]
             self.columns["input"] = np.arange(held.n)
-            self.of["input"] = lambda p: np.vstack([p.J, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.metric])
+            self.of["input"] = lambda p: np.vstack([p.J, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.scale])
         else:
             moved = _columns(held, "outputs", outputs)
             if len(moved):
@@ -234,15 +234,15 @@ class _Matrices:
         Z = np.zeros((len(Vt) - here, held.n))
         Z[:, self.columns[kind]] = Vt[here:]
         moving = np.abs(Z).max(axis=0, initial=0.0)
-        v = Z * held.metric
+        v = Z * held.scale
         v /= np.maximum(np.abs(v).max(axis=1, initial=0.0), 1e-300)[:, None]
         v[np.abs(v) < 1e-12] = 0.0
-        names = joint_of_velocity(held.robot)
-        joints = dict.fromkeys(names[i] for i in range(held.n) if moving[i] > 1e-6)
+        velocities = held.robot.joints.velocities
+        joints = dict.fromkeys(velocities[i].joint for i in range(held.n) if moving[i] > 1e-6)
         return Singularity(kind, point.q, _distance(s, rank), here < rank, rank - here, v, tuple(joints), at)
 
 
-def _columns(held: Held, what: str, joints: Sequence[str]) -> Array:
+def _columns(held: ConstraintManifold, what: str, joints: Sequence[str]) -> Array:
     """Indices in v of the joints named."""
     if isinstance(joints, str | bytes):
         raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.")
@@ -250,12 +250,10 @@ def _columns(held: Held, what: str, joints: Sequence[str]) -> Array:
         names = list(joints)
     except TypeError:
         raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.") from None
-    model = held.robot.model
-    out: list[int] = []
+    named = np.zeros(held.n, bool)
     for name in names:
-        j = held.robot.joint_id(name)
-        out += range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
-    return np.array(sorted(set(out)), dtype=int)
+        named[held.robot.joints[name].v] = True
+    return np.flatnonzero(named)
 
 
 def _frame_jacobian(robot: CheckedModel, q: Array, frame: str) -> Array:
@@ -283,7 +281,7 @@ def _minima(d: Array) -> list[int]:
 
 
 def _refined(
-    held: Held, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
+    held: ConstraintManifold, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
 ) -> tuple[float, Linearised]:
     """(where, what) is nearest to singular between the neighbours of configuration k."""
 
@@ -291,13 +289,12 @@ def _refined(
         return _distance(_values(of(p)), rank)
 
     low, high = max(0, k - 1), min(len(along) - 1, k + 1)
-    way = Coordinates(held.robot).way
 
     def point(t: float) -> Linearised:
         i = min(int(t), len(along) - 2)
         if i < 0 or t == int(t):
             return along[int(t)]
-        z = way(along[i].q, along[i + 1].q) / held.metric  # an angle by the short way round
+        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.scale  # an angle by the short way round
         return held.project(held.move(along[i].q, (t - i) * z))
 
     ratio = 0.5 * (np.sqrt(5.0) - 1.0)

@@ -38,8 +38,8 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, lazy, max_abs
+from rbd.constraints.manifold import StackedRows, poses_nearby
 from rbd.errors import InputError, NoSolution
-from rbd.mechanism.held_rows import HeldRows
 from rbd.mechanism.projection import ZERO, correction
 
 INDEPENDENT = 1e-2
@@ -62,7 +62,7 @@ ROUNDED = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class SingularCrossing:
     """Conditions on y = L^T a beyond those of the rows, and the directions of their forces.
 
     Attributes:
@@ -75,7 +75,7 @@ class Crossing:
         rate: How fast the least of the singular values changes, over the largest [1/s].
     """
 
-    held: HeldRows
+    held: StackedRows
     u: Array
     J_dot: Array
     turning: Array
@@ -89,7 +89,7 @@ class Crossing:
         return len(self.u)
 
     @classmethod
-    def of(cls, held: HeldRows, U: Array, Vt: Array, first: float, k: int, norms: Array) -> Crossing | None:
+    def of(cls, held: StackedRows, U: Array, Vt: Array, first: float, k: int, norms: Array) -> SingularCrossing | None:
         """What the derivatives say, or None where they say nothing.
 
         Args:
@@ -136,14 +136,14 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class _Decomposed:
-    """What rows look like beside the norms that they are divided by: of one `HeldRows` and one array of norms.
+    """What rows look like beside the norms that they are divided by: of one `StackedRows` and one array of norms.
 
     Attributes:
         held: The rows.
         norms: What each row is divided by, shape (m,); never changed in place.
     """
 
-    held: HeldRows
+    held: StackedRows
     norms: Array
 
     @lazy
@@ -159,7 +159,7 @@ class _Decomposed:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class StageAcceleration:
     """An acceleration.
 
     Attributes:
@@ -170,7 +170,7 @@ class Answer:
 
     a: Array
     f: Array | None
-    crossing: Crossing | None
+    crossing: SingularCrossing | None
 
 
 class StageSolver:
@@ -181,20 +181,19 @@ class StageSolver:
         self._rank = -1  # not known yet
         self._last: _Decomposed | None = None
 
-    def survey(self, held: HeldRows) -> None:
+    def survey(self, held: StackedRows) -> None:
         """Look at the rows' norms at the start, and half a radian around it: it may be a singular pose itself."""
         self.learn(held)
-        rng, state = np.random.default_rng(0), held.state
-        for _ in range(3 if len(held.J) else 0):
-            z = rng.normal(size=len(state.v))
+        robot = held.state.robot
+        for q in poses_nearby(robot, held.state.q) if len(held.J) else ():
             try:
-                there = held.elsewhere(pin.integrate(state.robot.model, state.q, 0.5 * z / np.linalg.norm(z)), 0.0 * z)
+                there = held.elsewhere(q, robot.zero_v)
             except InputError:  # a constraint that is not defined there
                 continue
             if len(there.J) == len(held.J):
                 self.learn(there)
 
-    def learn(self, held: HeldRows) -> None:
+    def learn(self, held: StackedRows) -> None:
         """Look at the rows' norms here."""
         if not len(held.J):
             return
@@ -211,11 +210,11 @@ class StageSolver:
             # Rows that are zero exactly cannot; at 1e-6 a start at a singular pose is closer, 1e-13 rad in place of 1e-10.
             self._norms = np.where((norms > SILENT * most) | (norms == 0.0), np.maximum(norms, 1e-6 * most), most)
 
-    def acceleration(self, held: HeldRows, rhs: Array, t: float, *, directly: bool = False) -> Answer:
+    def acceleration(self, held: StackedRows, rhs: Array, t: float, *, directly: bool = False) -> StageAcceleration:
         """The acceleration nearest to the free one that the rows allow.
 
         Where fewer singular values are above `NEAR` than there once were, the motion crosses a singular pose; what the rows no
-        longer say there their derivatives do, see `Crossing`.
+        longer say there their derivatives do, see `SingularCrossing`.
 
         Args:
             held: The rows.
@@ -228,7 +227,7 @@ class StageSolver:
         """
         y = blas.dtrsv(held.L, rhs, lower=1)
         if not len(held.J):
-            return Answer(blas.dtrsv(held.L, y, lower=1, trans=1), np.zeros(0), None)
+            return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), np.zeros(0), None)
         R, f, crossing = self._factor(held), None, None
         if R is not None:
             self._rank = len(R)
@@ -236,9 +235,9 @@ class StageSolver:
             y = y + held.W @ f
         else:
             y, crossing = self._by_singular_values(held, y, t, directly=directly)
-        return Answer(blas.dtrsv(held.L, y, lower=1, trans=1), f, crossing)
+        return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), f, crossing)
 
-    def forces(self, held: HeldRows, a: Array, rhs: Array) -> tuple[Array, bool]:
+    def forces(self, held: StackedRows, a: Array, rhs: Array) -> tuple[Array, bool]:
         """(row forces (m,) that make a, whether they are the only ones); of minimum norm in scaled rows where not."""
         if not len(held.J):
             return np.zeros(0), True
@@ -251,7 +250,7 @@ class StageSolver:
         f = Vt[: len(s)].T @ ((U[:, : len(s)].T @ y) / s) / self._norms
         return f, bool(len(s) == len(f) and s[-1] > ZERO * s[0])
 
-    def law(self, held: HeldRows, a: Array, rhs: Array, f: Array | None) -> float:
+    def law(self, held: StackedRows, a: Array, rhs: Array, f: Array | None) -> float:
         """The largest residual of the equations of motion and of the rows, each over its own terms: `rbd.problem.scales`."""
         if f is None:
             f, _ = self.forces(held, a, rhs)
@@ -261,7 +260,7 @@ class StageSolver:
         rows = np.maximum(np.abs(J) @ np.abs(a) + np.abs(held.offset), 1.0)
         return max(max_abs((M @ a - rhs - J.T @ f) / own), max_abs((J @ a + held.offset) / rows))
 
-    def back(self, held: HeldRows, error: Array, placed: Array | None, damping: float = 0.0) -> Array:
+    def back(self, held: StackedRows, error: Array, placed: Array | None, damping: float = 0.0) -> Array:
         """The least x in |.|_M with J x = error in the placed rows, shape (nv,); see `rbd.mechanism.projection`."""
         if placed is not None and not placed.all():
             return correction(held.L, held.J[placed], error[placed], damping=damping)
@@ -274,7 +273,7 @@ class StageSolver:
             y = U[:, : len(s)] @ (s / (s * s + (damping * s[0]) ** 2) * (Vt[: len(s)] @ (error / self._norms)))
         return blas.dtrsv(held.L, y, lower=1, trans=1)
 
-    def spread(self, held: HeldRows) -> float:
+    def spread(self, held: StackedRows) -> float:
         """Least of the singular values that count, over the largest; of independent rows an upper bound of it."""
         R = self._factor(held)
         if R is not None:
@@ -283,15 +282,15 @@ class StageSolver:
         kept = s[: self._kept(s, held)]
         return float(kept[-1] / kept[0]) if len(kept) else 1.0
 
-    def _factor(self, held: HeldRows) -> Array | None:
+    def _factor(self, held: StackedRows) -> Array | None:
         """Upper R with R^T R = W^T W, or None where the rows are not well independent."""
         return self._decomposed(held).factor
 
-    def _taken_apart(self, held: HeldRows) -> tuple[Array, Array, Array]:
+    def _taken_apart(self, held: StackedRows) -> tuple[Array, Array, Array]:
         """U (nv, nv), s, Vt of W with its rows scaled."""
         return self._decomposed(held).apart
 
-    def _decomposed(self, held: HeldRows) -> _Decomposed:
+    def _decomposed(self, held: StackedRows) -> _Decomposed:
         """Made once for a state and the norms of now; made anew where the norms have changed since."""
         if len(self._norms) != len(held.J):
             self.learn(held)
@@ -300,14 +299,16 @@ class StageSolver:
             known = self._last = _Decomposed(held, self._norms)
         return known
 
-    def _by_singular_values(self, held: HeldRows, free: Array, t: float, *, directly: bool) -> tuple[Array, Crossing | None]:
+    def _by_singular_values(
+        self, held: StackedRows, free: Array, t: float, *, directly: bool
+    ) -> tuple[Array, SingularCrossing | None]:
         """(y, what took the place of rows that say nothing)."""
         U, s, Vt = self._taken_apart(held)
         offset = held.offset / self._norms
         size, owed = max(1.0, max_abs(offset)), OWED * held.drift
         near = self._near(s, held)
         if (near < self._rank or self._rank < 0) and not directly:
-            crossing = Crossing.of(held, U, Vt, float(s[0]), near, self._norms)
+            crossing = SingularCrossing.of(held, U, Vt, float(s[0]), near, self._norms)
             y, missed = _nearest(U[:, :near], s[:near], Vt[:near], free, offset)
             # Rows of size s cannot ask for more than s |y| on the branch; where they do they turn it away, and do not cross.
             if crossing is not None and max_abs(missed) <= 3.0 * max(NEAR, owed) * max(size, float(s[0]) * max_abs(y)):
@@ -324,11 +325,11 @@ class StageSolver:
             )
         return y, None
 
-    def _near(self, s: Array, held: HeldRows) -> int:
+    def _near(self, s: Array, held: StackedRows) -> int:
         """How many singular values say something, and not nearly nothing."""
         return int((s > max(NEAR, OWED * held.drift) * s[0]).sum()) if s[0] > 0.0 else 0
 
-    def _kept(self, s: Array, held: HeldRows) -> int:
+    def _kept(self, s: Array, held: StackedRows) -> int:
         """How many singular values count where positions and velocities are brought back; at a crossing not the small ones."""
         k = self._near(s, held)
         return k if k < self._rank else int((s > max(ZERO, OWED * held.drift) * s[0]).sum())

@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, frames_of
+from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.held import Held, Linearised, check_seed, kernel, rank_of
+from rbd.mechanism.arguments import check_seed, check_state
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -25,14 +26,14 @@ class EndPoint:
 
     Attributes:
         frame: Its frame.
-        position_dof: Freedoms of its position, generically.
-        pose_dof: Freedoms of its position and orientation together.
-        mobility: Freedoms of the joints that lead to it from the root of the file's tree, under the constraints; the other
-            arm and the fingers do not count.
+        position_dof: Degrees of freedom of its position, generically.
+        pose_dof: Degrees of freedom of its position and orientation together.
+        mobility: Degrees of freedom of the joints that lead to it from the root of the file's tree, under the constraints; the
+            other arm and the fingers do not count.
         position_redundancy: That less `position_dof`: motions of its chain that leave the position where it is.
         pose_redundancy: Likewise, of the pose.
         legs: Chains from the base to its body that share no body in between.
-        singular: Whether it has fewer freedoms at the configuration looked at than nearby.
+        singular: Whether it has fewer degrees of freedom at the configuration looked at than nearby.
     """
 
     frame: str
@@ -56,7 +57,7 @@ class EndPoint:
         legs = f"{self.legs} legs join it to the base" if self.legs > 1 else "one chain joins it to the base"
         low = " (fewer at the configuration looked at, which is singular)" if self.singular else ""
         return (
-            f"end point {self.frame}: {self.mobility} freedoms of its chain, {self.position_dof} of its position, "
+            f"end point {self.frame}: {self.mobility} degrees of freedom of its chain, {self.position_dof} of its position, "
             f"{self.pose_dof} of position and orientation{low}: redundancy {self.position_redundancy} and "
             f"{self.pose_redundancy}; {legs}"
         )
@@ -64,7 +65,7 @@ class EndPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MechanismClass:
-    """What a mechanism is, in the words of the texts.
+    """What a mechanism is, in the words of the literature.
 
     Attributes:
         name: The robot's.
@@ -75,7 +76,7 @@ class MechanismClass:
         base: What the chain hangs from: "the ground", or the root link of a floating robot that touches nothing.
         ends: Links at the ends of the tree of the file.
         bodies: Bodies that move, fixed joints merged.
-        degrees_of_freedom: Freedoms of the joints, a floating base among them: n.
+        degrees_of_freedom: Degrees of freedom of the joints, a floating base among them: n.
         mobility: n - rank J, generically: at configurations nearby that satisfy the constraints. None where no
             configuration was found that does.
         floating: Whether the file's robot floats.
@@ -123,46 +124,41 @@ class MechanismClass:
 
 
 def classify(
-    robot: CheckedModel,
+    state: State,
     constraints: Sequence[Constraint] | None = None,
     *,
     end: str | Sequence[str] = (),
-    at: State | None = None,
     seed: int = 0,
 ) -> MechanismClass:
     """What a robot is, in words: serial, branched, parallel or hybrid; its mobility; redundancy of its end points.
 
     Bodies are joined by the joints of the file and by constraints between two bodies or with the ground: closures of loops,
     contacts that hold, and not by what rolls or slides. A floating base is no joint in this sense: a humanoid on two soles is
-    closed through the ground, and in the air it is a branched chain on its root link. Other constraints take freedoms and
-    close no loop.
+    closed through the ground, and in the air it is a branched chain on its root link. Other constraints take degrees of
+    freedom and close no loop.
 
-    Mobility is the total number of freedoms; redundancy of an end point is the mobility of the chain that leads to it less its
-    own freedoms. Both are generic: the largest ranks at the configuration, and at others nearby (drawn freely where nothing is
-    closed).
+    Mobility is the total number of degrees of freedom; redundancy of an end point is the mobility of the chain that leads to it
+    less its own degrees of freedom. Both are generic: the largest ranks at the configuration, and at others nearby (drawn
+    freely where nothing is closed).
 
     Args:
-        robot: The robot.
-        constraints: Those that hold; None for the loops and wheels of its file.
+        state: Where to look; brought onto the constraints where it is off them. Its velocity plays no part.
+        constraints: Those that hold; None for the loops and wheels of the robot's file.
         end: Frames of end points, one or several.
-        at: A configuration that satisfies the constraints; by default the neutral one, brought onto them.
         seed: Of the configurations looked at.
 
     Raises:
         FrameNotFound: with the nearest names.
-        InputError: no robot, a state of another, or one that is off the constraints.
+        InputError: no state.
     """
     seed = check_seed(seed)
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot, e.g. from rbd.load_robot.")
-    if at is not None and (not isinstance(at, State) or at.robot is not robot):
-        raise InputError(f"at is {at!r:.80}; expected a State of {robot.name}: robot.at(q).")
+    robot = check_state(state).robot
     frames = _frames(robot, end)
-    held = Held(State(robot, pin.neutral(robot.model)) if at is None else at, constraints)
+    held = ConstraintManifold(state, constraints)
     rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}
     graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
-    looked = _configurations(held, at, seed)
-    mobility = min((kernel(p.J, ROUGH)[0].shape[1] for p in looked), default=None)
+    looked = _configurations(held, seed)
+    mobility = min((null_space(p.J, ROUGH)[0].shape[1] for p in looked), default=None)
     ends: tuple[EndPoint, ...] = ()
     if mobility is not None:
         ends = tuple(_end_point(held, looked, frame, graph) for frame in frames)
@@ -271,21 +267,14 @@ def _way(
 
 def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] | None:
     """The two bodies that a constraint joins, 0 the ground; None of constraints on joints and functions."""
-    inner = getattr(constraint, "constraint", constraint)  # with Baumgarte's feedback
-    one, other = getattr(inner, "frame_a", None), getattr(inner, "frame_b", None)
-    if one is None:
-        one, other = getattr(inner, "frame", None), getattr(inner, "against", None)
-    if not isinstance(one, str):
-        return None
-    return robot.site(one)[0], robot.site(other)[0] if isinstance(other, str) else 0
+    bodies = [robot.site(frame)[0] for frame in frames_of(constraint)]
+    return (bodies[0], bodies[1] if len(bodies) > 1 else 0) if bodies else None
 
 
-def _configurations(held: Held, at: State | None, seed: int) -> list[Linearised]:
+def _configurations(held: ConstraintManifold, seed: int) -> list[Linearised]:
     """A configuration on the constraints, and some nearby."""
-    rng = np.random.default_rng(seed)
-    if at is not None:
-        here = held.check_assembled()
-    else:
+    rng, here = np.random.default_rng(seed), held.at(held.q)
+    if max_abs(here.error) > held.tolerance:
         for draw in range(20):
             z = rng.uniform(-1.0, 1.0, size=held.n) * (draw > 0)
             here = held.project(held.move(held.q, z))
@@ -298,12 +287,12 @@ def _configurations(held: Held, at: State | None, seed: int) -> list[Linearised]
     return [here, *(p for p in neighbours(held, here, FAR, rng, 6) if p is not None)]
 
 
-def _end_point(held: Held, looked: list[Linearised], frame: str, graph: Graph) -> EndPoint:
+def _end_point(held: ConstraintManifold, looked: list[Linearised], frame: str, graph: Graph) -> EndPoint:
     model, body, ranks = held.robot.model, held.robot.site(frame)[0], []
     chain = [i for j in model.supports[body].tolist() if j for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])]
     for point in looked:
-        N, _ = kernel(point.J, ROUGH)
-        J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.metric
+        N, _ = null_space(point.J, ROUGH)
+        J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.scale
         J[:3] /= held.length
         ranks.append([rank_of(np.linalg.svd(part @ N, compute_uv=False)) for part in (J[:3], J, np.eye(held.n)[chain])])
     position, pose, mobility = np.max(ranks, axis=0).tolist()

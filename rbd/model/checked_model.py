@@ -17,14 +17,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, check_finite, max_abs
-from rbd.errors import FrameNotFound, InputError, JointNotFound, ModelError, nearest
+from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.forks import renewed_after_fork
+from rbd.model.joint_errors import UNIT_TOLERANCE
+from rbd.model.joints import Coordinate, Joints
 
 check_whole()  # of the Pinocchio that all models are made of: its version
-
-UNIT_TOLERANCE = 1e-6
-"""How far a quaternion's norm may be from one before it is refused."""
 
 FARTHEST = 1e5
 """Largest entry of q and of v: at 100 km from the origin M is right to 3e-11 of its largest entry, beyond it gets worse."""
@@ -43,6 +42,7 @@ class CheckedModel:
     Attributes:
         name: The robot's name.
         model: The pin.Model.
+        joints: Where each joint's coordinates stand in q and v, their units and limits, by name: `robot.joints["knee"].v`.
         actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
         actuated: Indices in v of the actuated coordinates, shape (nu,).
         motors: The same as a slice where they follow each other, which is faster.
@@ -60,19 +60,16 @@ class CheckedModel:
         _check_order(model)
         self.nq: int = model.nq
         self.nv: int = model.nv
-        self._joints = {n: i for i, n in enumerate(model.names) if i > 0}
+        self.joints = Joints(model, self.name)
         self._frames = _frame_ids(model)
         self._sites: dict[str, tuple[int, pin.SE3]] = {}
         self.passive = self._check_passive(passive)
         roots = tuple(i for i in range(1, model.njoints) if model.parents[i] == 0)
-        self.bases = roots if all(model.joints[i].shortname() == "JointModelFreeFlyer" for i in roots) else ()
+        floating = {joint.id for joint in self.joints.values() if joint.kind == "FreeFlyer"}
+        self.bases = roots if all(i in floating for i in roots) else ()
         self.floating = self.bases == (1,)
-        motors = [
-            (n, model.joints[i].idx_v + k)
-            for n, i in self._joints.items()
-            if model.joints[i].shortname() != "JointModelFreeFlyer" and n not in self.passive
-            for k in range(model.joints[i].nv)
-        ]
+        driven = [joint for joint in self.joints.values() if joint.id not in floating and joint.name not in self.passive]
+        motors = [(joint.name, i) for joint in driven for i in range(joint.v.start, joint.v.stop)]
         self.actuated = np.array([i for _, i in motors], dtype=int)
         self.actuated_names = tuple(n for n, _ in motors)
         self.nu = len(motors)
@@ -81,7 +78,8 @@ class CheckedModel:
         limit = np.array(model.effortLimit, float)[self.actuated]
         # Zero, missing and +-DBL_MAX all mean that the file states no limit.
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
-        self._unit_blocks = [(b, e) for j in model.joints for b, e in _unit_blocks(j)]
+        pieces = [p for p in self.joints.pieces if p.unit.start < p.unit.stop]
+        self._unit_blocks = [(p.q + p.unit.start, p.q + p.unit.stop) for p in pieces]
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
         self.sound = True
@@ -120,9 +118,10 @@ class CheckedModel:
         """Wheels on the ground; none of a bare model, see `rbd.Robot.wheels`."""
         return ()
 
-    def joints(self) -> list[str]:
-        """Names of all joints, the floating base included."""
-        return list(self._joints)
+    @property
+    def motor_coordinates(self) -> tuple[Coordinate, ...]:
+        """A name and a unit for each entry of tau; `rbd.model.joints.FORCE_OF[unit]` is the force's."""
+        return tuple(self.joints.velocities[i] for i in self.actuated)
 
     def frame(self, name: str) -> pin.Frame:
         """The Pinocchio frame of this name; a link goes before a joint of the same name.
@@ -163,12 +162,7 @@ class CheckedModel:
         Raises:
             JointNotFound: with the nearest names.
         """
-        try:
-            return self._joints[name]
-        except (KeyError, TypeError):
-            raise JointNotFound(
-                f"no joint {name!r:.80} in {self.name}; {nearest(name, self._joints)}. See robot.joints()."
-            ) from None
+        return self.joints[name].id
 
     def check_q(self, q: Array) -> Array:
         """A configuration, copied, its unit quaternions (and unit circles) normalised; refused if far from unit.
@@ -337,19 +331,3 @@ def _frame_ids(model: pin.Model) -> dict[str, int]:
         if f.name not in ids or f.type == pin.FrameType.BODY:
             ids[f.name] = i
     return ids
-
-
-def _unit_blocks(joint: pin.JointModel) -> list[tuple[int, int]]:
-    """Index ranges in q that must have unit norm."""
-    name, at = joint.shortname(), joint.idx_q
-    if name == "JointModelFreeFlyer":
-        return [(at + 3, at + 7)]
-    if name in ("JointModelSpherical",):
-        return [(at, at + 4)]
-    if name == "JointModelPlanar":
-        return [(at + 2, at + 4)]
-    if name.startswith("JointModelR") and "Unbounded" in name or name.startswith("JointModelRUB"):
-        return [(at, at + 2)]
-    if name == "JointModelComposite":
-        return [block for part in joint.extract().joints for block in _unit_blocks(part)]
-    return []

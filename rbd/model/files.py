@@ -12,8 +12,7 @@ from typing import Literal
 from rbd.errors import ModelError
 from rbd.model.mjcf import Mjcf, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
-from rbd.model.urdf import Complaints, UrdfFile, check_urdf
-from rbd.model.urdf_shapes import check_shapes
+from rbd.model.urdf import Complaints, UrdfFile, check_shapes, check_urdf
 from rbd.model.xml import FileLimits, read_xml
 
 MOST_MESHES = 5_000

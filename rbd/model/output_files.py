@@ -1,17 +1,44 @@
-"""Files that are written: whole or not at all, and their places checked before the work starts."""
+"""Files that are written: whole or not at all, their places checked before the work starts; and temporary folders."""
 
 from __future__ import annotations
 
+import atexit
 import errno
+import itertools
 import os
 import secrets
+import shutil
 import stat
+import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
 from rbd.errors import InputError, RbdError
+
+_folders = itertools.count(1)
+
+
+def new_folder() -> Path:
+    """A new empty folder."""
+    folder = _temporary(os.getpid()) / f"{next(_folders)}"
+    folder.mkdir()
+    return folder
+
+
+@cache
+def _temporary(process: int) -> Path:
+    """The folder of a process. A forked child gets its own, and leaves its parent's where it is when it ends."""
+    folder = tempfile.mkdtemp(prefix="rbd-robots-")
+    atexit.register(_remove, folder, process)
+    return Path(folder)
+
+
+def _remove(folder: str, process: int) -> None:
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def check_place(path: Path, error: type[RbdError] = InputError, *, what: str = "") -> None:

@@ -43,7 +43,7 @@ class PlanarMotion:
         chain: The chain; angles are measured as it does.
         path: The minimum-jerk motion that was planned.
         space: Where: "endpoint" or "joint".
-        times: Shape (samples,) [s], increasing; singular samples are left out, see `note`.
+        t: Times, shape (samples,) [s], increasing; singular samples are left out, see `note`.
         x: The end point, shape (samples, 2) [m]; then its velocity v, acceleration a, jerk j.
         v: [m/s].
         a: [m/s^2].
@@ -60,7 +60,7 @@ class PlanarMotion:
     chain: Chain
     path: MinimumJerk
     space: str
-    times: Array
+    t: Array
     x: Array
     v: Array
     a: Array
@@ -74,7 +74,7 @@ class PlanarMotion:
     note: str
 
     def __len__(self) -> int:
-        return len(self.times)
+        return len(self.t)
 
     def __repr__(self) -> str:
         note = f", {self.note}" if self.note else ""

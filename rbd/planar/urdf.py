@@ -27,8 +27,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.model.output_files import write_text
-from rbd.model.temporary_folders import new_folder
+from rbd.model.output_files import new_folder, write_text
 from rbd.planar.angles import JOINT, AngleMap, samples
 from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
 from rbd.planar.chain import Chain, check_chain

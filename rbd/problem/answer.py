@@ -9,15 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-
 from rbd.arrays import Array, lazy
 from rbd.problem.contact_force import ContactForce
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
-
-RANK_TOLERANCE = 1e-9
-"""Singular values of J below this, times the largest, count as zero in `Answer.rank`."""
+from rbd.problem.subspaces import rank_of
 
 
 class Status(StrEnum):
@@ -60,9 +57,8 @@ class Answer:
         problem: What was solved.
         a: Acceleration, shape (nv,) [m/s2, rad/s2]; on a floating base, linear then angular in the base's axes.
         multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
-        weights: What adds up to f: of the rays (`problem.rays`) where the law speaks of facets, else of the true parts
-            (`problem.parts`), shape (r,); None where all rows hold.
-        law: The law whose residuals are given: "bilateral", "convex", "convex, 4 facets" or "coulomb".
+        weights: What adds up to f, of the columns of `problem.force_set_of(law)`, shape (p,); None where all rows hold.
+        law: The law whose residuals are given; a solver may give it as it prints, e.g. "convex, 4 facets".
         solver: Name of the solver.
         iterations: What the solver needed.
         seconds: Time in the solver [s].
@@ -77,7 +73,7 @@ class Answer:
     a: Array
     multipliers: Array
     weights: Array | None
-    law: str
+    law: Law
     solver: str
     iterations: int
     seconds: float
@@ -85,6 +81,10 @@ class Answer:
     others: tuple[Answer, ...] = ()
     reason: str = ""
     redundant: bool = False
+
+    def __post_init__(self) -> None:
+        if type(self.law) is not Law:
+            object.__setattr__(self, "law", Law.of(self.law))
 
     @property
     def a_free(self) -> Array:
@@ -146,7 +146,7 @@ class Answer:
     @property
     def impact(self) -> str:
         """Which contact approaches, in words: no acceleration answers that. Empty where none does; `rbd.solve` refuses it."""
-        return self.problem.parts.impact if self.problem.moving else ""
+        return self.problem.force_set.impact
 
     @lazy
     def gauss(self) -> Gauss:
@@ -159,12 +159,9 @@ class Answer:
 
     @lazy
     def rank(self) -> int:
-        """Rank of J, at singular values above `RANK_TOLERANCE` times the largest."""
-        if not self.problem.m:
-            return 0
-        s = np.linalg.svd(self.problem.J, compute_uv=False)
-        return int((s > RANK_TOLERANCE * s[0]).sum())
+        """Rank of J, at singular values above `rbd.problem.subspaces.RANK` times the largest."""
+        return rank_of(self.problem.J)
 
     def __repr__(self) -> str:
         kind = type(self).__name__
-        return f"{kind}({self.status}, law {self.law!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"
+        return f"{kind}({self.status}, law {str(self.law)!r}, {self.solver}, worst residual {self.residuals.worst:.1e})"

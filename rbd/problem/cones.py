@@ -2,8 +2,7 @@
 
 A cone K here is any closed convex set of forces in contact axes (tangent, tangent, normal): a whole space, a half-line, a
 friction cone, an interval. Every K is the image K = G P of a product P of simple *parts* (line, half-line, interval,
-second-order cone): `generators` gives (G, parts). From that one form come the rays of the pyramid QP (`rbd.problem.rays`),
-the corner forces of a patch, and the true cones of a conic solver (`rbd.problem.parts`).
+second-order cone): `generators` gives (G, parts). `rbd.problem.force_set` stacks them.
 """
 
 from __future__ import annotations
@@ -334,3 +333,27 @@ def check_friction(mu: float, facets: int) -> None:
         raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a contact that holds.")
     if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or not 3 <= facets <= 1000:
         raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")
+
+
+def project_cones(W: Array, mu: Array) -> Array:
+    """The nearest points of the cones |w_t| <= mu w_n to the rows of W, shape (k, 3)."""
+    return _project(W, mu, np.ones(1))
+
+
+def project_dual_cones(W: Array, mu: Array) -> Array:
+    """The nearest points of their dual cones, mu |w_t| <= w_n, to the rows of W, shape (k, 3)."""
+    return _project(W, np.ones(1), mu)
+
+
+def _project(W: Array, s: Array, r: Array) -> Array:
+    """Nearest points of the cones r |w_t| <= s w_n."""
+    t, n = np.hypot(W[:, 0], W[:, 1]), W[:, 2]
+    inside = r * t <= s * n
+    if inside.all():
+        return W
+    polar = s * t <= -r * n
+    size: Array = s * s + r * r
+    along = (s * t + r * n) / size  # length along the edge (s, r)
+    scale = np.where(t > 0.0, s * along / np.where(t > 0.0, t, 1.0), 0.0)
+    edge = np.column_stack([scale * W[:, 0], scale * W[:, 1], r * along])
+    return np.where(inside[:, None], W, np.where(polar[:, None], 0.0, edge))

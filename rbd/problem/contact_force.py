@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.cones import LineCone, NonNegative, Product, SecondOrderCone, WrenchCone, pyramid
+from rbd.problem.cones import NonNegative, Product, WrenchCone
 from rbd.problem.rows import Patch, Rows
 
 CARRIES_NOTHING_N = 1e-6
@@ -57,11 +57,8 @@ class ContactForce:
         return f"{self.normal:>9.3f} N{self.tangential:>11.3f} N{used:>15}  {where}"
 
 
-def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool = False) -> Array:
-    """Corner forces (k, 3) in world axes of row forces f, from the rays' weights where there are any.
-
-    Without weights the split is the minimum-norm one. `inscribed` tells which pyramids the weights belong to.
-    """
+def corner_split(rows: Rows, f: Array) -> Array:
+    """Corner forces (k, 3) in world axes that make row forces f: of minimum norm, whatever their signs."""
     assert rows.patch is not None
     k = len(rows.patch.corners)
     if not len(f):
@@ -72,17 +69,8 @@ def corner_split(rows: Rows, f: Array, weights: Array | None, *, inscribed: bool
     if isinstance(rows.cone, Product | NonNegative):  # points side by side: the row forces are theirs
         local = np.zeros((k, 3))
         local[:, 3 - len(f) // k :] = f.reshape(k, -1)
-    elif weights is None or not isinstance(rows.cone, WrenchCone | LineCone):
-        local = np.linalg.lstsq(corner_map(rows), f, rcond=None)[0].reshape(k, 3)
     else:
-        local, at = np.zeros((k, 3)), 0
-        for i, part in enumerate(rows.cone.generators()[1]):
-            if isinstance(part, SecondOrderCone):
-                local[i] = pyramid(part.mu, part.facets, inscribed=inscribed) @ weights[at : at + part.facets]
-                at += part.facets
-            else:  # a half-line: without friction
-                local[i, 2] = weights[at]
-                at += 1
+        local = np.linalg.lstsq(corner_map(rows), f, rcond=None)[0].reshape(k, 3)
     return local @ rows.patch.axes.T
 
 

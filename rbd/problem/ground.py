@@ -1,4 +1,4 @@
-"""The plane that a contact stands on, and how far from it a contact is."""
+"""What a contact touches: the ground, which may move, or another body of the robot; and how far from a plane it is."""
 
 from __future__ import annotations
 
@@ -7,54 +7,92 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, as_vector3
+from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite
 from rbd.errors import InputError, UnknownName, nearest
 
 TOUCHES = 1e-3
 """A contact whose points are all within this of its plane touches it [m]."""
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def unit_normal(what: str, normal: Sequence[float] | Array) -> Array:
+    """A normal, its length made one to rounding.
+
+    Raises:
+        InputError: if it is not of unit length to 1e-6.
+    """
+    n = as_vector3(what, normal)
+    length = float(np.linalg.norm(n))
+    if abs(length - 1.0) > 1e-6:
+        raise InputError(f"{what} has length {length:.6g}; expected a unit vector.")
+    return n / length
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """A plane that contacts stand on: a floor, a step, a table, a ramp.
+    """The ground that a contact touches: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
 
     Attributes:
-        point: Any point of it, in W, shape (3,) [m].
-        normal: Its normal, out of the ground, a unit vector in W, shape (3,).
+        normal: Out of the ground, a unit vector in W, shape (3,). Not given: z where `point` is, else the contact's own
+            (z of a point contact, z of the placement of an edge or a patch).
+        point: Any point of its plane, in W, shape (3,) [m]. None: where the plane is is not known, and a contact touches it
+            wherever it is.
+        velocity: Of its surface, world axes: linear (3,), or linear and angular (6,) [m/s, rad/s]; kept as (6,). None: it
+            rests. A contact's rows are relative to it: a point that moves with the surface is at rest.
+        acceleration: Likewise of the material point of the surface that `velocity` is of [m/s2, rad/s2]. Both are of the
+            instant: another instant wants another ground.
+        about: Point in W, shape (3,) [m], where `velocity` and `acceleration` are those of the surface, as a point on a
+            turntable's axis. Not given: the contact's own point; for what rolls, `point`.
 
     Raises:
-        InputError: numbers that are not finite, a normal that is not of unit length.
+        InputError: numbers that are not finite, a normal that is not of unit length, `about` without a motion.
 
-    >>> rbd.Ground(point=(0, 0, 0.17))            # a step, 17 cm up
+    >>> step = rbd.Ground(point=(0, 0, 0.17))            # 17 cm up
+    >>> turntable = rbd.Ground(velocity=(0, 0, 0, 0, 0, 1.7), about=(0, 0, 0))
     """
 
-    point: Sequence[float] | Array = field(default=(0.0, 0.0, 0.0), kw_only=True)
-    normal: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
+    normal: Sequence[float] | Array | None = field(default=None, kw_only=True)
+    point: Sequence[float] | Array | None = field(default=None, kw_only=True)
+    velocity: Sequence[float] | Array | None = field(default=None, kw_only=True)
+    acceleration: Sequence[float] | Array | None = field(default=None, kw_only=True)
+    about: Sequence[float] | Array | None = field(default=None, kw_only=True)
     height: float = field(init=False, repr=False)
     level: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        point, n = as_vector3("point of the ground", self.point), as_vector3("normal of the ground", self.normal)
-        length = float(np.linalg.norm(n))
-        if abs(length - 1.0) > 1e-6:
-            raise InputError(f"normal of the ground has length {length:.6g}; expected a unit vector.")
         put = object.__setattr__
+        given = _UP if self.normal is None and self.point is not None else self.normal
+        n = None if given is None else unit_normal("normal of the ground", given)
+        point = None if self.point is None else as_vector3("point of the ground", self.point)
+        put(self, "normal", n)
         put(self, "point", point)
-        put(self, "normal", n / length)
-        put(self, "height", float(self.normal @ point))
-        put(self, "level", bool(np.array_equal(self.normal, [0.0, 0.0, 1.0])))
+        for what in ("velocity", "acceleration"):
+            if (motion := getattr(self, what)) is not None:
+                put(self, what, _twist(f"{what} of the ground", motion))
+        if self.about is not None:
+            put(self, "about", as_vector3("about of the ground", self.about))
+            if self.velocity is None and self.acceleration is None:
+                raise InputError("the ground has about= without velocity= or acceleration=: it says where these are given.")
+        put(self, "height", np.nan if n is None or point is None else float(n @ point))
+        put(self, "level", point is not None and n is not None and bool(np.array_equal(n, _UP)))
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a velocity or an acceleration that is not zero."""
+        return any(given is not None and np.any(given) for given in (self.velocity, self.acceleration))
 
     def distances(self, points: Array) -> Array:
-        """How far points are above the plane, negative below, shape (k,) [m].
+        """How far points are above the plane, negative below, shape (k,) [m]; NaN where the plane is not known.
 
         Args:
             points: In W, shape (k, 3) [m].
         """
-        return np.asarray(points @ np.asarray(self.normal)) - self.height
+        return np.full(len(points), np.nan) if self.normal is None else np.asarray(points @ self.normal) - self.height
 
     def below(self, x: float, y: float) -> float:
         """Height of the plane in W at (x, y) [m]; of one that stands upright, of its `point`."""
         nx, ny, nz = np.asarray(self.normal).tolist()
+        assert self.point is not None
         return (self.height - nx * x - ny * y) / nz if abs(nz) > 1e-3 else float(self.point[2])
 
     def same(self, other: Ground) -> bool:
@@ -63,33 +101,74 @@ class Ground:
             return False
         return bool(abs(self.distances(np.asarray(other.point)[None])[0]) < 1e-6)
 
-    @classmethod
-    def of(cls, name: str, given: object) -> Ground | None:
-        """What `on=` of a contact says: a plane, the height of a level one, or None where no plane is known.
 
-        Raises:
-            InputError: if it is something else.
-        """
-        if given is None or isinstance(given, Ground):
-            return given
-        height = as_float(given)
-        if not abs(height) < 1e100:
-            raise InputError(
-                f"on of {name!r:.80} is {given!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level "
-                "ground [m], or None where it is not known."
-            )
-        return FLOOR if height == 0.0 else cls(point=(0.0, 0.0, height))
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Another body of the same model that a contact touches, in place of the ground.
+
+    The contact's force is the one on its own body; the other feels the opposite.
+
+    Attributes:
+        frame: A frame of that body.
+        normal: Out of it, a unit vector in the frame's axes, shape (3,); the contact's own if not given, as of `Ground`.
+            What rolls takes the plane through the frame's origin.
+
+    Raises:
+        InputError: a frame that is no word, a normal that is not of unit length.
+
+    >>> palm = rbd.PointContact("palm", "left_hand", on=rbd.Body("table"), friction=0.5)
+    """
+
+    frame: str
+    normal: Sequence[float] | Array | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.frame, str) or not self.frame:
+            raise InputError(f"rbd.Body is of {self.frame!r:.80}; expected a frame of the other body, e.g. 'table'.")
+        if self.normal is not None:
+            object.__setattr__(self, "normal", unit_normal(f"normal of the body {self.frame!r:.80}", self.normal))
 
 
-FLOOR = Ground()
+FLOOR = Ground(point=(0.0, 0.0, 0.0))
 """The plane z = 0."""
 
-On = Ground | float | None
-"""What a contact stands on: a plane, the height of a level one [m], or None where it is not known."""
+Surface = Ground | Body | None
+"""What is touched, checked; None: ground at rest somewhere."""
+On = Surface | float
+"""What is touched, as a user says it: also the height of a level ground [m]."""
 
 
-def grounds_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Ground | None]:
-    """The plane of each of several feet.
+def surface_of(name: str, on: object) -> Surface:
+    """What `on=` of a contact says: a ground, the height of a level one, a body, or None where nothing is known of it.
+
+    Raises:
+        InputError: if it is something else.
+    """
+    if on is None or isinstance(on, Ground | Body):
+        return on
+    height = as_float(on)
+    if not abs(height) < 1e100:
+        raise InputError(
+            f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level ground [m], "
+            "rbd.Body(frame), or None where it is not known."
+        )
+    return FLOOR if height == 0.0 else Ground(point=(0.0, 0.0, height))
+
+
+def plane_of(name: str, on: object) -> Ground:
+    """A ground whose plane is known.
+
+    Raises:
+        InputError: it is a body, or a ground without a point.
+    """
+    ground = surface_of(name, on)
+    if not isinstance(ground, Ground) or ground.point is None:
+        raise InputError(f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), with a point.")
+    return ground
+
+
+def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Surface]:
+    """What each of several feet stands on.
 
     Args:
         names: Of the feet.
@@ -97,12 +176,26 @@ def grounds_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Gro
 
     Raises:
         UnknownName: a foot that is none, with the nearest names.
-        InputError: what is no plane.
+        InputError: what is no ground and no body.
     """
     if not isinstance(on, Mapping):
-        one = Ground.of("the feet", on)
+        one = surface_of("the feet", on)
         return dict.fromkeys(names, one)
     for name in on:
         if name not in names:
             raise UnknownName(f"on names {name!r:.80}, which is no foot; {nearest(name, names)}.")
-    return {name: Ground.of(name, on.get(name, FLOOR)) for name in names}
+    return {name: surface_of(name, on.get(name, FLOOR)) for name in names}
+
+
+def _twist(what: str, value: Sequence[float] | Array) -> Array:
+    """Linear and angular parts, shape (6,); a missing angular part is zero."""
+    given = as_array(what, value)
+    if given.shape not in ((3,), (6,)):
+        raise InputError(
+            f"{what} has shape {given.shape}; expected (3,), linear, or (6,), linear then angular, in world axes: how the "
+            "surface moves."
+        )
+    check_finite(what, given)
+    out = np.zeros(6)
+    out[: len(given)] = given
+    return out

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
-from itertools import accumulate, pairwise
-from math import isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,10 +11,10 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, as_array, as_float, check_finite, inertia_factor, is_finite, lazy
 from rbd.errors import DuplicateName, InputError
-from rbd.problem.cones import Cone, Interval, Line, Product, SecondOrderCone
-from rbd.problem.openings import Opening
-from rbd.problem.parts import REST_SPEED, Parts, parts_of
-from rbd.problem.rays import Rays, rays_of, stacked_rays
+from rbd.problem.cones import Cone, Product
+from rbd.problem.contact_motion import REST_SPEED, Opening
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import Law
 from rbd.problem.rows import Rows
 
 
@@ -147,12 +145,6 @@ class GaussProblem:
         return out
 
     @lazy
-    def ray_slices(self) -> list[slice]:
-        """Where each constraint's rays stand among the columns of `rays`, in the order of `rows`."""
-        ends = list(accumulate((rays_of(r.cone).G.shape[1] for r in self.rows), initial=0))
-        return [slice(i, j) for i, j in pairwise(ends)]
-
-    @lazy
     def J(self) -> Array:
         """Stacked Jacobian, shape (m, nv)."""
         return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.nv))
@@ -182,52 +174,23 @@ class GaussProblem:
         return Product([r.cone for r in self.rows])
 
     @lazy
+    def force_set(self) -> ForceSet:
+        """The stacked sets as weights on columns, circular cones as they are, and what the rows' velocities decide."""
+        return ForceSet.of(self.rows, self.rest_speed)
+
+    def force_set_of(self, law: Law) -> ForceSet:
+        """The sets that a law's weights belong to: with pyramids in place of circular cones where it has facets."""
+        return self.force_set.pyramids if law.facets else self.force_set
+
+    @property
     def bilateral(self) -> bool:
         """Whether every row holds, whatever force that takes."""
-        return self.rays.all_lines
-
-    @lazy
-    def rays(self) -> Rays:
-        """The stacked sets as weights on columns, pyramids in place of circular cones; G has shape (m, r).
-
-        A weight that its rows' velocity has decided has equal bounds: an interval's that moves stands at the bound against
-        the motion, and what opens carries nothing. (That friction follows the motion of what slides, rays cannot say.)
-        """
-        return _decided(self.rows, self._rays_at_rest, self.rest_speed) if self.moving else self._rays_at_rest
-
-    @lazy
-    def _rays_at_rest(self) -> Rays:
-        return stacked_rays(tuple([r.cone for r in self.rows]))
-
-    @lazy
-    def moving(self) -> tuple[Rows, ...]:
-        """The rows with bounded forces that have a velocity: their friction has no choice left (see `rbd.problem.parts`)."""
-        if self._rays_at_rest.all_lines:
-            return ()
-        rest = self.rest_speed
-        faster = [r for r in self.rows if not np.vdot(r.velocity, r.velocity) <= rest**2]  # a norm: a tenth of `speed`
-        return tuple([r for r in faster if not r.speed <= rest and not rays_of(r.cone).all_lines])
-
-    @lazy
-    def slipping(self) -> tuple[Rows, ...]:
-        """Those of `moving` of which rays cannot tell: points that slide, corners of a patch that turns."""
-        if not self.moving:
-            return ()
-        T = self.parts
-        told = {s.rows for s in T.sliding}
-        turns = (np.abs(T.offset) > 1e-11) & (T.lower < T.upper)  # rounding, and what carries nothing, turn nothing
-        told |= {r.name for r, at in zip(self.rows, T.slices, strict=True) if turns[at].any()}
-        return tuple([r for r in self.moving if r.name in told])
+        return self.force_set.bilateral
 
     @property
     def openings(self) -> tuple[Opening, ...]:
         """Points that move away from what they touch, faster than `rest_speed`: they carry nothing."""
-        return self.parts.openings if self.moving else ()
-
-    @lazy
-    def parts(self) -> Parts:
-        """The stacked sets in generator form, circular cones as they are, and what the rows' velocities decide."""
-        return parts_of(self.rows, self.rest_speed)
+        return self.force_set.openings
 
     @lazy
     def factor(self) -> Array:
@@ -272,25 +235,6 @@ class GaussProblem:
     def free_row_acceleration(self) -> Array:
         """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
         return self.J @ self.a_free + self.offset
-
-
-def _decided(rows: Sequence[Rows], at_rest: Rays, rest_speed: float) -> Rays:
-    """The rays, with equal bounds where a velocity leaves a weight no choice."""
-    lower, upper, at = at_rest.lower.copy(), at_rest.upper.copy(), 0
-    for r in rows:
-        G, parts = r.cone.generators()
-        ends = list(accumulate(part.dim for part in parts))
-        velocity = r.velocity if r.speed > rest_speed else np.zeros(len(r))
-        for part, u in zip(parts, (G.T @ velocity)[[end - 1 for end in ends]].tolist(), strict=True):  # of the normals
-            columns = slice(at, at + (part.facets if isinstance(part, SecondOrderCone) else 1))
-            at = columns.stop
-            if isinstance(part, Interval):
-                against = part.lo if u > 0.0 else part.hi
-                if abs(u) > rest_speed and isfinite(against):
-                    lower[columns] = upper[columns] = against
-            elif not isinstance(part, Line) and u > rest_speed:
-                upper[columns] = 0.0
-    return Rays(at_rest.G, lower, upper, at_rest.starts, at_rest.facets)
 
 
 def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:

@@ -114,6 +114,27 @@ def nonnegative(A: Array, b: Array) -> Array | None:
         return None
 
 
+def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array, Array] | None:
+    """(x, multipliers): the x of least norm with G x >= h, x = G^T multipliers and these >= 0; None where none is found.
+
+    Least distance programming by nonnegative least squares [LawsonHanson1974], chapter 23.
+
+    Args:
+        G: Shape (k, n).
+        h: Shape (k,).
+        tolerance: What is left of one, of the weighted h, where there is an x.
+    """
+    size = float(np.abs(h).max(initial=0.0)) or 1.0  # planes far away would leave few digits to the multipliers
+    y = nonnegative(np.vstack([G.T, h / size]), np.append(np.zeros(G.shape[1]), 1.0))
+    if y is None:
+        return None
+    left = 1.0 - float(h @ y) / size
+    if not left > tolerance:
+        return None
+    multipliers = y * (size / left)
+    return G.T @ multipliers, multipliers
+
+
 def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     """The x within its bounds with about the least |A x - b|, shape (n,); as near as it was found: judge by its residual."""
     try:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, add_wrench, is_finite, lazy, max_abs
-from rbd.problem.parts import bounded_weights
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import CONVEX, Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.scales import Scales
 
@@ -59,7 +60,7 @@ class Residuals:
     """
 
     values: tuple[float, float, float, float, float | None]
-    answer: tuple[GaussProblem, Array, Array, Array | None, str]
+    answer: tuple[GaussProblem, Array, Array, Array | None, Law]
 
     @property
     def stationarity(self) -> Residual:
@@ -148,11 +149,11 @@ class Residuals:
             return P.least_inertia if i == 0 else P.least_momentum
         if P.bilateral:
             return 1.0
-        acceleration, normal = (P.rays if "facets" in self.answer[4] else P.parts).reach
+        acceleration = P.force_set_of(self.answer[4]).reach
         if i == 1:
             return acceleration
         if i == 2:
-            return 1.0 / max(1.0, normal**2 * max_abs(P.delassus.diagonal()))
+            return 1.0 / max(1.0, max_abs(P.delassus.diagonal()))
         slack, own = self._terms.slack, np.abs(self._terms.weights)
         # Of a point that pushes, its weight is less than the scale of its weights: what is left is its acceleration.
         with np.errstate(over="ignore"):  # a weight of zero beside a bound of 1e100: no lower bound but zero
@@ -203,17 +204,17 @@ class Residuals:
         return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
 
 
-def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> Residuals:
+def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law | str = CONVEX) -> Residuals:
     """The certificate of acceleration a and row forces f under a law.
 
     Args:
         problem: What is answered.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: Of `problem.rays` where the law speaks of facets, else of `problem.parts`; where None and rows can
-            break, the best that can be found.
-        law: "bilateral", "convex", "convex, 4 facets" or "coulomb".
+        weights: Of the columns of `problem.force_set_of(law)`; where None and rows can break, the best that can be found.
+        law: A law, or as it prints.
     """
+    law = Law.of(law)
     P, answer = problem, (problem, a, f, weights, law)
     if not math.isfinite(np.vdot(a, a) + np.vdot(f, f)):
         nan = math.nan
@@ -256,76 +257,49 @@ class _Terms:
         self.gap, self.slack, self.off_cone, self.slices, self.weights, self.over = gap, slack, off_cone, slices, weights, over
 
 
-def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: str) -> _Terms:
+def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law) -> _Terms:
     c = P.J @ a + P.offset
     if P.bilateral:
         none = np.zeros(len(c))
         return _Terms(np.abs(c), none, none, list(P.slices.values()), none, lambda scales: (np.abs(c) / scales.rows, none))
-    return _of_rays(P, c, f, weights) if "facets" in law else _of_parts(P, c, f, weights, coulomb=law == "coulomb")
+    return _of_set(P.force_set_of(law), c, f, weights, coulomb=law.kind == "coulomb")
 
 
-def _of_rays(P: GaussProblem, c: Array, f: Array, weights: Array | None) -> _Terms:
-    R = P.rays
-    if weights is None:  # any weights within the bounds that make the force as nearly as can be
-        weights = bounded_weights(R.G, f, R.lower, R.upper)
-    w = np.minimum(np.maximum(weights, R.lower), R.upper)
-    along = R.G.T @ c
-    opens, closes = np.maximum(along, 0.0), np.maximum(-along, 0.0)
-    # A line must keep still; a ray may open; a weight between two bounds is a matter of complementarity alone.
-    gap = np.where(R.below, 0.0, opens) + np.where(R.above, 0.0, closes)
-    slack = (w - R.finite_lower) * R.below * opens + (R.finite_upper - w) * R.above * closes
-
-    def over(scales: Scales) -> tuple[Array, Array]:
-        of_along, of_normal, push, point = scales.of_rays(R, w)
-        normal = R.mean(along)
-        sinks = (np.maximum(-normal, 0.0) / of_normal)[point]
-        across = np.maximum(normal[point] - along - np.maximum(normal, 0.0)[point], 0.0)
-        of_point = (R.widths[point] > 1) & ~R.above
-        gaps = np.where(of_point, np.maximum(sinks, across / of_along), gap / of_along)
-        return gaps, slack / (push[point] * of_along)
-
-    return _Terms(gap, slack, f - R.G @ w, P.ray_slices, w, over)
-
-
-def _of_parts(P: GaussProblem, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
-    T = P.parts
+def _of_set(T: ForceSet, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
     w = T.project(T.weights_of(f) if weights is None else weights)
-    y = T.accelerations(c, coulomb=False)
-    if not len(T.mu):
-        gap, slack = T.gap(y), T.slack(w, y)
-
-        def plain(scales: Scales) -> tuple[Array, Array]:
-            return _over_columns(gap, slack, *scales.of_parts(T, w))
-
-        return _Terms(gap, slack, f - T.G @ w, T.slices, w, plain)
-    n = T.cone_at + 2
-    (y_1, y_2, y_n), (w_1, w_2, w_n) = y[T.cone_columns.T], w[T.cone_columns.T]
-    slip, sinks = np.hypot(y_1, y_2), np.maximum(-y_n, 0.0)
-    if coulomb:
-        presses, rubs = np.abs(w_n * y_n), np.abs(w_1 * y_1 + w_2 * y_2 + T.mu * w_n * slip)
-        gap, slack = (np.zeros(len(y)), np.zeros(len(y))) if T.only_cones else (T.gap(y), T.slack(w, y))
-        gap[n], slack[n] = sinks, np.maximum(presses, rubs)
+    y = T.accelerations(c)
+    if coulomb and T.only_cones:
+        gap, slack = np.zeros(len(y)), np.zeros(len(y))
     else:
         gap, slack = T.gap(y), T.slack(w, y)
+    if len(T.mu):
+        n = T.cone_at + 2
+        (y_1, y_2, y_n), (w_1, w_2, w_n) = y[T.cone_columns.T], w[T.cone_columns.T]
+        slip, sinks = np.hypot(y_1, y_2), np.maximum(-y_n, 0.0)
+        if coulomb:
+            presses, rubs = np.abs(w_n * y_n), np.abs(w_1 * y_1 + w_2 * y_2 + T.mu * w_n * slip)
+            gap[n], slack[n] = sinks, np.maximum(presses, rubs)
 
     def over(scales: Scales) -> tuple[Array, Array]:
-        along, push = scales.of_parts(T, w)
-        gaps, slacks = _over_columns(gap, slack, along, push)
-        of_normal, of_slip, of_push = along[n], np.maximum(T.mu, 1.0) * along[T.cone_at], push[n]
-        gaps[n] = sinks / of_normal
-        if coulomb:
-            slacks[n] = np.maximum(presses / of_normal, rubs / of_slip) / of_push
-        else:
-            across = np.maximum(T.mu * slip - np.maximum(y_n, 0.0), 0.0)
-            gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
-            slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
+        along, push = scales.of_set(T, w)
+        gaps, slacks = gap / along, slack / (along * push)
+        if len(T.mu):
+            of_normal, of_slip, of_push = along[n], np.maximum(T.mu, 1.0) * along[T.cone_at], push[n]
+            gaps[n] = sinks / of_normal
+            if coulomb:
+                slacks[n] = np.maximum(presses / of_normal, rubs / of_slip) / of_push
+            else:
+                across = np.maximum(T.mu * slip - np.maximum(y_n, 0.0), 0.0)
+                gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
+                slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
+        elif T.size > len(T.elements):  # pyramids: how a point sinks apart from how it moves along the ground
+            point, normal = T.element_at, T.sums(y * T.normal_share)
+            falls = (np.maximum(-normal, 0.0) / (np.abs(T.normals).T @ scales.rows))[point]
+            across = np.maximum(normal[point] - y - np.maximum(normal, 0.0)[point], 0.0)
+            gaps = np.where((T.widths[point] > 1) & ~T.above, np.maximum(falls, across / along), gaps)
         return gaps, slacks
 
     return _Terms(gap, slack, f - T.G @ w, T.slices, w, over)
-
-
-def _over_columns(gap: Array, slack: Array, along: Array, push: Array) -> tuple[Array, Array]:
-    return gap / along, slack / (along * push)
 
 
 def _over(miss: Array, scales: Array) -> float:
@@ -333,7 +307,7 @@ def _over(miss: Array, scales: Array) -> float:
 
 
 @np.errstate(all="ignore")  # of numbers that overflow, the words say so
-def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: str = "convex") -> str:
+def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law = CONVEX) -> str:
     """The constraint that misses its equations most, over their own terms, and by how much, in words.
 
     Where numbers are NaN or infinite, or their squares are, the first constraint whose force is, else the whole motion.

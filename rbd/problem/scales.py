@@ -23,9 +23,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.problem.parts import Parts
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rays import Rays
 
 
 class Scales:
@@ -79,8 +79,8 @@ class Scales:
         own[3:] = np.maximum(own[3:], np.sqrt(A[3:].max() / max(A[:3].max(), 1e-300)) * own[:3].max())
         return own
 
-    def of_columns(self, weights: Array | None, law: str) -> tuple[Array, Array]:
-        """(accelerations, weights) of the columns that the law's weights belong to: of rows that hold, rays, or parts.
+    def of_columns(self, weights: Array | None, law: Law) -> tuple[Array, Array]:
+        """(accelerations, weights) of the columns that the law's weights belong to; of the rows where all hold.
 
         Args:
             weights: As `Answer.weights`; None where all rows hold.
@@ -89,43 +89,26 @@ class Scales:
         P = self._given[0]
         if P.bilateral or weights is None:
             return self.rows, self.row_forces
-        if "facets" not in law:
-            return self.of_parts(P.parts, weights)
-        along, _, push, point = self.of_rays(P.rays, weights)
-        return along, push[point]
+        return self.of_set(P.force_set_of(law), weights)
 
-    def of_rays(self, R: Rays, w: Array) -> tuple[Array, Array, Array, Array]:
-        """(`along` rays, `normal` at points, `push` of points, point of each ray) for weights of `problem.rays`.
+    def of_set(self, T: ForceSet, w: Array) -> tuple[Array, Array]:
+        """(accelerations, weights) of the columns of a force set, shapes (p,).
+
+        The columns of a cone, or of its pyramid, share the scale of their weights; of a cone the two tangential ones share that
+        of their accelerations.
 
         Args:
-            R: The rays.
-            w: Their weights, shape (r,).
-
-        Returns:
-            Scales of the accelerations along each ray (r,) and along each point's normal (k,); of each point's weights (k,);
-            the number of each ray's point (r,).
+            T: The set.
+            w: Its weights, shape (p,).
         """
-        normals = R.normals
-        point = np.repeat(np.arange(len(R.starts)), R.widths)
-        terms = np.abs(w) + R.bound_size
-        push = np.add.reduceat(terms, R.starts) if len(terms) else terms
-        return np.abs(R.G).T @ self.rows, np.abs(normals).T @ self.rows, self._at_least(push, normals), point
-
-    def of_parts(self, T: Parts, w: Array) -> tuple[Array, Array]:
-        """(accelerations, weights) of the columns of `problem.parts`, shapes (p,).
-
-        The three columns of a cone share the scale of their weights, and the two tangential ones that of their accelerations.
-        """
-        push, along = self._at_least(np.abs(w) + T.bound_size, T.G), np.abs(T.H).T @ self.rows + np.abs(T.offset)
-        if len(T.mu):
-            i, j, n = T.cone_columns.T
-            along[i] = along[j] = np.maximum(along[i], along[j])
-            push[i] = push[j] = push[n]
-        return along, push
-
-    def _at_least(self, push: Array, normals: Array) -> Array:
         P = self._given[0]
-        return np.maximum(push, least_forces(np.einsum("ij,ij->j", normals, P.delassus @ normals)))
+        along = np.abs(T.H).T @ self.rows + np.abs(T.offset)
+        if len(T.mu):
+            i, j, _ = T.cone_columns.T
+            along[i] = along[j] = np.maximum(along[i], along[j])
+        push = T.sums((np.abs(w) + T.bound_size) * (T.normal_share > 0.0))
+        mobility = np.einsum("ij,ij->j", T.normals, P.delassus @ T.normals)
+        return along, np.maximum(push, least_forces(mobility))[T.element_at]
 
 
 def least_forces(mobility: Array | Sequence[float]) -> Array:

@@ -17,9 +17,8 @@ import numpy as np
 
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError, ModelError
-from rbd.model.output_files import check_place, write_text
+from rbd.model.output_files import check_place, new_folder, write_text
 from rbd.model.state import State
-from rbd.model.temporary_folders import new_folder
 from rbd.robots import catalogue
 from rbd.robots.loop_file import ENDING
 from rbd.robots.robot import Robot, load_robot

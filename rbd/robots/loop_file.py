@@ -3,11 +3,11 @@
 A URDF is a tree. `four_bar.loops.yaml` beside `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
 left out:
 
-    root: fixed                         # or planar, or free_flyer: what load_robot takes where it is not told
+    root: fixed                         # or planar, or free_flyer: what load_robot takes by default
     passive: [coupler_joint]            # joints that carry no motor
     frames:                             # more frames, on links of the robot [m, rad]
       coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
-    loops:                              # kind: point, revolute, rigid or planar, see rbd.LoopClosure; axis in frame_a
+    loops:                              # kind: point, revolute, rigid or planar, see rbd.LoopClosure; axis in frame_a; or yours
       - {name: pin, kind: planar, frame_a: coupler_tip, frame_b: rocker_tip, axis: [0, 1, 0]}
     couplings:                          # q_joint = ratio q_to + offset, see rbd.JointCoupling
       - {name: gear, joint: left_joint, to: right_joint, ratio: -1, offset: 0}
@@ -17,34 +17,44 @@ left out:
     postures:                           # joint: angle [rad] or displacement [m], or a list: the joint's part of q
       assembled: {crank_joint: 0.7, coupler_joint: -0.4}
 
+A kind of your own is read under `loops` or `wheels` by the word that `rbd.register_constraint(word, kind)` gave it; its keys
+are the names of what it is made of, their values numbers, words, truth values or lists of numbers:
+
+      - {name: rod, kind: rod, frame_a: coupler_tip, frame_b: rocker_tip, length: 0.3}
+
 Words are those of YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
 robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB are refused by name.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
 import stat
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NoReturn, TypeVar
+from typing import Any, Literal, NoReturn
 
 import yaml
 
 from rbd.arrays import as_float
-from rbd.errors import ModelError, nearest
+from rbd.constraints.constraint import Constraint, made
+from rbd.constraints.joint import JointCoupling
+from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
+from rbd.constraints.nonholonomic import KnifeEdge
+from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.errors import InputError, ModelError, nearest
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
 
 Root = Literal["free_flyer", "fixed", "planar"]
 Triple = tuple[float, float, float]
-Entry = TypeVar("Entry")
 
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
-"""How a robot's root may move, and its freedoms."""
-CLOSURES = ("point", "revolute", "rigid", "planar")
-WHEELS = ("knife_edge", "rolling_wheel", "rolling_disk", "rolling_ball")
+"""How a robot's root may move, and its degrees of freedom."""
+PARTS = ("root", "passive", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
 """Bytes. The reader takes seconds for more, and no robot has so many loops."""
 DEEPEST = 8
@@ -52,47 +62,13 @@ DEEPEST = 8
 
 
 @dataclass(frozen=True)
-class Mark:
+class NamedFrame:
     """A frame to be added: where on which link; rpy as in URDF [m, rad]."""
 
     name: str
     link: str
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Closure:
-    """A loop to be closed between two frames; `axis` in the first."""
-
-    name: str
-    kind: str
-    frame_a: str
-    frame_b: str
-    axis: Triple = (0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """A gear: q_joint = ratio q_to + offset."""
-
-    name: str
-    joint: str
-    to: str
-    ratio: float
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class Wheel:
-    """A wheel, ball or blade on the ground z = 0; None where the constraint's own default is meant."""
-
-    name: str
-    kind: str
-    frame: str
-    radius: float | None = None
-    axis: Triple | None = None
-    direction: Triple | None = None
 
 
 @dataclass(frozen=True)
@@ -104,20 +80,79 @@ class LoopFile:
         root: How the robot's root moves, if it is said.
         passive: Joints without a motor.
         frames: To be added to the robot.
-        loops: To be closed.
-        couplings: Gears.
-        wheels: What rolls or slides on the ground.
+        loops: Closures, then couplings, as constraints.
+        wheels: What rolls or slides on the ground, as constraints.
         postures: {name: {joint: numbers}}.
     """
 
     name: str = ""
     root: Root | None = None
     passive: tuple[str, ...] = ()
-    frames: tuple[Mark, ...] = ()
-    loops: tuple[Closure, ...] = ()
-    couplings: tuple[Coupling, ...] = ()
-    wheels: tuple[Wheel, ...] = ()
+    frames: tuple[NamedFrame, ...] = ()
+    loops: tuple[Constraint, ...] = ()
+    wheels: tuple[Constraint, ...] = ()
     postures: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a word for a constraint stands for.
+
+    Attributes:
+        part: The part of a file where it stands; "" where a user's stands: among loops or wheels.
+        make: Makes the constraint, from its name and the keys.
+        keys: What may be said of it: {key: how it is read}, by methods of the reader.
+        needed: What must be said.
+    """
+
+    part: str
+    make: Callable[..., Constraint]
+    keys: Mapping[str, str]
+    needed: tuple[str, ...]
+
+
+_ENDS = {"frame_a": "word", "frame_b": "word", "axis": "three"}
+_JOINTS = {"joint": "word", "to": "word", "ratio": "number", "offset": "number"}
+_ROLLS = {"frame": "word", "radius": "number"}
+KINDS: dict[str, Kind] = {
+    **{word: Kind("loops", partial(LoopClosure, kind=word), _ENDS, ("frame_a", "frame_b")) for word in CLOSURES},
+    "coupling": Kind("couplings", JointCoupling, _JOINTS, ("joint", "to", "ratio")),
+    "knife_edge": Kind("wheels", KnifeEdge, {"frame": "word", "direction": "three"}, ("frame",)),
+    "rolling_wheel": Kind("wheels", RollingWheel, _ROLLS | {"axis": "three"}, ("frame", "radius")),
+    "rolling_disk": Kind("wheels", RollingDisk, _ROLLS | {"axis": "three"}, ("frame", "radius")),
+    "rolling_ball": Kind("wheels", RollingBall, _ROLLS, ("frame", "radius")),
+}
+"""What each word of a loop file stands for."""
+
+
+def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
+    """Loop files may say `kind: word` for a constraint of your own, among their loops and wheels.
+
+    Args:
+        word: As it stands in the file.
+        kind: Its class, or a function that makes one. The file's keys are its parameters, `name` first among them; those
+            without a default must be there.
+
+    Raises:
+        InputError: a word that has a meaning already, or a kind that has no parameter `name`.
+
+    >>> rbd.register_constraint("rod", Rod)  # doctest: +SKIP
+    """
+    if not isinstance(word, str) or not word.strip() or len(word) > LONGEST_NAME:
+        raise InputError(f"the word for a constraint is {word!r:.80}; expected a short one, e.g. 'rod'.")
+    try:
+        given = inspect.signature(kind).parameters
+    except (TypeError, ValueError):
+        raise InputError(f"{kind!r:.80} makes no constraint; expected a class with a name and rows(state).") from None
+    if "name" not in given:
+        raise InputError(f"{kind!r:.80} has no parameter `name`; expected a constraint's class, or a function that makes one.")
+    open_ended = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    own = {key: p for key, p in given.items() if key not in ("name", "kind") and p.kind not in open_ended}
+    needed = tuple(key for key, p in own.items() if p.default is inspect.Parameter.empty)
+    known = KINDS.get(word)
+    if known is not None and known.make is not kind:
+        raise InputError(f"{word!r:.80} stands for {known.make!r:.120} already; expected another word.")
+    KINDS[word] = Kind("", kind, dict.fromkeys(own, "plain"), needed)
 
 
 def beside(path: Path) -> Path | None:
@@ -137,29 +172,19 @@ def read_loop_file(path: Path) -> LoopFile:
     """
     what = _Reader(path.name)
     top = what.mapping("the file", _loaded(path))
-    what.keys("the file", top, [f.name for f in fields(LoopFile) if f.name != "name"])
+    what.keys("the file", top, PARTS)
     root = top.get("root")
     if root is not None and not (isinstance(root, str) and root in ROOTS):
         what.stop(f"root is {root!r:.80}; expected one of {', '.join(ROOTS)}.")
     marks = what.mapping("frames", top.get("frames", {}))
     frames = tuple(what.frame(name, entry) for name, entry in marks.items())
-    loops = what.entries("loops", top, Closure, ("name", "kind", "frame_a", "frame_b"), CLOSURES)
-    couplings = what.entries("couplings", top, Coupling, ("name", "joint", "to", "ratio"))
-    wheels = what.entries("wheels", top, Wheel, ("name", "kind", "frame"), WHEELS)
-    names = [*(e.name for e in loops), *(e.name for e in couplings), *(e.name for e in wheels)]
+    loops, couplings, wheels = (what.constraints(part, top) for part in ("loops", "couplings", "wheels"))
+    names = [constraint.name for constraint in (*loops, *couplings, *wheels)]
     for name in names:
         if names.count(name) > 1:
             what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
-    return LoopFile(
-        path.name,
-        root,
-        what.words("passive", top.get("passive", [])),
-        frames,
-        loops,
-        couplings,
-        wheels,
-        what.postures(top.get("postures", {})),
-    )
+    passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
+    return LoopFile(path.name, root, passive, frames, (*loops, *couplings), wheels, postures)
 
 
 @dataclass(frozen=True)
@@ -178,10 +203,13 @@ class _Reader:
             self.word(f"a key of {what}", key)
         return value
 
-    def keys(self, what: str, entry: Mapping[str, object], known: list[str], needed: tuple[str, ...] = ()) -> None:
+    def keys(self, what: str, entry: Mapping[str, object], known: Sequence[str], needed: tuple[str, ...] = ()) -> None:
         for key in entry:
             if key not in known:
                 self.stop(f"{what} has a key {key!r:.80}; {nearest(key, known)}. Expected some of {', '.join(known)}.")
+        self.needs(what, entry, needed)
+
+    def needs(self, what: str, entry: Mapping[str, object], needed: tuple[str, ...]) -> None:
         for key in needed:
             if key not in entry:
                 self.stop(f"{what} has no {key!r}; expected {', '.join(needed)}.")
@@ -210,37 +238,45 @@ class _Reader:
         x, y, z = (self.number(f"{what}[{i}]", each, most) for i, each in enumerate(value))
         return x, y, z
 
-    def frame(self, name: str, value: object) -> Mark:
+    def frame(self, name: str, value: object) -> NamedFrame:
         what = f"frame {name!r:.80}"
         entry = self.mapping(what, value)
-        self.keys(what, entry, ["link", "xyz", "rpy"], ("link",))
+        self.keys(what, entry, ("link", "xyz", "rpy"), ("link",))
         places = {key: self.three(f"{key} of {what}", entry[key], FARTHEST) for key in ("xyz", "rpy") if key in entry}
-        return Mark(name, self.word(f"the link of {what}", entry["link"]), **places)
+        return NamedFrame(name, self.word(f"the link of {what}", entry["link"]), **places)
 
-    def entries(
-        self, part: str, top: Mapping[str, object], kind: type[Entry], needed: tuple[str, ...], kinds: tuple[str, ...] = ()
-    ) -> tuple[Entry, ...]:
-        """The entries of a list, as records of this kind, whose fields say which keys there are."""
+    def constraints(self, part: str, top: Mapping[str, object]) -> tuple[Constraint, ...]:
+        """The entries of a list, as constraints; which keys each may have, its kind says."""
         value = top.get(part, [])
         if not isinstance(value, list):
             self.stop(f"{part} is {_shown(value)}; expected a list: a line for each, beginning with a dash.")
-        known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+        words = [word for word, kind in KINDS.items() if kind.part in (part, "")]
         out = []
         for i, each in enumerate(value):
             entry = self.mapping(f"{part}[{i}]", each)
             what = f"{part}[{i}]" + (f" ({entry['name']!r:.80})" if isinstance(entry.get("name"), str) else "")
-            self.keys(what, entry, known, needed)
-            out.append(kind(**{key: self.value(f"{key} of {what}", key, each, kinds) for key, each in entry.items()}))
+            first = ("name",) if part == "couplings" else ("name", "kind")
+            self.needs(what, entry, first)
+            word = entry.get("kind", "coupling")
+            if not isinstance(word, str) or word not in words:
+                self.stop(f"kind of {what} is {_shown(word)}; {nearest(word, words)}. Expected one of {', '.join(words)}.")
+            kind = KINDS[word]
+            self.keys(what, entry, (*first, *kind.keys), (*first, *kind.needed))
+            name = self.word(f"name of {what}", entry["name"])
+            read = {key: getattr(self, how)(f"{key} of {what}", entry[key]) for key, how in kind.keys.items() if key in entry}
+            try:
+                out.append(made(kind.make(name=name, **read)))
+            except InputError as error:
+                self.stop(f"{part[:-1] if part != 'couplings' else 'loop'} {name!r:.80}: {error}")
         return tuple(out)
 
-    def value(self, what: str, key: str, value: object, kinds: tuple[str, ...]) -> object:
-        if key in ("axis", "direction"):
-            return self.three(what, value)
-        if key in ("radius", "ratio", "offset"):
-            return self.number(what, value)
-        if key == "kind" and (not isinstance(value, str) or value not in kinds):
-            self.stop(f"{what} is {_shown(value)}; {nearest(value, kinds)}. Expected one of {', '.join(kinds)}.")
-        return self.word(what, value)
+    def plain(self, what: str, value: object) -> object:
+        """A word, a truth value, a number, or a list of numbers."""
+        if isinstance(value, bool):
+            return value
+        if isinstance(value, list):
+            return tuple(self.number(f"{what}[{i}]", each) for i, each in enumerate(value))
+        return self.word(what, value) if isinstance(value, str) else self.number(what, value)
 
     def postures(self, value: object) -> dict[str, dict[str, tuple[float, ...]]]:
         out = {}
@@ -310,8 +346,8 @@ def _loaded(path: Path) -> object:
     except UnicodeDecodeError as error:
         raise ModelError(f"{name} cannot be read as YAML: byte {error.start} is not UTF-8.") from None
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        told = " ".join(str(error).split())
-        raise ModelError(f"{name} cannot be read as YAML: {told:.400}.") from None
+        message = " ".join(str(error).split())
+        raise ModelError(f"{name} cannot be read as YAML: {message:.400}.") from None
 
 
 def _shown(value: object) -> str:

@@ -10,16 +10,14 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import renamed
 from rbd.constraints.contact import PointContact, SurfaceContact
-from rbd.constraints.contact_geometry import rigid_placement
-from rbd.constraints.line_contact import LineContact
-from rbd.constraints.surface import changed
+from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.problem.ground import Ground
 
-Contact = TypeVar("Contact", PointContact, SurfaceContact, LineContact, PointContact | SurfaceContact)
+Kind = TypeVar("Kind")
 
 
 class RobotPair(CheckedModel):
@@ -105,14 +103,16 @@ class RobotPair(CheckedModel):
             f"split wants q ({self.nq},), v or a ({self.nv},), or tau ({self.nu},) of {self.name}; got {vector!r:.80}."
         )
 
-    def contacts(self, first: Iterable[Contact] = (), second: Iterable[Contact] = ()) -> list[Contact]:
+    def contacts(self, first: Iterable[Kind] = (), second: Iterable[Kind] = ()) -> list[Kind]:
         """Contacts that were made for each robot alone, renamed for this model; grounds of the second move with `placement`.
 
         Raises:
             InputError: if something is no contact of `rbd`, or has an anchor or a motion of its ground that would have to
                 be moved.
         """
-        return [self._adopted(c, 0) for c in _listed(first)] + [self._adopted(c, 1) for c in _listed(second)]
+        moved = None if self.placement.isIdentity(0.0) else self.placement
+        both = (first, self.prefixes[0], None), (second, self.prefixes[1], moved)
+        return [renamed(c, prefix, placement) for contacts, prefix, placement in both for c in _listed(contacts)]
 
     def feet(self, friction: float | None = 0.7, *, facets: int = 4) -> list[SurfaceContact | PointContact]:
         """Feet of both, as `Robot.feet`; an object has none.
@@ -152,28 +152,6 @@ class RobotPair(CheckedModel):
                 shape.name = prefix + shape.name
         return pin.appendModel(*self._renamed, *shapes, 0, self._mounted)[1]
 
-    def _adopted(self, contact: Contact, member: int) -> Contact:
-        if not isinstance(contact, PointContact | SurfaceContact | LineContact):
-            raise InputError(f"{contact!r:.80} is no contact; expected PointContact, SurfaceContact or LineContact.")
-        prefix = self.prefixes[member]
-        changes: dict[str, Any] = {"name": prefix + contact.name, "frame": prefix + contact.frame}
-        if contact.against is not None:
-            changes["against"] = prefix + contact.against
-        elif member == 1 and not self.placement.isIdentity(0.0):
-            if any(x is not None for x in (contact.anchor, contact.velocity, contact.acceleration)):
-                raise InputError(
-                    f"contact {contact.name!r} has an anchor or a moving ground, given in the second robot's own world; make "
-                    f"it anew in W, with frame={prefix + contact.frame!r}."
-                )
-            if contact.on is not None:
-                ground, X = contact.on, self.placement
-                assert isinstance(ground, Ground)
-                point, n = X.act(np.asarray(ground.point)), X.rotation @ np.asarray(ground.normal)
-                changes["on"] = Ground(point=point, normal=n)
-            if (normal := getattr(contact, "normal", None)) is not None:
-                changes["normal"] = self.placement.rotation @ normal
-        return changed(contact, **changes)
-
 
 def merge_robots(
     first: CheckedModel,
@@ -185,8 +163,8 @@ def merge_robots(
     """Two robots, or a robot and an object that it holds, in one model.
 
     Each keeps its joints, motors, passive joints and floating base; M is block-diagonal. They meet in contacts with
-    `against=` a frame of the other. A pair can be combined with a third. Loops and wheels of their files are left out, with
-    a warning: they name frames of one robot.
+    `on=rbd.Body(frame)`, a frame of the other. A pair can be combined with a third. Loops and wheels of their files are left
+    out, with a warning: they name frames of one robot.
 
     Args:
         first: A robot, or anything with a checked model.
@@ -210,7 +188,7 @@ def merge_robots(
             f"{first.name} has gravity {first.gravity.tolist()}, {second.name} {second.gravity.tolist()}; one world has one."
         )
     prefixes = _checked_names(names)
-    for what, one, other in (("joint", first.joints(), second.joints()), ("frame", first.frames(), second.frames())):
+    for what, one, other in (("joint", first.joints, second.joints), ("frame", first.frames(), second.frames())):
         both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
         if both:
             raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that distinguish them, as ('a_', 'b_').")
@@ -255,7 +233,7 @@ def _feet(robot: Any, friction: float | None, facets: int) -> list[SurfaceContac
     return robot.feet(friction, facets=facets) if hasattr(robot, "source") and robot.source.feet else []
 
 
-def _listed(contacts: Iterable[Contact]) -> list[Contact]:
+def _listed(contacts: Iterable[Kind]) -> list[Kind]:
     try:
         return list(contacts)
     except TypeError:

@@ -10,14 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT, Complaints
 from rbd.model.xml import FileLimits, read_xml
-
-Foot = SurfaceContact | PointContact
 
 
 def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[float]]) -> Array:
@@ -67,17 +65,17 @@ def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, elemen
     return values
 
 
-def stand(robot: CheckedModel, q: Array, feet: Sequence[Foot]) -> Array:
+def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
     """Q with its base turned so that the feet lie flat, moved so that the lowest is on z = 0, and balanced if on points."""
     q = q.copy()
     _turn(q, _levelling(robot, q, feet))
-    if not any(isinstance(foot, SurfaceContact) for foot in feet):
+    if not any(len(foot.corners) > 1 for foot in feet):
         _balance(robot, q, feet)
     q[2] -= corner_points(State(robot, q), feet)[:, 2].min()
     return q
 
 
-def corner_points(state: State, feet: Sequence[Foot]) -> Array:
+def corner_points(state: State, feet: Sequence[Contact]) -> Array:
     """All corners of the feet, in W, shape (k, 3) [m]."""
     out = []
     for foot in feet:
@@ -87,10 +85,10 @@ def corner_points(state: State, feet: Sequence[Foot]) -> Array:
     return np.concatenate(out)
 
 
-def _levelling(robot: CheckedModel, q: Array, feet: Sequence[Foot]) -> Array:
+def _levelling(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
     """The smallest rotation of the robot, shape (3, 3), after which its feet face up."""
     state = State(robot, q)
-    normals = [foot.rows(state).resultant[:3, 2] for foot in feet if isinstance(foot, SurfaceContact)]  # type: ignore[index]
+    normals = [foot.rows(state).resultant[:3, 2] for foot in feet if len(foot.corners) > 1]  # type: ignore[index]
     if normals:
         up = np.mean(normals, axis=0)
     else:
@@ -107,7 +105,7 @@ def _levelling(robot: CheckedModel, q: Array, feet: Sequence[Foot]) -> Array:
     return _rotation_between(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0]))
 
 
-def _balance(robot: CheckedModel, q: Array, feet: Sequence[Foot]) -> None:
+def _balance(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> None:
     """Turn the robot about the middle of its point feet until its centre of mass is over their hull; in place.
 
     The feet stay where they are only for two of them, about the line that joins them; more feet leave the ground, so three

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
@@ -24,11 +25,11 @@ from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT
 from rbd.model.xml import FileLimits, read_xml
-from rbd.problem.ground import On, grounds_of
+from rbd.problem.ground import On, surfaces_of
 from rbd.robots import catalogue
 from rbd.robots.diagnosis import ModelReport, examine, refuse
 from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
-from rbd.robots.loops import Loop, Mechanism, Rolling, mechanism
+from rbd.robots.loops import Mechanism, mechanism
 from rbd.robots.posture import configuration, semantic_postures, stand
 from rbd.robots.underside import sole_of
 
@@ -75,8 +76,8 @@ class Robot(CheckedModel):
             q.flags.writeable = False
         self.postures = MappingProxyType(found)
         self.mechanism = mechanism
-        self._loops: tuple[Loop, ...] = mechanism.loops(self)
-        self._wheels: tuple[Rolling, ...] = mechanism.wheels(self)
+        self._loops: tuple[Constraint, ...] = mechanism.loops(self)
+        self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
@@ -168,7 +169,7 @@ class Robot(CheckedModel):
                 f"no feet are known for {self.name}: its file names none. Give your own: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
-        planes = grounds_of([foot.name for foot in self.source.feet], on)
+        planes = surfaces_of([foot.name for foot in self.source.feet], on)
         out: list[SurfaceContact | PointContact] = []
         for foot in self.source.feet:
             plane = planes[foot.name]
@@ -184,14 +185,14 @@ class Robot(CheckedModel):
             )
         return out
 
-    def loops(self) -> tuple[Loop, ...]:
+    def loops(self) -> tuple[Constraint, ...]:
         """The constraints that close its tree: of the loop file beside its URDF, or of an MJCF's <equality>; empty for a tree.
 
         They act only where they are given: `rbd.solve(state, tau, robot.loops())`.
         """
         return self._loops
 
-    def wheels(self) -> tuple[Rolling, ...]:
+    def wheels(self) -> tuple[Constraint, ...]:
         """Its wheels, balls and blades on the ground, of the loop file; they, too, act only where they are given."""
         return self._wheels
 
@@ -271,7 +272,7 @@ class Robot(CheckedModel):
         if not isinstance(at, State) or at.robot is not self:
             raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
         soles = [(frame, sole_of(self, self._collision, frame, at)) for frame in frames]
-        planes = grounds_of(list(frames), on)
+        planes = surfaces_of(list(frames), on)
         return [
             SurfaceContact(
                 frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets, on=planes[frame]

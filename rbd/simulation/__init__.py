@@ -1,11 +1,10 @@
-"""Motion over time: smooth motion on constraints that hold, and contact with impacts."""
+"""Motion over time: smooth motion on bilateral constraints, and contact with impacts."""
 
 from rbd.mechanism.projection import Projection
 from rbd.modules import submodule as _submodule
 from rbd.simulation.events import Event
-from rbd.simulation.integrators import DormandPrince8, RungeKutta4
+from rbd.simulation.integrators import DormandPrince8, RungeKutta4, TimeStepping
 from rbd.simulation.run import simulate
-from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 
 __all__ = [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.points import Measured, Source, Structure
+from rbd.constraints.contact_points import Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone
 
@@ -140,19 +140,19 @@ class Snapshot:
 
 
 class Points:
-    """The sources of a motion, and the last layout that they had."""
+    """The sources of a motion; the same points always have the same layout, the very object."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = tuple(sources)
-        self._layout: Layout | None = None
+        self._layouts: dict[tuple[Structure, ...], Layout] = {}
 
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state and a time [s]."""
         measured = [s.at(state, t) for s in self.sources]
         structures = tuple([m.structure for m in measured])
-        layout = self._layout
-        if layout is None or layout.structures != structures:
-            layout = self._layout = Layout.of(structures)
+        layout = self._layouts.get(structures)
+        if layout is None:
+            layout = self._layouts[structures] = Layout.of(structures)
         nv = state.robot.nv
         if len(measured) == 1:
             m = measured[0]
@@ -166,8 +166,8 @@ class Points:
         return Snapshot(state, layout, tuple(measured), J, velocity, bias, gap, error)
 
 
-class Carry:
-    """From one layout to another: each point is the one of the same constraint and number.
+class PointMatching:
+    """Matches the points of two layouts: a point is the one of the same constraint and number.
 
     Args:
         old: The layout that arrays are in.

@@ -1,27 +1,29 @@
-"""What a simulation knows at one time, and what happened since the time before: contacts that begin, end, slip and stick."""
+"""A motion at one time, and its events: beginnings and ends of contact, of slip and of stick, with their detection."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.contact_points import SLIDES, Layout, slide
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
-"""Modes of a constraint: no force; at rest; sliding; held whatever it takes; a stop or a smooth contact that pushes."""
+"""Modes of a constraint: no force; at rest; sliding; bilateral; a joint limit or a frictionless contact that pushes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class ConstraintForce:
     """What one constraint does to the robot at one time.
 
     Attributes:
         force: Force (3,) of a point, wrench (6,) of a surface at its centre: on the robot, world axes [N, N m]. A constraint
-            without a resultant (a function, a joint) gives its row forces (m,); zeros where it is not active.
+            without a resultant (a function, a joint) gives its row forces (m,); zeros where it is inactive.
         mode: "open", "sticks", "slips", "holds" or "pushes"; of several points, that of the one that slips, else of the one
             that is closed.
         points: Where it touches, in W, shape (k, 3) [m]; None of what is no contact.
@@ -59,53 +61,143 @@ class Event:
         return f"{self.t:.6f} s: {self.name}[{self.point}] {self.kind}{impact}"
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """A simulation at one time.
+@dataclass(frozen=True, eq=False, repr=False)
+class Sample:
+    """A motion at one time: what an integrator yields, and an entry of a `Trajectory`.
 
     Attributes:
-        t: [s].
-        state: Configuration and velocity.
-        a: Acceleration at t, shape (nv,): M a + h = S^T tau + tau_ext + J^T f holds with the forces of `touches`.
-        tau: Motor torques at t, shape (nu,) [N, N m].
-        touches: Makes {constraint: what it does} when called; dear, so only where it is recorded.
-        law: How far the forces are from the law they obey, scaled.
-        drift: Largest position error of the constraints that hold [m, rad].
-        drift_rate: Largest velocity error of the constraints that hold [m/s, rad/s].
-        penetration: How deep the deepest contact is in what it touches [m, rad]; zero or more.
-        events: What happened since the moment before, in order of time.
+        robot: The robot.
+        t: Time [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,) [m/s, rad/s].
+        a: Acceleration, shape (nv,) [m/s2, rad/s2]: M a + h = S^T tau + tau_ext + J^T f, with f the constraints' forces.
+        tau: Motor torques, shape (nu,) [N, N m].
+        constraint_forces: Makes {constraint: its force} when called; expensive, so an integrator's is called where recorded.
+        law: Residual of the contact law, scaled.
+        drift: Largest position error of the bilateral constraints [m, rad].
+        drift_rate: Largest velocity error of the bilateral constraints [m/s, rad/s].
+        penetration: Depth of the deepest contact [m, rad]; zero or more.
+        events: Those since the sample before, in order of time.
     """
 
+    robot: CheckedModel
     t: float
-    state: State
+    q: Array
+    v: Array
     a: Array
     tau: Array
-    touches: Callable[[], Mapping[str, Touch]]
+    constraint_forces: Callable[[], Mapping[str, ConstraintForce]]
     law: float = 0.0
     drift: float = 0.0
     drift_rate: float = 0.0
     penetration: float = 0.0
     events: tuple[Event, ...] = ()
 
+    @classmethod
+    def of(
+        cls, t: float, state: State, a: Array, tau: Array, forces: Callable[[], Mapping[str, ConstraintForce]], **more: Any
+    ) -> Sample:
+        """The sample at a state; `forces` are the `constraint_forces`, and `more` the attributes after them."""
+        out = cls(state.robot, t, state.q, state.v, a, tau, forces, **more)
+        out.__dict__["state"] = state  # known, so it need not be computed again
+        return out
+
+    def __repr__(self) -> str:
+        return f"Sample({self.robot.name!r}, t={self.t:g})"
+
+    @lazy
+    def state(self) -> State:
+        """The robot at (q, v)."""
+        return State(self.robot, self.q, self.v)
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """{constraint: force on the robot}, as `Trajectory.forces`."""
+        return {name: x.force for name, x in self._acting.items()}
+
+    @property
+    def points(self) -> dict[str, Array]:
+        """{contact: where it touches, shape (k, 3)} in W [m], the points that there are at this time."""
+        return {name: x.points for name, x in self._acting.items() if x.points is not None}
+
+    @property
+    def point_forces(self) -> dict[str, Array]:
+        """{contact: force at each of these points, shape (k, 3)} in W [N]."""
+        return {name: x.point_forces for name, x in self._acting.items() if x.point_forces is not None}
+
+    @property
+    def modes(self) -> dict[str, str]:
+        """{constraint: "open", "sticks", "slips", "holds" or "pushes"}."""
+        return {name: x.mode for name, x in self._acting.items()}
+
+    @lazy
+    def _acting(self) -> Mapping[str, ConstraintForce]:
+        return self.constraint_forces()
+
 
 @dataclass(frozen=True, eq=False)
-class _Step:
-    """What is kept of a step: row forces in its middle, and the velocities of the points at its beginning."""
+class StepRecord:
+    """What event detection needs of a step.
+
+    Attributes:
+        t: Its beginning [s].
+        h: Its length [s].
+        layout: The points.
+        force: Row forces in its middle, shape (p,).
+        velocity: Of the points at its beginning, shape (p,).
+        velocity_end: Of the points at its end, shape (p,).
+        closed: Which points are in contact throughout, shape (k,).
+    """
 
     t: float
     h: float
+    layout: Layout
     force: Array
     velocity: Array
+    velocity_end: Array
+    closed: Array
 
 
-class Watch:
-    """Compares each step with the two before it; times within a step are extrapolated from what went on before it."""
+@dataclass(frozen=True, eq=False)
+class ImpactRecord:
+    """What event detection needs of an impact.
+
+    Attributes:
+        t: When [s].
+        layout: The points.
+        arrives: Which of them approached, shape (k,).
+        speed: Normal velocities before, shape (k,).
+        impulse: Normal impulses, shape (k,).
+        bounces: Which of them leave again, shape (k,).
+    """
+
+    t: float
+    layout: Layout
+    arrives: Array
+    speed: Array
+    impulse: Array
+    bounces: Array
+
+
+class EventDetection:
+    """Events of a motion: each step is compared with the two before; times within a step are extrapolated from these.
+
+    It belongs to the loop over the steps, and is all that remembers what came before.
+    """
 
     def __init__(self) -> None:
         self._events: list[Event] = []
         self._layout: Layout | None = None
         self._closed, self._slides = np.zeros(0, bool), np.zeros(0, bool)
-        self._past: list[_Step] = []
+        self._past: list[StepRecord] = []
+
+    def add(self, passed: Iterable[StepRecord | ImpactRecord]) -> None:
+        """Look at steps and impacts, in order of time."""
+        for each in passed:
+            if isinstance(each, StepRecord):
+                self._step(each)
+            else:
+                self._impact(each)
 
     def taken(self) -> tuple[Event, ...]:
         """The events since the last call, in order of time."""
@@ -113,56 +205,36 @@ class Watch:
         self._events.clear()
         return out
 
-    def step(self, t: float, h: float, layout: Layout, force: Array, velocities: tuple[Array, Array], closed: Array) -> None:
-        """A step was taken.
-
-        Args:
-            t: Its beginning [s].
-            h: Its length [s].
-            layout: The points.
-            force: Row forces in its middle, shape (p,).
-            velocities: Of the points at its beginning and at its end, shapes (p,).
-            closed: Which points touch all through it, shape (k,).
-        """
-        begins = self._watched(layout)
-        slides = closed & (slide(layout, velocities[1]) > SLIDES)
-        now = _Step(t, h, force, velocities[0])
-        if not begins and not (np.array_equal(closed, self._closed) and np.array_equal(slides, self._slides)):
+    def _step(self, now: StepRecord) -> None:
+        layout, closed = now.layout, now.closed
+        is_new = self._is_new(layout)
+        slides = closed & (slide(layout, now.velocity_end) > SLIDES)
+        if not is_new and not (np.array_equal(closed, self._closed) and np.array_equal(slides, self._slides)):
             self._compare(layout, now, closed, slides)
         self._closed, self._slides = closed, slides
         self._past = self._past[-1:] + [now]
 
-    def _compare(self, layout: Layout, now: _Step, closed: Array, slides: Array) -> None:
+    def _compare(self, layout: Layout, now: StepRecord, closed: Array, slides: Array) -> None:
         ended, begun, both = self._closed & ~closed, ~self._closed & closed, self._closed & closed & layout.rubs
         for i in np.flatnonzero(ended).tolist():
             row = int(layout.normals[i])
-            self._tell(self._zero(now, lambda s, row=row: float(s.force[row])), layout, i, "leaves")
+            self._record(self._zero(now, [float(s.force[row]) for s in self._past]), layout, i, "leaves")
         for i in np.flatnonzero(begun).tolist():
-            self._tell(now.t, layout, i, "touches")
+            self._record(now.t, layout, i, "touches")
         for i in np.flatnonzero(both & self._slides & ~slides).tolist():
-            self._tell(self._stops(now, layout, i), layout, i, "sticks")
+            self._record(self._stops(now, layout, i), layout, i, "sticks")
         for i in np.flatnonzero(both & ~self._slides & slides).tolist():
-            self._tell(self._zero(now, lambda s, i=i: 1.0 - _used(layout, i, s.force)), layout, i, "slips")
+            self._record(self._zero(now, [1.0 - _used(layout, i, s.force) for s in self._past]), layout, i, "slips")
 
-    def impact(self, t: float, layout: Layout, arrives: Array, speed: Array, impulse: Array, bounces: Array) -> None:
-        """Points were struck.
-
-        Args:
-            t: When [s].
-            layout: The points.
-            arrives: Which of them, shape (k,).
-            speed: Normal velocities before, shape (k,).
-            impulse: Normal impulses, shape (k,).
-            bounces: Which of them leave again, shape (k,).
-        """
-        self._watched(layout)
-        for i in np.flatnonzero(arrives).tolist():
-            self._tell(t, layout, i, "touches", -float(speed[i]), float(impulse[i]))
-        self._closed = np.where(arrives, ~bounces, self._closed)
+    def _impact(self, impact: ImpactRecord) -> None:
+        self._is_new(impact.layout)
+        for i in np.flatnonzero(impact.arrives).tolist():
+            self._record(impact.t, impact.layout, i, "touches", -float(impact.speed[i]), float(impact.impulse[i]))
+        self._closed = np.where(impact.arrives, ~impact.bounces, self._closed)
         self._past = []
 
-    def _watched(self, layout: Layout) -> bool:
-        """Whether there is nothing to compare with."""
+    def _is_new(self, layout: Layout) -> bool:
+        """Whether points have entered or left the contact set; then there is nothing to compare with."""
         if layout is self._layout:
             return False
         k = len(layout.owners)
@@ -171,20 +243,25 @@ class Watch:
         self._past = []
         return True
 
-    def _tell(self, t: float, layout: Layout, i: int, kind: str, speed: float = 0.0, impulse: float = 0.0) -> None:
+    def _record(self, t: float, layout: Layout, i: int, kind: str, speed: float = 0.0, impulse: float = 0.0) -> None:
         self._events.append(Event(float(t), layout.owners[i], kind, layout.numbers[i], speed, impulse))
 
-    def _zero(self, now: _Step, of: object) -> float:
-        """When a quantity becomes zero: after the middle of the last step, by a straight line through the last two middles."""
+    def _zero(self, now: StepRecord, values: list[float]) -> float:
+        """When a quantity becomes zero: after the middle of the last step, by a straight line through the last two middles.
+
+        Args:
+            now: The step in which it does.
+            values: Its values in the middle of the steps before.
+        """
         if len(self._past) < 2:
             return now.t
         one, two = self._past
-        f1, f2 = of(one), of(two)  # type: ignore[operator]
+        f1, f2 = values
         t1, t2 = one.t + 0.5 * one.h, two.t + 0.5 * two.h
         after = t2 + f2 * (t2 - t1) / (f1 - f2) if f1 > f2 > 0.0 else now.t
         return min(max(after, t2), now.t + now.h)
 
-    def _stops(self, now: _Step, layout: Layout, i: int) -> float:
+    def _stops(self, now: StepRecord, layout: Layout, i: int) -> float:
         """When sliding ends in this step, by a straight line through the speeds at its beginning and at the last one's."""
         speed = float(slide(layout, now.velocity)[i])
         before = float(slide(layout, self._past[-1].velocity)[i]) if self._past else speed

@@ -1,4 +1,8 @@
-"""Integrators of smooth motion on the manifold: of order 4 at a fixed step, and of order 8 with a step chosen by its error."""
+"""Integrators: of smooth motion on the manifold, at order 4 or 8; and of motion with contacts, at order 2 by time steps.
+
+Each is a loop that yields samples. It alone keeps what changes from step to step; of time steps that is the instant that a step
+begins at, and the memory of event detection.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,15 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import DOP853
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, zeros
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
-from rbd.simulation.events import Moment
+from rbd.simulation.contact_points import slide, stopping
+from rbd.simulation.events import Event, EventDetection, Sample
 from rbd.simulation.motion import Motion
+from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth
+from rbd.simulation.time_step import HalfStep, StepSystem
 
 SHORTEST = 1e-9
 """No step is tried below this [s]."""
@@ -22,7 +29,7 @@ SHORTEST = 1e-9
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """Smooth motion at a fixed step, with an error of h^4; for constraints that hold.
+    """Smooth motion at a fixed step, with an error of h^4; for bilateral constraints.
 
     Every step has a chart of its own, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
     external forces are asked at all four stages. Constraints are kept as `stabilisation` says. The error is not watched:
@@ -36,18 +43,18 @@ class RungeKutta4:
         """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
         return reason_not_smooth(motion, state)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Moment]:
-        """One moment at each of the times, the first at `state`.
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+        """One sample at each of the times, the first at `state`.
 
         Raises:
             NoSolution: a step without an acceleration, or out of all bounds.
         """
         smooth = SmoothMotion(motion, state)
         stage = smooth.start(state, times[0])
-        yield smooth.moment(stage)
+        yield smooth.sample(stage)
         for t, end in pairwise(times):
             stage = _kutta_step(smooth, stage, t, end)
-            yield smooth.moment(stage)
+            yield smooth.sample(stage)
 
 
 def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
@@ -66,10 +73,10 @@ def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Sta
 
 @dataclass(frozen=True)
 class DormandPrince8:
-    """Smooth motion to a tolerance: steps as long as their error allows, moments between them by dense output of order 7.
+    """Smooth motion to a tolerance: steps as long as their error allows, samples between them by dense output of order 7.
 
     SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is centred anew after each step, when the constraints
-    are brought back as `stabilisation` says. For constraints that hold.
+    are projected as `stabilisation` says. For bilateral constraints.
 
     Attributes:
         rtol: Error of a step, over the size of what moves in it.
@@ -98,24 +105,24 @@ class DormandPrince8:
         """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
         return reason_not_smooth(motion, state)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Moment]:
-        """One moment at each of the times, the first at `state`.
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+        """One sample at each of the times, the first at `state`.
 
         Raises:
             NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding.
         """
         smooth = SmoothMotion(motion, state)
         stage = smooth.start(state, times[0])
-        yield smooth.moment(stage)
+        yield smooth.sample(stage)
         at, h = 1, None
         while at < len(times):
             step = _AdaptiveStep(smooth, stage, self, times[-1], h)
             while at < len(times) and times[at] < step.end.t:
-                yield smooth.moment(step.at(times[at]))
+                yield smooth.sample(step.at(times[at]))
                 at += 1
             stage, h = step.end, step.next
             if at < len(times) and times[at] == stage.t:
-                yield smooth.moment(stage)
+                yield smooth.sample(stage)
                 at += 1
 
 
@@ -177,3 +184,84 @@ class _AdaptiveStep:
             return np.concatenate([v, start.a])  # known from the step before
         stage = self._smooth.at(self._chart.q(xi), v, t)
         return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a])
+
+
+@dataclass(frozen=True)
+class TimeStepping:
+    """Contact motion by time stepping: sticking, slipping, rolling, lift-off, impacts; order 2 between and across impacts.
+
+    Attributes:
+        impact_speed: A point that approaches slower than this [m/s, rad/s] comes to rest without a bounce.
+        impacts: So many impacts are found in one step, each at its own time; then contacts are plastic till the step ends
+            (a ball that comes to rest bounces without end).
+        extrapolate: Take the first half of a step as the step before went on, where nothing has changed, in place of solving it
+            (forces are then solved only where they are recorded). Still of order 2; faster, with errors two to five times as
+            large, and stiff feedback stays stable for half as long steps only.
+
+    Raises:
+        InputError: a speed that is not positive, a number of impacts below zero.
+    """
+
+    impact_speed: float = 1e-3
+    impacts: int = 20
+    extrapolate: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < as_float(self.impact_speed) <= 1e3:
+            raise InputError(f"impact_speed is {self.impact_speed!r:.80}; expected a speed above 0 [m/s].")
+        if isinstance(self.impacts, bool) or not isinstance(self.impacts, int | np.integer) or not 0 <= self.impacts <= 10_000:
+            raise InputError(f"impacts is {self.impacts!r:.80}; expected a whole number from 0.")
+        if not isinstance(self.extrapolate, bool):
+            raise InputError(f"extrapolate is {self.extrapolate!r:.80}; expected True or False.")
+
+    def reason_unsupported(self, motion: Motion, state: State) -> str | None:
+        """It takes all constraints."""
+        return None
+
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+        """One sample at each of the times."""
+        system = StepSystem(motion, state, impact_speed=self.impact_speed, impacts=self.impacts, extrapolate=self.extrapolate)
+        detection, last = EventDetection(), len(times) - 1
+        now, passed = system.begin(state, times[0])
+        detection.add(passed)
+        for k, t in enumerate(times):
+            h = times[k + 1] - t if k < last else t - times[k - 1] if k else 1e-3
+            half = system.half_step(now, h)
+            make = _recorded if motion.recorded(k, times) else _passed_by
+            yield make(system, half, detection.taken())
+            if k < last:
+                now, passed = system.step(half, times[k + 1])
+                detection.add(passed)
+
+
+def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
+    """A sample that is not recorded: no forces, and the acceleration of the half step, which may be extrapolated."""
+    state = half.start.at.state
+    a = (half.answer.v - state.v) * (2.0 / half.h) - system.bases.spin(state.v)
+    return Sample.of(half.start.t, state, a, zeros(state.robot.nu), dict, events=events)
+
+
+def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
+    """A sample with torques, forces and residuals; the steps do not depend on what is recorded."""
+    start = half.start
+    at, t, motion = start.at, start.t, system.motion
+    if half.tau is None:
+        half = system.solved(start, half.h)
+    if stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
+        half = system.solved(start, 1e-3 * half.h)  # what slides now and stops within the half step slides in the record
+    answer, h, active = half.answer, 0.5 * half.h, half.active
+    assert half.tau is not None
+    speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)
+    a = (answer.v - at.state.v) / h - system.bases.spin(at.state.v)
+    return Sample.of(
+        t,
+        at.state,
+        a,
+        half.tau,
+        lambda: constraint_forces(at, least_forces(at, active, answer, h, motion.law), speed, names),
+        law=answer.law,
+        drift=at.drift,
+        drift_rate=at.drift_rate,
+        penetration=at.penetration,
+        events=events,
+    )

@@ -9,14 +9,13 @@ from typing import Protocol, TypeAlias
 from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.control.pushes import ExternalAt
-from rbd.control.torques import Controller, asked
+from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
-from rbd.simulation.events import Moment
+from rbd.simulation.events import Sample
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
 """How constraints that hold are kept: by projection, by feedback, or not at all."""
@@ -34,7 +33,7 @@ class Motion:
         law: "coulomb" or "convex", of contacts that can slip.
         restitution: Newton's coefficient of each constraint that is named; 0 of the others.
         stabilisation: How constraints that hold are kept.
-        record_every: Every how many times a moment is recorded; of the others forces need not be known.
+        record_every: Every how many times a sample is recorded; of the others forces need not be known.
     """
 
     robot: CheckedModel
@@ -47,7 +46,7 @@ class Motion:
     record_every: int = 1
 
     def recorded(self, k: int, times: Sequence[float]) -> bool:
-        """Whether the k-th moment is recorded: every so many, and the last."""
+        """Whether the k-th sample is recorded: every so many, and the last."""
         return k % self.record_every == 0 or k == len(times) - 1
 
     def forces(self, state: State, t: float) -> tuple[Array, Array]:
@@ -68,5 +67,5 @@ class Integrator(Protocol):
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Why it cannot take this motion, in words; None where it can."""
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Moment]:
-        """One moment at each of the times, the first at `state`."""
+    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+        """One sample at each of the times, the first at `state`."""

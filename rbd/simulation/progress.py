@@ -1,4 +1,4 @@
-"""A progress bar for runs that take long, on a terminal; nothing else sees it."""
+"""A progress bar for runs that take long, on a terminal only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACE = 0.1
 
 @contextmanager
 def progress_of(times: Sequence[float], *, shown: bool = True) -> Iterator[Callable[[float], None]]:
-    """A function to be told each time that is reached; after a second it draws a bar on stderr.
+    """A function to call with each time that is reached; after a second it draws a bar on stderr.
 
     The bar appears only if stderr is a terminal, and is gone at the end, after Ctrl-C and errors too. No thread draws it. A
     call that draws nothing costs about 0.1 us.

@@ -1,32 +1,56 @@
-"""What is kept of a simulation, moment by moment: plain numbers, so that states and problems can go."""
+"""What is recorded of a simulation: plain numbers at each recorded time, and of all forces with one motion the shortest.
+
+A step takes the forces next to those of the step before; four corners carry what three could, and what they push against each
+other sideways would stay in the record. At a recorded time, with J and g = J^T f of the active points, as `rbd.solve` does:
+
+    minimise |f|^2     subject to     J^T f = g,     f in its cones,     f_t against the sliding of what slides
+
+Where the shortest of all f with J^T f = g lies in the cones, it is the answer. Else `Solution.settled`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, is_finite
+from rbd.arrays import Array, is_finite, max_abs
+from rbd.constraints.contact_points import Measured, Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
-from rbd.simulation.events import OPEN, Moment, Touch
+from rbd.problem.cones import Free
+from rbd.problem.law import Law
+from rbd.problem.problem import GaussProblem
+from rbd.problem.rows import Rows
+from rbd.simulation.contact_points import SLIDES, Layout, Snapshot, slide
+from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
+from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
+from rbd.solution import Solution
 
 _VECTORS = tuple(c for c in COLUMNS if c.axis)
-_NUMBERS = ("times", "kinetic", "potential", *(c.name for c in RESIDUALS))
+_NUMBERS = ("t", "kinetic", "potential", *(c.name for c in RESIDUALS))
 _NO_POINTS = -1
 
-Layout = tuple[tuple[str, int, int, int], ...]
-"""Of each constraint that says something: name, rows of its force, points and point forces, or -1 where it has none."""
+RowLayout = tuple[tuple[str, int, int, int], ...]
+"""Of each constraint with a force: name, rows of its force, points and point forces, or -1 where it has none."""
+_REPEATS = 1e-11
+"""Pivots of J J^T up to this, over the largest, are of linearly dependent rows."""
+_ROUNDS = 3
+_EXACT = 1e-12
+"""What of g may be missed, over its size."""
+_CARRIES = 1e-12
+"""A point whose normal force is no larger is unloaded [N]."""
 
 
 class Recording:
-    """Collects moments; each is read once, its `touches` called once, and let go.
+    """Collects samples; each is read once, its `constraint_forces` called once, and dropped.
 
-    A `State` of a humanoid holds 20 kB and the closure behind `touches` more: ten seconds at 1 ms would be half a gigabyte. A
-    moment is one row of numbers here, in which NaN is found in one pass.
+    A `State` of a humanoid holds 20 kB and the closure behind its forces more: ten seconds at 1 ms would be half a gigabyte.
+    A sample is one row of numbers here, in which NaN is found in one pass.
 
     Args:
         motion: What is simulated. Its constraints have an entry even if they never act.
@@ -39,56 +63,56 @@ class Recording:
         self.motion = motion
         self._sizes = tuple(c.row(motion.robot)[0] for c in _VECTORS)
         self._width = sum(self._sizes) + len(_NUMBERS)
-        #: Of each moment: its numbers, the modes of its constraints, and how the numbers are to be read.
-        self._moments: list[tuple[Array, tuple[str, ...], Layout]] = []
-        self._layouts: dict[Layout, Layout] = {}
+        #: Of each sample: its numbers, the modes of its constraints, and how the numbers are to be read.
+        self._samples: list[tuple[Array, tuple[str, ...], RowLayout]] = []
+        self._layouts: dict[RowLayout, RowLayout] = {}
 
     def __len__(self) -> int:
-        return len(self._moments)
+        return len(self._samples)
 
-    def add(self, moment: Moment) -> None:
-        """Keep a moment.
+    def add(self, sample: Sample) -> None:
+        """Keep a sample.
 
         Raises:
             NoSolution: a number of it is not finite; nothing of it is kept then.
         """
-        state, touches = moment.state, moment.touches()
-        numbers = [moment.t, kinetic_energy(state), potential_energy(state)]
-        numbers += [moment.law, moment.drift, moment.drift_rate, moment.penetration]
-        parts: list[Any] = [state.q, state.v, moment.a, moment.tau, momentum(state), state.com, numbers]
+        state, acting = sample.state, sample.constraint_forces()
+        numbers = [sample.t, kinetic_energy(state), potential_energy(state)]
+        numbers += [sample.law, sample.drift, sample.drift_rate, sample.penetration]
+        parts: list[Any] = [state.q, state.v, sample.a, sample.tau, momentum(state), state.com, numbers]
         layout = []
-        for name, touch in touches.items():
-            points, forces = touch.points, touch.point_forces
-            parts.append(np.ravel(touch.force))
+        for name, x in acting.items():
+            points, forces = x.points, x.point_forces
+            parts.append(np.ravel(x.force))
             k, f = _NO_POINTS if points is None else len(points), _NO_POINTS if forces is None else len(forces)
-            layout.append((name, len(touch.force), k, f))
-            parts += [np.ravel(x) for x in (points, forces) if x is not None]
+            layout.append((name, len(x.force), k, f))
+            parts += [np.ravel(each) for each in (points, forces) if each is not None]
         row = np.concatenate(parts)
         if not is_finite(row):
             raise NoSolution(
-                f"at t = {moment.t:.6g} s {_culprit(parts, touches)} is not finite. Try a shorter step, or softer gains."
+                f"at t = {sample.t:.6g} s {_culprit(parts, acting)} is not finite. Try a shorter step, or softer gains."
             )
-        known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all moments that are read alike
-        # One append, so that Ctrl-C finds a moment kept whole or not at all.
-        self._moments.append((row, tuple([touch.mode for touch in touches.values()]), known))
+        known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all samples that are read alike
+        # One append, so that Ctrl-C finds a sample kept whole or not at all.
+        self._samples.append((row, tuple([x.mode for x in acting.values()]), known))
 
     def arrays(self) -> dict[str, Array]:
-        """All that is one row a moment: times, q, v, a, tau, momentum, com, kinetic, potential and the residuals."""
-        whole = np.array([row[: self._width] for row, _, _ in self._moments])
+        """All that is one row a sample: t, q, v, a, tau, momentum, com, kinetic, potential and the residuals."""
+        whole = np.array([row[: self._width] for row, _, _ in self._samples])
         ends = np.cumsum(self._sizes)
         out = {c.name: whole[:, end - size : end] for c, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}
         return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)}
 
-    def touches(self) -> dict[str, dict[str, Array]]:
-        """What the constraints did: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
+    def constraints(self) -> dict[str, dict[str, Array]]:
+        """Of all constraints: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
 
         Forces are zero where there were fewer rows than the most there ever were, points NaN and their forces zero where there
-        were fewer; a constraint that said nothing is open.
+        were fewer; a constraint without a force is open.
         """
         n, names = len(self), [c.name for c in self.motion.constraints]
         rows, points, forces = dict.fromkeys(names, 0), dict.fromkeys(names, _NO_POINTS), dict.fromkeys(names, _NO_POINTS)
-        indices_of: dict[Layout, list[int]] = {}
-        for i, (_, _, layout) in enumerate(self._moments):
+        indices_of: dict[RowLayout, list[int]] = {}
+        for i, (_, _, layout) in enumerate(self._samples):
             indices_of.setdefault(layout, []).append(i)
         for layout in indices_of:
             for name, m, k, f in layout:
@@ -101,17 +125,17 @@ class Recording:
             "points": {name: np.full((n, points[name], 3), np.nan) for name in contacts},
             "point_forces": {name: np.zeros((n, max(points[name], forces[name]), 3)) for name in contacts},
         }
-        words = {name: [OPEN] * n for name in rows}
+        modes = {name: [OPEN] * n for name in rows}
         for layout, indices in indices_of.items():
             self._unpack(layout, indices, out)
             for c, (name, *_) in enumerate(layout):
                 for i in indices:
-                    words[name][i] = self._moments[i][1][c]
-        return out | {"modes": {name: np.array(each) for name, each in words.items()}}
+                    modes[name][i] = self._samples[i][1][c]
+        return out | {"modes": {name: np.array(each) for name, each in modes.items()}}
 
-    def _unpack(self, layout: Layout, indices: list[int], out: dict[str, dict[str, Array]]) -> None:
-        """Put the numbers of moments with one layout where they belong."""
-        block, at = np.array([self._moments[i][0][self._width :] for i in indices]), 0
+    def _unpack(self, layout: RowLayout, indices: list[int], out: dict[str, dict[str, Array]]) -> None:
+        """Put the numbers of samples with one layout where they belong."""
+        block, at = np.array([self._samples[i][0][self._width :] for i in indices]), 0
         for name, m, k, f in layout:
             out["forces"][name][indices, :m] = block[:, at : at + m]
             at += m
@@ -122,12 +146,175 @@ class Recording:
                     at += 3 * count
 
 
-def _culprit(parts: list[Any], touches: Mapping[str, Touch]) -> str:
-    """Which of the parts of a moment is not finite."""
+def _culprit(parts: list[Any], acting: Mapping[str, ConstraintForce]) -> str:
+    """Which of the parts of a sample is not finite."""
     for name, x in zip((*(c.name for c in _VECTORS), "a residual, or the energy,"), parts[: len(_VECTORS) + 1], strict=True):
         if not is_finite(np.asarray(x)):
             return name
-    for name, touch in touches.items():
-        if not all(x is None or is_finite(np.asarray(x)) for x in (touch.force, touch.points, touch.point_forces)):
+    for name, f in acting.items():
+        if not all(x is None or is_finite(np.asarray(x)) for x in (f.force, f.points, f.point_forces)):
             return f"the force of {name!r:.80}"
     return "a number"
+
+
+def least_forces(at: Snapshot, active: Array, answer: VelocityAnswer, h: float, law: str) -> Array:
+    """Row forces of least norm that move the robot as an answer's impulses do, shape (p,) [N, N m].
+
+    Args:
+        at: The points.
+        active: Which of them are active, shape (k,).
+        answer: Impulses that obey the law, and what came of them.
+        h: The time in which they act [s].
+        law: "coulomb" or "convex".
+    """
+    force: Array = answer.impulse / h
+    if answer.least or not at.layout.pushes.any() or not force.any():
+        return force
+    found = _inside(at, active, answer.velocity, force, at.J.T @ force, law)
+    return _settled(at, active, answer.v, answer.velocity, force, law) if found is None else found
+
+
+def _inside(at: Snapshot, active: Array, velocity: Array, force: Array, g: Array, law: str) -> Array | None:
+    """The shortest forces without regard to the cones' sides, if they are inside; None if not."""
+    layout = at.layout
+    n = layout.normals
+    normal = layout.pushes
+    speed = slide(layout, velocity)
+    slides = active & layout.slides & (speed > SLIDES)
+    if layout.boxed and (slides & ~layout.rubs).any():
+        return None  # a bound decides the force of dry friction
+    lifts = normal & (velocity[n] > SLIDES + (layout.mu * speed if law == "convex" else 0.0))
+    plain, rays = _rows_of(layout, active & ~lifts & ~slides), []
+    for i in np.flatnonzero(slides & ~lifts).tolist():
+        t, ray = slice(n[i] - 2, n[i]), np.zeros(len(force))
+        size = float(np.hypot(*force[t]))
+        ray[t] = layout.mu[i] * (force[t] / size if size > 0.0 else -velocity[t] / speed[i])
+        ray[n[i]] = 1.0
+        rays.append(ray / np.linalg.norm(ray))
+    G = at.J[plain] if not rays else np.concatenate([at.J[plain], np.array(rays) @ at.J])
+    y = _shortest(G, g) if len(G) else None
+    if y is None:
+        return None
+    out = np.zeros(len(force))
+    out[plain] = y[: len(plain)]
+    if rays:
+        out += y[len(plain) :] @ np.array(rays)
+    return out if _allowed(at, active, out) else None
+
+
+def _rows_of(layout: Layout, points: Array) -> Array:
+    """Indices of the rows of some points."""
+    return np.arange(len(layout.held)) if points.all() else np.flatnonzero(np.repeat(points, layout.widths))
+
+
+def _shortest(G: Array, g: Array) -> Array | None:
+    """The shortest y with G^T y = g, by the pivoted Cholesky factor of G G^T; None where none is exact enough."""
+    D = G @ G.T
+    L, pivots, rank, _ = lapack.dpstrf(D, lower=1, tol=_REPEATS * float(D.diagonal().max()))
+    if not rank:
+        return None
+    L, pivots = np.tril(L[:, :rank]), pivots - 1
+    R = lapack.dpotrf(L.T @ L, lower=0, clean=0)[0]  # its columns are independent: they have pivots
+    L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * max_abs(g)
+    for _ in range(_ROUNDS):  # y = L z is in the range of G G^T, and so the shortest
+        z = lapack.dpotrs(R, blas.dtrsv(L11, (G @ missed)[pivots[:rank]], lower=1))[0]
+        y[pivots] += L @ z
+        missed = g - G.T @ y
+        if max_abs(missed) <= enough:
+            return y
+    return None
+
+
+def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
+    """Whether forces are in their cones, and within bounds."""
+    layout, n = at.layout, at.layout.normals
+    slack = 1e-12 * max(1.0, max_abs(force))
+    if (force[n][layout.pushes] < -slack).any():
+        return False
+    if layout.rubs.any():
+        t = layout.tangents
+        beyond = np.hypot(*force[t].T) - layout.mu[layout.rubs] * force[n][layout.rubs]
+        if (beyond > slack).any():
+            return False
+    if not layout.boxed:
+        return True
+    boxes = [(i, c) for i, c in enumerate(layout.cones) if type(c).__name__ == "Box"]
+    return all(abs(float((c.project(force[n[i] : n[i] + 1]) - force[n[i]])[0])) <= slack for i, c in boxes)
+
+
+def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
+    """Where that fails: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
+    rows = active_rows(at.layout, active.tobytes(), 1.0)
+    index, groups, T = rows.index, rows.groups, rows.sets
+    f, J, M = force[index], at.J[index], at.state.M
+    u = np.where(at.layout.held, 0.0, velocity)[index]
+    P = GaussProblem(M, M @ v - J.T @ f, [Rows(name, J[s], u[s] - J[s] @ v, cone) for name, s, cone in groups], from_state=True)
+    found = Solution(P, v, f, T.project(T.H.T @ f), Law(law), "TimeStepping", 1, 0.0).settled()
+    out = np.zeros(len(force))
+    out[index] = found.multipliers
+    if found.weights is not None and np.isfinite(found.weights).all():
+        out[index] = T.G @ found.weights
+    return out
+
+
+def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Sequence[str]) -> Mapping[str, ConstraintForce]:
+    """The force and the mode of each constraint, of row forces and sliding speeds.
+
+    Args:
+        snapshot: The points.
+        force: Row forces, shape (p,) [N, N m]; zero of inactive points.
+        speed: How fast each point slides, shape (k,) [m/s].
+        names: All constraints, in order; those without points are open.
+    """
+    out: dict[str, ConstraintForce] = {}
+    layout = snapshot.layout
+    for measured, (points, rows) in zip(snapshot.sources, layout.spans, strict=True):
+        f, u = force[rows], speed[points]
+        for owner, at, row in _groups(measured.structure):
+            out[owner] = _force_of(measured, f[row], u[at], at, row)
+    return {name: out.get(name, ConstraintForce(np.zeros(0), OPEN)) for name in names}
+
+
+def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
+    """(constraint, its points, its rows) of a source's points; those of one constraint stand together."""
+    out: list[tuple[str, slice, slice]] = []
+    ends = np.cumsum(structure.widths)
+    first = 0
+    k = len(structure.owners)
+    for i in range(k):
+        if i == k - 1 or structure.owners[i + 1] != structure.owners[first]:
+            begin = int(ends[first - 1]) if first else 0
+            out.append((structure.owners[first], slice(first, i + 1), slice(begin, int(ends[i]))))
+            first = i + 1
+    return out
+
+
+def _force_of(measured: Measured, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
+    structure = measured.structure
+    cones = structure.cones[at]
+    if isinstance(cones[0], Free):
+        mode = HOLDS
+    else:
+        widths = structure.widths[at]
+        normals = np.cumsum(widths) - 1
+        loaded = np.abs(force[normals]) > _CARRIES
+        slides = loaded & (speed > SLIDES)
+        rubs = widths[0] == 3 or type(cones[0]).__name__ == "Box"
+        mode = OPEN if not loaded.any() else SLIPS if slides.any() else STICKS if rubs else PUSHES
+    whole = len(structure.owners) == len(cones)
+    resultant = measured.to_world @ force if measured.to_world is not None and whole else force
+    if measured.points is None or measured.axes is None:
+        return ConstraintForce(resultant, mode)
+    points, axes = measured.points[at], measured.axes
+    if isinstance(cones[0], Free):  # one point, of a bilateral constraint
+        pushed = (axes @ force[:3])[None] if len(points) == 1 and len(force) >= 3 else None
+        return ConstraintForce(resultant, mode, points, pushed)
+    k, width = len(cones), cones[0].dim
+    pushed = np.zeros((k, 3))
+    pushed[:, 3 - width :] = force.reshape(k, width)
+    pushed = np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T
+    if measured.to_world is None:
+        resultant = pushed.sum(axis=0)
+        if measured.arms is not None:
+            resultant = np.concatenate([resultant, np.cross(measured.arms[at], pushed).sum(axis=0)])
+    return ConstraintForce(resultant, mode, points, pushed)

@@ -11,8 +11,7 @@ import numpy as np
 from rbd.arrays import as_float, max_abs
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.control.pushes import ExternalAt
-from rbd.control.torques import Controller
+from rbd.control.schedules import Controller, ExternalAt
 from rbd.errors import (
     DuplicateName,
     InaccurateWarning,
@@ -30,12 +29,11 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.residuals import USABLE
-from rbd.simulation.events import Event, Moment
-from rbd.simulation.integrators import RungeKutta4
+from rbd.simulation.events import Event, Sample
+from rbd.simulation.integrators import RungeKutta4, TimeStepping
 from rbd.simulation.motion import Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
 from rbd.simulation.recording import Recording
-from rbd.simulation.stepping import TimeStepping
 from rbd.simulation.trajectory import Trajectory
 
 MOST_STEPS = 100_000_000
@@ -59,8 +57,8 @@ def simulate(
 ) -> Trajectory:
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with what proves it.
 
-    Constraints that all hold (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
-    the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where something can break, slip or strike
+    Bilateral constraints alone (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
+    the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where a contact can break, slip or impact
     (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2),
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
@@ -73,18 +71,18 @@ def simulate(
         state: Where it starts, and how fast.
         constraints: As for `rbd.solve`, each with its own name. Held contacts stay where they are at the start.
         duration: How long [s].
-        step: Time between moments [s]: the step of fixed-step integrators; the last may be shorter.
+        step: Time between samples [s]: the step of fixed-step integrators; the last may be shorter.
         controller: Motor torques (nu,) of a state and a time; None for none. It is called at every stage of a step.
         external: Other forces of the world as for `rbd.solve`; or a function of state and time that gives them.
         law: "coulomb", or "convex" (Gauss's principle with cones), of contacts that can slip.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 of the others.
         integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, as said above.
-        stabilisation: What keeps positions and velocities on what holds: `Projection()`, `Baumgarte(...)`, or None.
-        record_every: Every how many steps a moment is recorded; the first and the last always are.
+        stabilisation: What keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
+        record_every: Every how many steps a sample is recorded; the first and the last always are.
         progress: Show a bar on a terminal where it takes long.
 
     Returns:
-        The trajectory; printed, it tells energy, residuals and events. After Ctrl-C it holds what was computed till then, and
+        The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it holds what was computed till then, and
         `trajectory.interrupted` says so; Ctrl-C before the first step is done is a KeyboardInterrupt. Where a recorded residual
         of the law is above 1e-7, a warning `InaccurateWarning` says once when and by how much.
 
@@ -106,12 +104,12 @@ def simulate(
     t, here, interrupted = 0.0, state, ""
     with progress_of(times, shown=progress) as shown:
         try:
-            for k, moment in enumerate(chosen.run(motion, state, times)):
-                _check(moment)
-                t, here = moment.t, moment.state
-                events += moment.events  # an end of contact may be dated back into the step before
+            for k, sample in enumerate(chosen.run(motion, state, times)):
+                _check(sample)
+                t, here = sample.t, sample.state
+                events += sample.events  # an end of contact may be dated back into the step before
                 if motion.recorded(k, times):
-                    recording.add(moment)
+                    recording.add(sample)
                 shown(t)
         except KeyboardInterrupt:
             if t == 0.0:  # no step was taken: there is no motion to return
@@ -134,7 +132,7 @@ def _in_order(events: list[Event]) -> list[Event]:
 
 
 def _inaccurate(trajectory: Trajectory) -> str:
-    """Which recorded moments miss the equations of motion or the law of their forces, in words; empty if none does."""
+    """Which recorded samples miss the equations of motion or the law of their forces, in words; empty if none does."""
     law = trajectory.residuals["law"]
     above = np.flatnonzero(law > USABLE)
     if not len(above):
@@ -142,8 +140,8 @@ def _inaccurate(trajectory: Trajectory) -> str:
     worst = int(law.argmax())
     return (
         f"the simulation of {trajectory.robot.name} is inaccurate: residual 'law' is {law[worst]:.2g} (scaled) at "
-        f"t = {trajectory.times[worst]:.6g} s; {len(above)} of {len(law)} recorded moments are above {USABLE:g}, the first at "
-        f"t = {trajectory.times[above[0]]:.6g} s. `trajectory.residuals['law']` has all of them. Accelerations and forces are "
+        f"t = {trajectory.t[worst]:.6g} s; {len(above)} of {len(law)} recorded samples are above {USABLE:g}, the first at "
+        f"t = {trajectory.t[above[0]]:.6g} s. `trajectory.residuals['law']` has all of them. Accelerations and forces are "
         "wrong by about that much there. Try a shorter step; look for constraints that contradict each other, and for a "
         "singular pose, where there may be no finite forces that make the motion."
     )
@@ -169,10 +167,10 @@ def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Tra
     )  # fmt: skip
 
 
-def _check(moment: Moment) -> None:
-    """Nothing that is not finite goes on; q and v were checked by their State."""
-    if not math.isfinite(max_abs(moment.a)) or np.isnan(moment.a).any():
-        raise NoSolution(f"the acceleration at t = {moment.t:.6g} s is not finite.")
+def _check(sample: Sample) -> None:
+    """Refuse an acceleration that is not finite; q and v were checked by their State."""
+    if not math.isfinite(max_abs(sample.a)) or np.isnan(sample.a).any():
+        raise NoSolution(f"the acceleration at t = {sample.t:.6g} s is not finite.")
 
 
 def _motion(

@@ -13,21 +13,19 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.joint import JointLock
+from rbd.constraints.constraint import anchored, ground_of, is_carried, rows_of
+from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
 from rbd.least_constraint import OPEN
-from rbd.mechanism.held_rows import HeldRows, holds, velocity_of
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
-from rbd.model.joint_coordinates import joint_motion
 from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
+from rbd.problem.law import BILATERAL
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rows import Rows
-from rbd.simulation.events import HOLDS, Moment, Touch
+from rbd.simulation.events import HOLDS, ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.solution import Solution
 
@@ -62,7 +60,7 @@ class Stage:
     """
 
     t: float
-    held: HeldRows
+    held: StackedRows
     tau: Array
     rhs: Array
     a: Array
@@ -89,13 +87,15 @@ class SmoothMotion:
     def __init__(self, motion: Motion, state: State) -> None:
         self.motion = motion
         self.charts = Charts(motion.robot)
-        self._given = motion.constraints
-        self._anchored = tuple(_anchored(c, r, state) for c, r in zip(self._given, rows_of(state, self._given), strict=True))
+        given = motion.constraints
+        placed = tuple(anchored(c, r, state) for c, r in zip(given, rows_of(state, given), strict=True))
         by = motion.stabilisation
         self._projection = by if isinstance(by, Projection) else None
         if isinstance(by, Baumgarte):
-            self._given = self._anchored = tuple(by.of(c) for c in self._anchored)
-        self._carried = tuple(getattr(c, "velocity", None) is not None for c in motion.constraints)
+            given = placed = tuple(by.of(c) for c in placed)
+        carried = [is_carried(c) for c in motion.constraints]
+        self._anchored = ConstraintManifold.unchecked(state, placed, carried)
+        self._given = self._anchored if given == placed else ConstraintManifold.unchecked(state, given, carried)
         self._open = 0.0
         self._solver = StageSolver()
 
@@ -108,7 +108,7 @@ class SmoothMotion:
         reason = reason_not_smooth(self.motion, state)
         if reason is not None:
             raise InputError(reason)
-        held = self._held(state, self._anchored)
+        held = self._anchored.rows(state)
         self._open = held.drift
         self._solver.survey(held)
         return self._stage(held, t)
@@ -120,10 +120,10 @@ class SmoothMotion:
             NoSolution: the motion has grown beyond all bounds, or no acceleration satisfies the rows.
         """
         # Without anchors contacts are five times as fast, and their errors play no part here.
-        held = self._held(self._state(q, v, t), self._given)
+        held = self._given.rows(self._state(q, v, t))
         if self._projection is not None and len(held.J) and self._solver.spread(held) < CLOSE:
-            known = self._given == self._anchored
-            held = self._projected(held if known else self._held(held.state, self._anchored), self._projection, t)
+            known = self._given is self._anchored
+            held = self._projected(held if known else self._anchored.rows(held.state), self._projection, t)
         return self._stage(held, t)
 
     def landed(self, q: Array, v: Array, t: float) -> Stage:
@@ -132,13 +132,13 @@ class SmoothMotion:
         Raises:
             NoSolution: as `at`; or the constraints cannot be met.
         """
-        held = self._held(self._state(q, v, t), self._anchored)
+        held = self._anchored.rows(self._state(q, v, t))
         if self._projection is not None and len(held.J):
             held = self._projected(held, self._projection, t)
         self._solver.learn(held)
         return self._stage(held, t)
 
-    def _projected(self, held: HeldRows, projection: Projection, t: float) -> HeldRows:
+    def _projected(self, held: StackedRows, projection: Projection, t: float) -> StackedRows:
         """Newton's steps in position, and with each of them velocity: a step's error is small, so that one of both will do."""
         solver = self._solver
         if held.drift > OPEN + self._open or held.drift_rate > TORN * max(1.0, max_abs(held.state.v)):
@@ -158,7 +158,7 @@ class SmoothMotion:
             d = -solver.back(held, held.error, held.placed, damping=error) if error > 0.1 * enough else None
             v = state.v - solver.back(held, held.velocity, None)
             q = state.q if d is None else self.charts.at(state.q).q(shortened(d))
-            nearer = self._held(self._state(q, v, t), self._anchored)
+            nearer = self._anchored.rows(self._state(q, v, t))
             if nearer.drift >= max(error, EXACT) and nearer.drift_rate >= max(rate, EXACT):
                 break
             held = nearer
@@ -170,19 +170,28 @@ class SmoothMotion:
             )
         return held
 
-    def moment(self, stage: Stage) -> Moment:
-        """The record of a stage."""
+    def sample(self, stage: Stage) -> Sample:
+        """The sample at a stage."""
         held = stage.held
         law = self._solver.law(held, stage.a, stage.rhs, stage.f)
-        return Moment(stage.t, stage.state, stage.a, stage.tau, lambda: self._touches(stage), law, held.drift, held.drift_rate)
+        return Sample.of(
+            stage.t,
+            stage.state,
+            stage.a,
+            stage.tau,
+            lambda: self._forces(stage),
+            law=law,
+            drift=held.drift,
+            drift_rate=held.drift_rate,
+        )
 
-    def _touches(self, stage: Stage) -> Mapping[str, Touch]:
+    def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:
         held = stage.held
         if not held.rows:
             return {}
         f, unique = self._solver.forces(held, stage.a, stage.rhs)
         P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
-        found = Solution(P, stage.a, f, None, "bilateral", "smooth", 1, 0.0)
+        found = Solution(P, stage.a, f, None, BILATERAL, "smooth", 1, 0.0)
         if not unique:
             found = found.settled()  # of all forces that do the same, those that `rbd.solve` gives
         out = {}
@@ -190,8 +199,8 @@ class SmoothMotion:
             points = pushes = None
             if r.patch is not None and r.resultant is not None:
                 points = r.patch.point + r.patch.corners @ r.patch.axes.T
-                pushes = corner_split(r, f[P.slices[r.name]], None) if unique else found.corner_forces[r.name]
-            out[r.name] = Touch(found.forces[r.name], HOLDS, points, pushes)
+                pushes = corner_split(r, f[P.slices[r.name]]) if unique else found.corner_forces[r.name]
+            out[r.name] = ConstraintForce(found.forces[r.name], HOLDS, points, pushes)
         return out
 
     def _state(self, q: Array, v: Array, t: float) -> State:
@@ -203,10 +212,7 @@ class SmoothMotion:
                 "step, and look at what drives it."
             ) from error
 
-    def _held(self, state: State, constraints: tuple[Constraint, ...]) -> HeldRows:
-        return HeldRows(state, constraints, self._carried)
-
-    def _stage(self, held: HeldRows, t: float) -> Stage:
+    def _stage(self, held: StackedRows, t: float) -> Stage:
         tau, rhs = self.motion.forces(held.state, t)
         found = self._solver.acceleration(held, rhs, t)
         a = found.a
@@ -216,7 +222,7 @@ class SmoothMotion:
             raise NoSolution(f"the acceleration of {self.motion.robot.name} is not finite at t = {t:.6g} s.")
         return Stage(t, held, tau, rhs, a, found.f)
 
-    def _across(self, held: HeldRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
+    def _across(self, held: StackedRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
         """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.
 
         (15 A(e) - 6 A(2 e) + A(3 e)) / 10, where A(e) is the mean of a(t + e) and a(t - e) under the forces of now: right to
@@ -239,7 +245,7 @@ class SmoothMotion:
             found = []
             for side in (e, -e):
                 xi = side * v + 0.5 * side * side * a
-                beside = self._held(self._state(chart.q(xi), v + side * a, t), self._anchored)
+                beside = self._anchored.rows(self._state(chart.q(xi), v + side * a, t))
                 there = self._projected(beside, projection, t)
                 moved = pin.difference(self.motion.robot.model, beside.state.q, there.state.q)
                 if max_abs(moved) > AVOIDED * max_abs(xi) ** 2:
@@ -253,13 +259,13 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
     """Why a motion is not smooth, in words; None where it is."""
     rows = rows_of(state, motion.constraints)
     for constraint, r in zip(motion.constraints, rows, strict=True):
-        if not holds(r):
+        if not is_bilateral(r):
             return (
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}), and this integrator takes "
                 "constraints that hold. Use integrator=rbd.TimeStepping(), or friction=None for a contact that holds."
             )
-        speeding = getattr(constraint, "acceleration", None)
-        if speeding is not None and np.any(speeding):
+        ground = ground_of(constraint)
+        if ground is not None and ground.acceleration is not None and np.any(ground.acceleration):
             return (
                 f"the ground of {r.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
                 "without an acceleration."
@@ -279,14 +285,3 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
                 "whose velocity the constraints allow, or use integrator=rbd.TimeStepping()."
             )
     return None
-
-
-def _anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
-    """What holds and knows no place is put where it is; what is carried along by a ground that moves has no place."""
-    if rows.error is not None or getattr(constraint, "velocity", None) is not None:
-        return constraint
-    if isinstance(constraint, JointLock):
-        at = joint_motion(state.robot, constraint.joint)
-        return JointLock(constraint.name, constraint.joint, position=state.q[at.q : at.q + sum(p.nq for p in at.pieces)])
-    anchored = getattr(constraint, "anchored", None)
-    return anchored(state) if callable(anchored) else constraint

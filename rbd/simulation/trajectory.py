@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float
-from rbd.control.pushes import ExternalAt
+from rbd.control.schedules import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
-from rbd.simulation.events import Event, Moment
+from rbd.simulation.events import ConstraintForce, Event, Sample
 from rbd.simulation.motion import Integrator, Motion
 from rbd.simulation.recording import Recording
-from rbd.simulation.trajectory_dataset import (
+from rbd.simulation.trajectory_contents import (
     arrays_of,
     arrays_of_netcdf,
     dataset_of,
@@ -39,43 +41,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Sample:
-    """A trajectory at one recorded time.
-
-    Attributes:
-        robot: The robot.
-        t: Time [s].
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,) [m/s, rad/s].
-        a: Acceleration, shape (nv,) [m/s2, rad/s2].
-        tau: Motor torques, shape (nu,) [N, N m].
-        forces: {constraint: force on the robot}, as `Trajectory.forces`.
-        points: {contact: where it touches, shape (k, 3)} in W [m], those that are there at this time.
-        point_forces: {contact: force at each of these, shape (k, 3)} in W [N].
-        modes: {constraint: "open", "sticks", "slips", "holds" or "pushes"}.
-    """
-
-    robot: CheckedModel
-    t: float
-    q: Array
-    v: Array
-    a: Array
-    tau: Array
-    forces: Mapping[str, Array]
-    points: Mapping[str, Array]
-    point_forces: Mapping[str, Array]
-    modes: Mapping[str, str]
-
-    def __repr__(self) -> str:
-        return f"Sample({self.robot.name!r}, t={self.t:g})"
-
-    @property
-    def state(self) -> State:
-        """The robot at (q, v)."""
-        return State(self.robot, self.q, self.v)
-
-
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Trajectory:
     """A motion, as `rbd.simulate` returns it: n samples, read-only arrays, SI units, world axes, forces on the robot.
@@ -84,7 +49,7 @@ class Trajectory:
 
     Attributes:
         robot: The robot.
-        times: Shape (n,) [s], increasing.
+        t: Times, shape (n,) [s], increasing.
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv) [m/s, rad/s].
         a: Accelerations, shape (n, nv) [m/s2, rad/s2]; M a + h = S^T tau + tau_ext + J^T f at each sample.
@@ -99,11 +64,11 @@ class Trajectory:
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": how far the forces are from their law, scaled; "drift", "drift_rate": largest error of the
-            constraints that hold [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
+            bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
         events: Beginnings and ends of contact, in order of time.
         integrator: What carried it from step to step, with its settings.
         law: Law of the contacts that can slip.
-        stabilisation: How the constraints that hold were kept, with its settings.
+        stabilisation: How the bilateral constraints were kept, with its settings.
         step: The integrator's step [s].
         interrupted: Why it ended before its time; empty if it did not.
 
@@ -112,7 +77,7 @@ class Trajectory:
     """
 
     robot: CheckedModel
-    times: Array
+    t: Array
     q: Array
     v: Array
     a: Array
@@ -141,35 +106,35 @@ class Trajectory:
     def of(
         cls,
         motion: Motion,
-        moments: Recording | Iterable[Moment],
+        samples: Recording | Iterable[Sample],
         events: Sequence[Event] = (),
         integrator: Integrator | str = "",
         step: float = 0.0,
         interrupted: str = "",
     ) -> Trajectory:
-        """The trajectory of moments.
+        """The trajectory of samples.
 
         Args:
             motion: What was simulated.
-            moments: In order of time; a `Recording` of them takes a hundredth of the memory.
-            events: All of them, those between the recorded moments too.
+            samples: In order of time; a `Recording` of them takes a hundredth of the memory.
+            events: All of them, those between the recorded samples too.
             integrator: What carried the motion.
             step: Its step [s].
             interrupted: Why it ended before its time.
 
         Raises:
-            InputError: no moments.
+            InputError: no samples.
             NoSolution: a number that is not finite.
         """
-        if isinstance(moments, Recording):
-            recording = moments
+        if isinstance(samples, Recording):
+            recording = samples
         else:
             recording = Recording(motion)
-            for moment in moments:
-                recording.add(moment)
+            for sample in samples:
+                recording.add(sample)
         if not len(recording):
-            raise InputError("a trajectory has one moment or more; none was recorded.")
-        arrays: dict[str, Any] = {**recording.arrays(), **recording.touches()}
+            raise InputError("a trajectory has one sample or more; none was recorded.")
+        arrays: dict[str, Any] = {**recording.arrays(), **recording.constraints()}
         residuals = {c.name: arrays.pop(c.name) for c in RESIDUALS}
         return cls(
             robot=motion.robot,
@@ -201,7 +166,7 @@ class Trajectory:
     @property
     def duration(self) -> float:
         """From the first sample to the last [s]."""
-        return float(self.times[-1] - self.times[0])
+        return float(self.t[-1] - self.t[0])
 
     def state(self, i: int) -> State:
         """The robot at sample i; negative ones count from the end."""
@@ -217,17 +182,17 @@ class Trajectory:
         Raises:
             InputError: a time outside the trajectory.
         """
-        if not self.times[0] <= as_float(t) <= self.times[-1]:
-            raise InputError(f"t is {t!r:.80}; expected a time from {self.times[0]:g} to {self.times[-1]:g} s.")
-        i = int(np.searchsorted(self.times, t, side="right")) - 1
-        if self.times[i] == t:
+        if not self.t[0] <= as_float(t) <= self.t[-1]:
+            raise InputError(f"t is {t!r:.80}; expected a time from {self.t[0]:g} to {self.t[-1]:g} s.")
+        i = int(np.searchsorted(self.t, t, side="right")) - 1
+        if self.t[i] == t:
             return self.state(i)
-        share = float((t - self.times[i]) / (self.times[i + 1] - self.times[i]))
+        share = float((t - self.t[i]) / (self.t[i + 1] - self.t[i]))
         q = pin.interpolate(self.robot.model, self.q[i], self.q[i + 1], share)
         return State(self.robot, q, (1.0 - share) * self.v[i] + share * self.v[i + 1])
 
     def __len__(self) -> int:
-        return len(self.times)
+        return len(self.t)
 
     @overload
     def __getitem__(self, key: int) -> Sample: ...
@@ -242,7 +207,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         ended = f", {self.interrupted}" if self.interrupted else ""
-        return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.times[0]:g} to {self.times[-1]:g} s{ended})"
+        return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.t[0]:g} to {self.t[-1]:g} s{ended})"
 
     def __str__(self) -> str:
         return table(vars(self))
@@ -251,7 +216,7 @@ class Trajectory:
         """Write it to a file: .npz, which NumPy alone reads, or .nc, netCDF, with the extra `study`.
 
         Numbers are kept to the last bit. The robot is written as where it came from, with its inertias and placements, so that
-        a file that has changed since is told on loading. A file that is there stays whole until the new one is.
+        a file that has changed since is reported on loading. A file that is there stays whole until the new one is.
 
         Raises:
             InputError: another ending, a place that cannot be written, or no xarray for .nc.
@@ -282,8 +247,8 @@ class Trajectory:
             for q in out.q:
                 out.robot.check_q(q)
         except InputError as error:
-            told = str(error) if where.name in str(error) else f"{where.name}: {error}"
-            raise InputError(told) from error
+            message = str(error) if where.name in str(error) else f"{where.name}: {error}"
+            raise InputError(message) from error
         return out
 
     def to_xarray(self) -> xarray.Dataset:
@@ -352,18 +317,24 @@ class Trajectory:
         return int(i) % len(self)
 
     def _sample(self, i: int) -> Sample:
-        there = {name: ~np.isnan(x[i]).any(axis=1) for name, x in self.points.items()}
+        acting = {}
+        for name, force in self.forces.items():
+            points = pushes = None
+            if name in self.points:
+                there = ~np.isnan(self.points[name][i]).any(axis=1)
+                points, pushes = self.points[name][i][there], self.point_forces[name][i][there]
+            acting[name] = ConstraintForce(force[i], str(self.modes[name][i]), points, pushes)
+        since = bisect_right(self.events, self.t[i - 1], key=_time) if i else 0
         return Sample(
             self.robot,
-            float(self.times[i]),
+            float(self.t[i]),
             self.q[i],
             self.v[i],
             self.a[i],
             self.tau[i],
-            {name: x[i] for name, x in self.forces.items()},
-            {name: x[i][there[name]] for name, x in self.points.items()},
-            {name: x[i][there[name]] for name, x in self.point_forces.items()},
-            {name: str(x[i]) for name, x in self.modes.items()},
+            partial(dict, acting),  # which a copy or a pickle takes along
+            **{name: float(x[i]) for name, x in self.residuals.items()},
+            events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )
 
     def _slice(self, key: slice) -> Trajectory:
@@ -376,9 +347,13 @@ class Trajectory:
                 fields[name] = value[key]
             elif isinstance(value, dict):
                 fields[name] = {each: x[key] for each, x in value.items()}
-        first, last = fields["times"][0], fields["times"][-1]
+        first, last = fields["t"][0], fields["t"][-1]
         fields["events"] = tuple(e for e in self.events if first <= e.t <= last)
         return Trajectory(**fields)
+
+
+def _time(event: Event) -> float:
+    return event.t
 
 
 def _axes(ax: Axes | None) -> Axes:

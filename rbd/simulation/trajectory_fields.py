@@ -53,8 +53,8 @@ COLUMNS = (
 """What is known of the robot at each time."""
 RESIDUALS = (
     Column("law", "", "1", "how far the forces are from their law, scaled"),
-    Column("drift", "", "m or rad", "largest position error of the constraints that hold"),
-    Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the constraints that hold"),
+    Column("drift", "", "m or rad", "largest position error of the bilateral constraints"),
+    Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
     Column("penetration", "", "m or rad", "how deep the deepest contact is in what it touches"),
 )
 """What each sample says of its own errors."""
@@ -71,11 +71,11 @@ def checked(fields: Fields) -> dict[str, Any]:
     robot = fields["robot"]
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot of a trajectory is {robot!r:.80}; expected a robot.")
-    n = np.size(fields["times"])
-    times = kept("times", fields["times"], (n,))
+    n = np.size(fields["t"])
+    times = kept("t", fields["t"], (n,))
     if not n or not (np.diff(times) > 0.0).all():
-        raise InputError(f"times of a trajectory are {times[:6]}; expected one or more, increasing.")
-    out: dict[str, Any] = {**fields, "times": times}
+        raise InputError(f"t of a trajectory is {times[:6]}; expected one or more times, increasing.")
+    out: dict[str, Any] = {**fields, "t": times}
     for c in COLUMNS:
         out[c.name] = kept(c.name, fields[c.name], (n, *c.row(robot)))
     names, residuals = [c.name for c in RESIDUALS], fields["residuals"]
@@ -119,8 +119,8 @@ def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = 
         out = as_array(f"{what} of a trajectory", value)
         out.flags.writeable = False
     if len(out.shape) != len(shape) or any(k is not None and k != m for k, m in zip(shape, out.shape, strict=True)):
-        told = ", ".join("any" if k is None else str(k) for k in shape)
-        raise InputError(f"{what} of a trajectory has shape {out.shape}; expected ({told}).")
+        sizes = ", ".join("any" if k is None else str(k) for k in shape)
+        raise InputError(f"{what} of a trajectory has shape {out.shape}; expected ({sizes}).")
     bad = np.isinf(out) if holes else ~np.isfinite(out)
     if bad.any():
         raise InputError(f"{what} of a trajectory is not finite in sample {int(np.argwhere(bad)[0, 0])}.")
@@ -154,7 +154,7 @@ def table(fields: Fields) -> str:
 def _headline(x: Fields) -> str:
     steps = f" by steps of {_number(1e3 * x['step'])} ms" if x["step"] else ""
     ended = f"; {x['interrupted']}" if x["interrupted"] else ""
-    return f"{x['robot'].name}: {x['times'][0]:g} to {x['times'][-1]:g} s{steps}, {len(x['times'])} samples{ended}"
+    return f"{x['robot'].name}: {x['t'][0]:g} to {x['t'][-1]:g} s{steps}, {len(x['t'])} samples{ended}"
 
 
 def _method(x: Fields) -> list[str]:
@@ -180,7 +180,7 @@ def _residuals(x: Fields) -> list[str]:
         worst = int(np.argmax(np.abs(values)))
         said = f"{residual.name.replace('_', ' ')} {abs(values[worst]):.1e}"
         said += " (scaled)" if residual.unit == "1" else f" {residual.unit}"
-        out.append(_line("" if i else "worst residuals", said + (f" at {x['times'][worst]:.4g} s" if values[worst] else "")))
+        out.append(_line("" if i else "worst residuals", said + (f" at {x['t'][worst]:.4g} s" if values[worst] else "")))
     return out
 
 
@@ -193,7 +193,7 @@ def _constraints(x: Fields) -> list[str]:
         size = np.linalg.norm(force[:, :3], axis=1) if contact else np.abs(force).max(axis=1, initial=0.0)
         most = int(np.argmax(size))
         unit = "N" if contact else "N or N m"
-        largest = f"at most {size[most]:.4g} {unit} at {x['times'][most]:.4g} s" if size[most] else "no force"
+        largest = f"at most {size[most]:.4g} {unit} at {x['t'][most]:.4g} s" if size[most] else "no force"
         out.append(_line("" if i else "constraints", f"{name:<{width}}  {x['modes'][name][-1]} at the end, {largest}"))
     return out + [_line("", f"and {len(names) - len(shown)} more")] * (len(names) > len(shown))
 

@@ -6,6 +6,7 @@ them. An .nc is netCDF 3 (64-bit offsets) through xarray and SciPy, which any to
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import math
@@ -99,9 +100,9 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
     """A dataset, the header among its attributes."""
-    told = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)})
+    whole = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)})
     try:
-        content = told.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+        content = whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
     except UnicodeEncodeError as error:
         raise InputError(f"a netCDF file has no character {error.object[error.start]!r}. Save it as .npz.") from None
     write_file(path, lambda file: file.write(content))
@@ -267,6 +268,35 @@ def _check_total(total: int, file_size: int) -> None:
     most = FREE + TIMES * file_size
     if total > most:
         raise ValueError(f"it says that it holds {total:,} bytes; a file of {file_size:,} bytes may hold {most:,} at most")
+
+
+def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
+    """Of the header and of all that a trajectory is made of: netCDF has none of its own."""
+    found = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
+    for name, x in sorted(arrays.items()):
+        text = "\0".join(x.tolist()).encode(errors="surrogatepass") if x.dtype.kind == "U" else x.astype("<f8").tobytes()
+        found.update(name.encode(errors="surrogatepass") + text)
+    return found.hexdigest()
+
+
+def listed_in(header: Mapping[str, Any], what: str) -> list[Any]:
+    """The list that a header has under a key.
+
+    Raises:
+        InputError: something else.
+    """
+    value = header.get(what)
+    if not isinstance(value, list):
+        raise InputError(f"{what} in its header is {value!r:.80}; expected a list")
+    return value
+
+
+def words_in(header: Mapping[str, Any], what: str) -> tuple[str, ...]:
+    """The different words that a header has under a key; errors as `listed_in`."""
+    value = listed_in(header, what)
+    if not all(isinstance(word, str) and word for word in value) or len(set(value)) != len(value):
+        raise InputError(f"{what} in its header are {value!r:.80}; expected different words")
+    return tuple(value)
 
 
 class _Reader:

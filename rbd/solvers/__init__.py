@@ -5,6 +5,7 @@ from typing import Protocol
 from rbd.errors import InputError
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 
 
@@ -12,8 +13,8 @@ class Solver(Protocol):
     """What `rbd.solve` needs of a solver."""
 
     @property
-    def law(self) -> str:
-        """The contact law it solves for: "bilateral", "convex" or "coulomb"."""
+    def law(self) -> Law | str:
+        """The contact law it solves for, e.g. `Law("coulomb")`, or as that prints; the answer has it with its facets."""
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Why this problem cannot be taken, in words, or None."""

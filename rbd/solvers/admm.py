@@ -14,8 +14,9 @@ from rbd.arrays import Array, lazy, max_abs
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import CONVEX, COULOMB, Law
 from rbd.problem.limits import SEARCH_WORK, Work
-from rbd.problem.parts import Parts
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
@@ -49,7 +50,7 @@ _FIXED_POINT_STEPS = 12
 class ConeSolver:
     """Contact forces in true cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
-    Weights w in the product of the parts (`problem.parts`) with
+    Weights w in the product of the sets (`problem.force_set`) with
 
         y = D w + H^T (J a_free + offset) + centripetal part,    D = H^T J M^-1 J^T G
         convex:   y in K*, w . y = 0                             coulomb:   y + mu |y_t| n in K*, complementary to w
@@ -82,21 +83,22 @@ class ConeSolver:
         InputError: if `law` is another word, or `starts` no whole number from 1 to 20.
     """
 
-    law: str = "coulomb"
+    law: Law | str = COULOMB
     starts: int = 1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.law, str) or self.law not in ("coulomb", "convex"):
+        if not isinstance(self.law, Law | str) or str(self.law) not in ("coulomb", "convex"):
             raise InputError(f"law is {self.law!r:.80}; expected 'coulomb' or 'convex'.")
+        object.__setattr__(self, "law", Law.of(self.law))
         if isinstance(self.starts, bool) or not isinstance(self.starts, int | np.integer) or not 1 <= self.starts <= 20:
             raise InputError(f"starts is {self.starts!r:.80}; expected a whole number from 1 to 20.")
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names a contact that approaches; under the convex law, one that slides."""
-        T = checked(problem).parts
+        T = checked(problem).force_set
         if T.impact:
             return f"{T.impact}."
-        if self.law == "convex" and T.sliding:
+        if self.law == CONVEX and T.sliding:
             point = T.sliding[0]
             return (
                 f"{point.rows!r} slides at {point.speed:.3g} m/s: its friction follows its motion, which the convex law does "
@@ -113,9 +115,9 @@ class ConeSolver:
         P = checked(problem)
         if P.bilateral:
             return replace(KKT().solve(P), solver="ConeSolver")
-        if P.parts.sliding:
+        if P.force_set.sliding:
             return _of_sliding(P, start)
-        return _Search(P, self.law, start).run(self.starts if self.law == "coulomb" else 1)
+        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1)
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
@@ -123,9 +125,9 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
     from rbd.solvers.sliding import sliding_answers  # read only where something slides
 
     answers = sliding_answers(P)
-    found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.parts.size)),)
+    found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.force_set.size)),)
     solutions = [
-        Answer(P, a, f, w, "coulomb", "ConeSolver", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
+        Answer(P, a, f, w, COULOMB, "ConeSolver", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
     ]
     return replace(solutions[0], others=tuple(solutions[1:]))
 
@@ -133,19 +135,19 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
 class _Search:
     """One problem at rest: starts, what came of them, and the best of it."""
 
-    def __init__(self, P: GaussProblem, law: str, start: float) -> None:
+    def __init__(self, P: GaussProblem, law: Law, start: float) -> None:
         self.P, self.law, self.start = P, law, start
-        self.coulomb = law == "coulomb"
+        self.coulomb = law == COULOMB
         self.redundant = independent_factor(P.delassus) is None
         self.iterations = 0
-        self.work, self.step = Work(SEARCH_WORK), float(P.parts.size) ** 3 + 1e4
+        self.work, self.step = Work(SEARCH_WORK), float(P.force_set.size) ** 3 + 1e4
         self.infeasible = False
         self.best: Answer | None = None
         self.answers: list[Answer] = []
 
     def run(self, wanted: int) -> Answer:
         """The answer, after `wanted` starts or the first answer, whichever comes later."""
-        T = self.P.parts
+        T = self.P.force_set
         w = holding(self.P)
         first = T.project(w)
         holds = wanted == 1 and max_abs(first - w) <= 1e-13 * max_abs(w)
@@ -175,7 +177,7 @@ class _Search:
         the last two are not positive. So some point of the found motion has c outside K*: it slides faster than it leaves.
         Where loaded points slide and rows are independent there is as good as none: it is not worth another solve.
         """
-        P, T, w = self.P, self.P.parts, found.weights
+        P, T, w = self.P, self.P.force_set, found.weights
         assert w is not None
         at = T.cone_columns
         y = T.accelerations(P.J @ found.a + P.offset, coulomb=False)[at]
@@ -187,7 +189,7 @@ class _Search:
 
     def _try_convex(self, S: Scaled, first: Array) -> None:
         """Keep the convex law's motion if it satisfies Coulomb's law too."""
-        kept, T = len(self.answers), self.P.parts
+        kept, T = len(self.answers), self.P.force_set
         for guess in (
             lambda: self._by_admm(S, first, False, 1000),
             lambda: solve_interior_point(S, extra=np.zeros(len(first)))[0],
@@ -203,19 +205,19 @@ class _Search:
     @lazy
     def W(self) -> Array:  # noqa: N802  as in the module's text
         """What unit weights do, in whitened coordinates, shape (nv, p)."""
-        return self.P.whitened @ self.P.parts.G
+        return self.P.whitened @ self.P.force_set.G
 
     @lazy
     def S(self) -> Scaled:  # noqa: N802
         """The problem in units of its own."""
-        T = self.P.parts
+        T = self.P.force_set
         return scaled(self.W.T @ self.W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
 
     def _firmer(self, w: Array) -> Array:
         """Weights that hold every row, once more on what they leave: under much friction the last digits count."""
         P = self.P
-        left = P.J @ constrained(P, P.parts.G @ w) + P.offset
-        return P.parts.project(w - _split(P.parts) @ np.linalg.lstsq(P.delassus, left, rcond=1e-12)[0])
+        left = P.J @ constrained(P, P.force_set.G @ w) + P.offset
+        return P.force_set.project(w - _split(P.force_set) @ np.linalg.lstsq(P.delassus, left, rcond=1e-12)[0])
 
     def _starts(self, S: Scaled, first: Array, W: Array) -> Iterator[tuple[Array, float]]:
         """(scaled weights, proximal term) to start Newton from, cheapest first."""
@@ -270,12 +272,12 @@ class _Search:
 
     def _judge(self, w: Array, reason: str = "") -> bool:
         """Keep what weights give; whether it is an answer."""
-        f = self.P.parts.G @ w
+        f = self.P.force_set.G @ w
         a = constrained(self.P, f)
         seconds, redundant = time.perf_counter() - self.start, self.redundant
         found = Answer(self.P, a, f, w, self.law, "ConeSolver", self.iterations, seconds, reason=reason, redundant=redundant)
         if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
-            found = refined(found, by_newton(self.S, self.P.parts, coulomb=self.coulomb), self.P.parts)
+            found = refined(found, by_newton(self.S, self.P.force_set, coulomb=self.coulomb), self.P.force_set)
         if not found.residuals.within(SOLVED):
             if self.best is None or found.residuals.less_than(self.best.residuals):
                 self.best = found
@@ -315,11 +317,11 @@ def holding(P: GaussProblem) -> Array:
     R = independent_factor(P.delassus)
     c = P.free_row_acceleration
     f = np.linalg.lstsq(P.delassus, -c, rcond=1e-12)[0] if R is None else -lapack.dpotrs(R, c)[0]
-    return _split(P.parts) @ f
+    return _split(P.force_set) @ f
 
 
 @lru_cache(maxsize=256)
-def _split(parts: Parts) -> Array:
+def _split(parts: ForceSet) -> Array:
     """Minimum-norm weights of row forces, shape (p, m)."""
     return np.asarray(np.linalg.pinv(parts.G))
 

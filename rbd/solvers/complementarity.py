@@ -26,14 +26,12 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.problem import limits
 from rbd.problem.limits import Work
-from rbd.problem.programs import nonnegative
+from rbd.problem.programs import least_distance
+from rbd.problem.subspaces import SQUARED, null_space
 from rbd.solvers import qp
 
 FREE, LOW, HIGH, OPEN = 0, 1, 2, -1
 """Modes of an entry; OPEN is not decided."""
-
-TINY = 1e-11
-"""Eigenvalues of the symmetric part below this, times the largest diagonal entry, count as zero."""
 
 SAME = 1e-7
 """Motions nearer to each other than this, relative, are one."""
@@ -173,14 +171,14 @@ class _Tree:
         P = self.problem
         moving = np.flatnonzero(modes <= FREE)  # FREE or OPEN
         A, free = P.A[np.ix_(moving, moving)], modes[moving] == FREE
-        N = _null_space(A[free]) if free.any() else np.eye(len(moving))
+        N = null_space(A[free], SQUARED)
         self.work.spend(_SVD * float(len(moving)) ** 3)
         size, turned = np.linalg.eigh(0.5 * N.T @ (A + A.T) @ N)
-        if size[0] < -TINY * self.scale:
+        if size[0] < -SQUARED * self.scale:
             return False
-        still = P.V[:, moving] @ (N @ turned[:, size <= TINY * self.scale])
+        still = P.V[:, moving] @ (N @ turned[:, size <= SQUARED * self.scale])
         # |V z|^2 = z^T A z where A is symmetric: zero to 1e-11 is zero to its root in V.
-        return bool(np.abs(still).max(initial=0.0) <= 10.0 * math.sqrt(TINY * self.scale))
+        return bool(np.abs(still).max(initial=0.0) <= 10.0 * math.sqrt(SQUARED * self.scale))
 
     def _infeasible(self, modes: Array) -> bool:
         """Whether a linear program finds no w that meets the signs, complementarity left aside."""
@@ -261,7 +259,7 @@ class _Tree:
         A = P.A[np.ix_(E, E)]
         self.work.spend(_SVD * float(len(E)) ** 3)
         U, s, Vt = np.linalg.svd(A)
-        kept = s > TINY * max(float(s[0]), TINY * self.scale)
+        kept = s > SQUARED * max(float(s[0]), SQUARED * self.scale)
         inverse = (Vt[kept].T / s[kept]) @ U[:, kept].T
         x = -inverse @ y[E]
         x -= inverse @ (A @ x + y[E])  # one step of refinement
@@ -274,7 +272,7 @@ class _Tree:
         N = np.zeros((len(w), int((~kept).sum())))
         N[E] = Vt[~kept].T
         moved = P.V @ N
-        motions = int(np.linalg.matrix_rank(moved, tol=10.0 * math.sqrt(TINY * self.scale)))
+        motions = int(np.linalg.matrix_rank(moved, tol=10.0 * math.sqrt(SQUARED * self.scale)))
         z = self._inside(w, y, N, modes)
         return (None if z is None else w + N @ z), w, motions
 
@@ -303,30 +301,7 @@ class _Tree:
         flat = np.abs(C).max(axis=1, initial=0.0) < 1e-9
         if (d[flat] > 1e-9).any():
             return None
-        z = least_distance(C[~flat], d[~flat])
-        return None if z is None else unit * z
-
-
-def least_distance(C: Array, d: Array) -> Array | None:
-    """The z of least norm with C z >= d, or None where there is none.
-
-    Source: [LawsonHanson1974], chapter 23: the residual of a nonnegative least-squares problem.
-    """
-    n = C.shape[1]
-    if not len(d) or (d <= 0.0).all():
-        return np.zeros(n)
-    E, f = np.vstack([C.T, d[None]]), np.r_[np.zeros(n), 1.0]
-    x = nonnegative(E, f)
-    if x is None:
-        return None
-    r = E @ x - f
-    if -r[n] <= 1e-12:
-        return None
-    return -r[:n] / r[n]
-
-
-def _null_space(A: Array) -> Array:
-    """Orthonormal basis of {x : A x = 0} as columns."""
-    _, s, Vt = np.linalg.svd(A)
-    rank = int((s > TINY * s[0]).sum()) if len(s) and s[0] > 0.0 else 0
-    return Vt[rank:].T
+        if (d <= 0.0).all():
+            return np.zeros(N.shape[1])
+        found = least_distance(C[~flat], d[~flat])
+        return None if found is None else unit * found[0]

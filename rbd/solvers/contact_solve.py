@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, max_abs
-from rbd.problem.parts import Parts
+from rbd.problem.force_set import ForceSet
 
 _DAMPING = 1e-7
 """Over the largest diagonal entry of D: what lets rows repeat each other. A round leaves so much of what was missed."""
@@ -17,14 +17,14 @@ _TO_AND_FRO = 4
 _ROUNDS = 6
 
 
-class Stillness:
+class StickingSolver:
     """Sets of weights that are the row impulses themselves, asked whether they can hold every row still.
 
     Args:
         parts: The sets; G is the identity.
     """
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: ForceSet) -> None:
         self._bounded = np.flatnonzero(np.isfinite(parts.lower) | np.isfinite(parts.upper))
         self._lower, self._upper = parts.lower[self._bounded], parts.upper[self._bounded]
         self._cones = parts.cone_columns.ravel()

@@ -9,10 +9,12 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array
-from rbd.problem.answer import RANK_TOLERANCE, Answer
+from rbd.problem.answer import Answer
+from rbd.problem.force_set import at_rest
+from rbd.problem.law import BILATERAL, Law
 from rbd.problem.problem import GaussProblem, checked
-from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED
+from rbd.problem.subspaces import RANK
 from rbd.solvers.refinement import refined
 
 
@@ -26,13 +28,13 @@ class KKT:
     Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
     """
 
-    law: str = "bilateral"
+    law: Law = BILATERAL
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first constraint that can break or slip."""
         if checked(problem).bilateral:
             return None
-        bad = next(r for r in problem.rows if not rays_of(r.cone).all_lines)
+        bad = next(r for r in problem.rows if not at_rest(r.cone).bilateral)
         return (
             f"KKT takes constraints that hold, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
             "Use rbd.ProxQP(), or friction=None for a contact that holds."
@@ -56,7 +58,7 @@ class KKT:
                 infeasible = missed > 1e-6 * max(1.0, float(np.abs(c).max()))
             a = constrained(P, f)
         seconds = time.perf_counter() - start
-        found = Answer(P, a, f, None, "bilateral", "KKT", 1, seconds, infeasible, redundant=repeats)
+        found = Answer(P, a, f, None, BILATERAL, "KKT", 1, seconds, infeasible, redundant=repeats)
         if not (infeasible or found.residuals.within(SOLVED)):
             found = replace(held_refined(found), seconds=time.perf_counter() - start)
         return found
@@ -90,7 +92,7 @@ def independent_factor(delassus: Array) -> Array | None:
 def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
     """(f, missed): minimum-norm f with W^T W f = -c as nearly as can be, and how much of c no f reaches."""
     _, s, Vt = np.linalg.svd(W, full_matrices=False)
-    kept = s > RANK_TOLERANCE * s[0]
+    kept = s > RANK * s[0]
     Vt, s = Vt[kept], s[kept]
     along = Vt @ c
     return -Vt.T @ (along / s**2), float(np.abs(c - Vt.T @ along).max())

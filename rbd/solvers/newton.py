@@ -20,7 +20,8 @@ import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs
-from rbd.problem.parts import Parts
+from rbd.problem.force_set import ForceSet
+from rbd.problem.subspaces import null_space
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
@@ -30,10 +31,10 @@ EXACT = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """How the columns of `Parts` stand for Newton: lines and intervals first, then the cones, three columns each.
+    """How the columns of `ForceSet` stand for Newton: lines and intervals first, then the cones, three columns each.
 
     Attributes:
-        columns: Number in `Parts` of each column, shape (p,); None where nothing moves.
+        columns: Number in `ForceSet` of each column, shape (p,); None where nothing moves.
         singles: Number of lines, half-lines and intervals.
         lower: Their bounds, shape (singles,).
         upper: Likewise.
@@ -54,7 +55,7 @@ class Order:
 
 
 @lru_cache(maxsize=256)  # parts at rest are kept by their rows' sets; those of moving rows come and go
-def order_of(parts: Parts) -> Order:
+def order_of(parts: ForceSet) -> Order:
     """The order of a problem's columns."""
     in_cones = parts.cone_columns.ravel()
     alone = np.setdiff1d(np.arange(parts.size), in_cones)
@@ -89,7 +90,7 @@ class Scaled:
     rate: float
 
     def weights(self, w: Array) -> Array:
-        """Weights as `Parts` has them, of scaled ones."""
+        """Weights as `ForceSet` has them, of scaled ones."""
         out = self.unit * w
         if self.order.columns is None:
             return out
@@ -98,11 +99,11 @@ class Scaled:
         return back
 
     def guess(self, weights: Array) -> Array:
-        """Scaled weights, of those of `Parts`."""
+        """Scaled weights, of those of `ForceSet`."""
         return (weights if self.order.columns is None else weights[self.order.columns]) / self.unit
 
 
-def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
+def scaled(D: Array, y_free: Array, parts: ForceSet) -> Scaled:
     """The problem D, y_free in units of its own."""
     order = order_of(parts)
     if order.columns is not None:
@@ -124,7 +125,7 @@ def scaled(D: Array, y_free: Array, parts: Parts) -> Scaled:
 
 
 def solve_newton(
-    D: Array, y_free: Array, parts: Parts, w0: Array, *, coulomb: bool, iterations: int = 50
+    D: Array, y_free: Array, parts: ForceSet, w0: Array, *, coulomb: bool, iterations: int = 50
 ) -> tuple[Array, float, int]:
     """Weights that answer y = D w + y_free, by damped semismooth Newton steps from a guess.
 
@@ -219,9 +220,8 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
     pressed = w.copy()
     pressed[at] = np.maximum(pressed[at], _TOUCHES)  # one that touches and carries nothing may carry something
     _, edges = _gap(problem, pressed, y, coulomb=True)
-    _, sizes, directions = np.linalg.svd(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True))
-    null = directions[sizes <= 1e-8 * sizes[0]]
-    return bool(np.abs(null @ problem.D).max(initial=0.0) > 1e-8)
+    N = null_space(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True), _OPEN)
+    return bool(np.abs(N.T @ problem.D).max(initial=0.0) > 1e-8)
 
 
 def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
@@ -251,6 +251,8 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
 
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
+_OPEN = 1e-8
+"""The same where directions that move nothing are looked for: answers are good to a merit of 1e-10."""
 _YIELDS = 1e-5
 """Compliance of the proximal-point rounds, over the points' own mobility."""
 _STALLS = 1e-11

@@ -6,14 +6,16 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from rbd.arrays import Array, identity, is_finite, max_abs, zeros
 from rbd.problem.answer import Answer
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import BILATERAL, CONVEX, Law
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.programs import nonnegative
-from rbd.problem.rays import Rays
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, held_refined, independent_factor
@@ -46,17 +48,16 @@ class ProxQP:
     """
 
     policy: tuple[qp.Setting, ...] = qp.POLICY
-    law: str = "convex"
+    law: Law = CONVEX
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
         """Names the first contact that slides, turns or strikes: no pyramid of forces says what its friction does."""
-        if not checked(problem).moving:
+        T = checked(problem).force_set
+        if T.impact:
+            return f"{T.impact}."
+        if not T.slipping:
             return None
-        if problem.parts.impact:
-            return f"{problem.parts.impact}."
-        if not problem.slipping:
-            return None
-        r = problem.slipping[0]
+        r = problem.rows[T.slipping[0]]
         return (
             f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid of forces says. "
             "Use rbd.ConeSolver()."
@@ -70,22 +71,23 @@ class ProxQP:
         start = time.perf_counter()
         P = checked(problem)
         if not P.m:
-            return Answer(P, P.a_free.copy(), np.zeros(0), None, "bilateral", "ProxQP", 0, time.perf_counter() - start)
-        independent = independent_factor(P.delassus)
+            return Answer(P, P.a_free.copy(), np.zeros(0), None, BILATERAL, "ProxQP", 0, time.perf_counter() - start)
+        independent, T = independent_factor(P.delassus), P.force_set.pyramids
         # R^T R = J M^-1 J^T, m x m where the rows are independent, else (k, m) from W = Q R.
         R = np.asarray(np.linalg.qr(P.whitened, mode="r")) if independent is None else independent
 
         def answer(weights: Array, iterations: int) -> Answer:
-            f, kept = (weights, None) if P.bilateral else (P.rays.G @ weights, weights)
+            f, kept = (weights, None) if P.bilateral else (T.G @ weights, weights)
             a, seconds = constrained(P, f), time.perf_counter() - start
-            return Answer(P, a, f, kept, law_name(P), "ProxQP", iterations, seconds, redundant=independent is None)
+            return Answer(P, a, f, kept, pyramidal_law(P), "ProxQP", iterations, seconds, redundant=independent is None)
 
         return self._best(P, R, answer)
 
     def _best(self, P: GaussProblem, R: Array, answer: Callable[[Array, int], Answer]) -> Answer:
         """The best of the attempts; `answer` takes weights and iterations."""
         along, opening, holds = _ray_rows(P, R)
-        bounded = _Bounded(P.rays, along, opening) if P.rays.has_intervals else None
+        T = P.force_set.pyramids
+        bounded = _Bounded(T, along, opening) if T.has_intervals else None
         if bounded is not None:
             along, opening, holds = bounded.along, bounded.opening, bounded.holds
         # Of the QP's data; far from one, its tolerances would mean nothing.
@@ -96,7 +98,7 @@ class ProxQP:
         l: Array | None = None
         if not P.bilateral:
             A, b, C, l = None, None, A, b
-            if P.rays.has_lines and C is not None and l is not None:
+            if T.has_lines and C is not None and l is not None:
                 A, b, C, l = C[holds], l[holds], C[~holds], l[~holds]
         n = R.shape[0]
         H, g = identity(n), zeros(n)
@@ -132,15 +134,15 @@ def eased(answer: Answer) -> Answer:
     ProxSuite's forces between them may be a million times as large as they need be, and leave the rounding of that in what is
     found from them.
     """
-    P, w = answer.problem, answer.weights
+    P, w, T = answer.problem, answer.weights, answer.problem.force_set.pyramids
     if w is None:
         return answer
     along, opening, holds = _ray_rows(P, np.asarray(np.linalg.qr(P.whitened, mode="r")))
-    if P.rays.has_intervals:
-        w = _Bounded(P.rays, along, opening).polished(w, few=True)
+    if T.has_intervals:
+        w = _Bounded(T, along, opening).polished(w, few=True)
     else:
         w = _polished(w, along, opening, holds, few=True)
-    f = P.rays.G @ w
+    f = T.G @ w
     return replace(answer, a=constrained(P, f), multipliers=f, weights=w)
 
 
@@ -149,10 +151,10 @@ def too_steep(failed: Answer) -> str:
 
     A normal force is a sum of rays; their tangential parts, mu times as large, cancel and leave their rounding.
     """
-    P, w, T = failed.problem, failed.weights, failed.problem.parts
-    if w is None or "facets" not in failed.law or not is_finite(w):
+    P, w, T = failed.problem, failed.weights, failed.problem.force_set
+    if w is None or not failed.law.facets or not is_finite(w):
         return ""
-    terms, most, out = np.abs(P.rays.G) @ np.abs(w), 0.1 * failed.residuals.worst, ""
+    terms, most, out = np.abs(P.force_set.pyramids.G) @ np.abs(w), 0.1 * failed.residuals.worst, ""
     for rows, columns in zip(P.rows, T.slices, strict=True):
         own, mu = P.slices[rows.name], T.mu[(T.cone_at >= columns.start) & (T.cone_at < columns.stop)].max(initial=0.0)
         relative = float((terms[own] / failed.residuals.scales.row_forces[own]).max(initial=0.0))
@@ -181,7 +183,7 @@ class _Bounded:
         gives: Whether any is.
     """
 
-    def __init__(self, rays: Rays, along: Array, opening: Array) -> None:
+    def __init__(self, rays: ForceSet, along: Array, opening: Array) -> None:
         self.base = np.where(rays.below, rays.finite_lower, rays.finite_upper)
         self.sign = np.where(rays.below | ~rays.above, 1.0, -1.0)
         self.kept = rays.lower < rays.upper
@@ -224,10 +226,8 @@ class _Bounded:
 
 def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
     """(along, opening, holds): rays accelerate at `along z + opening`; those that hold must keep still."""
-    if P.bilateral:
-        return R.T, P.free_row_acceleration, P.rays.is_line
-    G = P.rays.G
-    return G.T @ R.T, G.T @ P.free_row_acceleration, P.rays.is_line
+    T, c = P.force_set.pyramids, P.free_row_acceleration
+    return (R.T, c, T.is_line) if P.bilateral else (T.H.T @ R.T, T.H.T @ c + T.offset, T.is_line)
 
 
 def _size(top: float) -> float:
@@ -288,9 +288,11 @@ def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> 
     return moved
 
 
-def law_name(P: GaussProblem) -> str:
-    """The law with what stands in for circular cones, e.g. "convex, 4 facets"."""
-    if P.bilateral:
-        return "bilateral"
-    facets = sorted(P.rays.facets)
-    return "convex" + (f", {' and '.join(map(str, facets))} facets" if facets else "")
+def pyramidal_law(P: GaussProblem) -> Law:
+    """The law with what stands for circular cones, e.g. "convex, 4 facets"."""
+    return BILATERAL if P.bilateral else _with_facets(P.force_set.facets)
+
+
+@lru_cache(maxsize=64)
+def _with_facets(facets: tuple[int, ...]) -> Law:
+    return Law("convex", facets)

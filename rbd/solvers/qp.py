@@ -20,7 +20,7 @@ import numpy as np
 from rbd.arrays import Array, check_finite, identity, is_finite, zeros
 from rbd.problem import limits
 from rbd.problem.limits import Work
-from rbd.problem.programs import linear_program, nonnegative
+from rbd.problem.programs import least_distance, linear_program
 
 # ProxSuite's AVX builds answer in one of two ways, last digits apart, by where malloc puts their buffers; the plain one always
 # alike, for 12 us more a program (docs/design/repeatable.md). To its loader, None is a build that is not there.
@@ -104,7 +104,7 @@ def attempts(
     work = Work(limits.QP_WORK) if work is None else work
     steps = max(limits.QP_FEWEST_STEPS, int(limits.QP_SETTING_WORK / (limits.QP_INNER_STEPS * max(size, 1.0))))
     for i, setting in enumerate(policy):
-        if i == 1 and unit and (found := _least_distance(A, b, C, l, total)) is not None:
+        if i == 1 and unit and (found := _nearest_to_zero(A, b, C, l, total)) is not None:
             yield found
         if work.left < 0.0:
             return
@@ -131,7 +131,7 @@ def attempts(
         yield QPResult(np.array(r.x), -r.y if p else zeros(0), -r.z if k else zeros(0), total)
 
 
-def _least_distance(A: Array | None, b: Array | None, C: Array | None, l: Array | None, total: int) -> QPResult | None:
+def _nearest_to_zero(A: Array | None, b: Array | None, C: Array | None, l: Array | None, total: int) -> QPResult | None:
     """The point nearest to zero, by nonnegative least squares: an active-set method [LawsonHanson1974], chapter 23.
 
     With few unknowns and many rows (a hundred contacts on one body) it takes milliseconds where ProxSuite, whose systems have
@@ -145,14 +145,10 @@ def _least_distance(A: Array | None, b: Array | None, C: Array | None, l: Array 
     length = np.hypot(np.linalg.norm(G, axis=1), h)
     felt = length > 0.0
     u = np.zeros(len(h))
-    found = nonnegative(np.vstack([G.T, h])[:, felt] / length[felt], np.append(np.zeros(n), 1.0))
+    found = least_distance(G[felt] / length[felt, None], h[felt] / length[felt])
     if found is None:
-        return None
-    u[felt] = found / length[felt]
-    left = 1.0 - float(h @ u)
-    if not left > 1e-12:
         return None  # no point satisfies the rows
-    u = u / left
+    u[felt] = found[1] / length[felt]
     y = u[:p] - u[p : 2 * p]
     return QPResult(G.T @ u, y, u[2 * p :], total)
 

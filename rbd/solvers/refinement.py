@@ -15,15 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 
 from rbd.arrays import Array, is_finite
 from rbd.problem.answer import Answer
-from rbd.problem.parts import Parts
-from rbd.problem.rays import Rays
+from rbd.problem.force_set import ForceSet
 from rbd.problem.residuals import ENOUGH
 from rbd.solvers.newton import Scaled, last_step, scaled, steps_from
 
@@ -37,7 +35,7 @@ Correction: TypeAlias = Callable[[Array, Array], Array]
 
 
 @np.errstate(all="ignore")  # numbers near the largest that there are overflow; that ends it
-def refined(found: Answer, correct: Correction, parts: Parts | None = None) -> Answer:
+def refined(found: Answer, correct: Correction, parts: ForceSet | None = None) -> Answer:
     """The same answer with smaller residuals, or itself where that does not succeed.
 
     Args:
@@ -69,7 +67,7 @@ def refined(found: Answer, correct: Correction, parts: Parts | None = None) -> A
     return best
 
 
-def by_newton(S: Scaled, T: Parts, *, coulomb: bool) -> Correction:
+def by_newton(S: Scaled, T: ForceSet, *, coulomb: bool) -> Correction:
     """Correction of weights by Newton's steps on the law, from the weights that are there.
 
     Args:
@@ -89,15 +87,7 @@ def by_newton(S: Scaled, T: Parts, *, coulomb: bool) -> Correction:
 
 
 def rays_refined(found: Answer) -> Answer:
-    """`refined`, of an answer with weights of rays."""
-    P, T = found.problem, _parts_of(found.problem.rays)
+    """`refined`, of an answer with weights of the pyramids."""
+    P, T = found.problem, found.problem.force_set.pyramids
     S = scaled(T.G.T @ P.delassus @ T.G, T.G.T @ P.free_row_acceleration, T)
     return refined(found, by_newton(S, T, coulomb=False), T)
-
-
-@lru_cache(maxsize=256)
-def _parts_of(R: Rays) -> Parts:
-    """Rays as parts, each one a line, a half-line or an interval."""
-    r = R.G.shape[1]
-    none, push = np.zeros(0, int), np.tile([0.0, 0.0, 1.0], (r, 1))
-    return Parts(R.G, R.G, np.zeros(r), R.lower, R.upper, none, np.zeros(0), (), np.arange(r), push)

@@ -16,9 +16,11 @@ import numpy as np
 
 from rbd.arrays import Array, identity, max_abs
 from rbd.problem.answer import Answer
-from rbd.problem.parts import Sliding
+from rbd.problem.contact_motion import Sliding
+from rbd.problem.law import COULOMB
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import SOLVED
+from rbd.problem.subspaces import SQUARED, null_space
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
 from rbd.solvers.newton import scaled, solve_newton, steps_from
@@ -40,7 +42,7 @@ class SlidingAnswers:
 
     Attributes:
         found: (a, f, w) with different motions, of shapes (nv,), (m,), (p,): acceleration, row forces, weights of
-            `problem.parts`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions of one point that
+            `problem.force_set`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions of one point that
             puts leaving before pressing, as does ground that yields ever so little: where pressing lets a point sink, a
             pressed ground has no stable equilibrium. Where the friction depends on how a patch shares its load, and
             nothing decides that, a whole family of motions is met by the one of least norm of the weights; the ends of
@@ -67,8 +69,8 @@ def sliding_answers(problem: GaussProblem) -> SlidingAnswers:
         InputError: if it is no GaussProblem.
     """
     P = checked(problem)
-    if P.parts.impact:
-        return SlidingAnswers((), True, P.parts.impact)
+    if P.force_set.impact:
+        return SlidingAnswers((), True, P.force_set.impact)
     return _Search(P).answers()
 
 
@@ -76,7 +78,7 @@ class _Search:
     """One problem y = A w + b, and how far its weights move it: |V dw| is the change of a in the metric of inertia."""
 
     def __init__(self, P: GaussProblem) -> None:
-        T = P.parts
+        T = P.force_set
         self.P, self.T = P, T
         A, b = T.H.T @ P.delassus @ T.G, T.H.T @ P.free_row_acceleration + T.offset
         # Columns of cones at rest have no bounds: to begin with they are lines, contacts that stick.
@@ -114,7 +116,7 @@ class _Search:
         """What weights give, refined where they are near an answer."""
         w = self.T.project(w)
         f = self.T.G @ w
-        found = Answer(self.P, constrained(self.P, f), f, w, "coulomb", "ConeSolver", 1, 0.0)
+        found = Answer(self.P, constrained(self.P, f), f, w, COULOMB, "ConeSolver", 1, 0.0)
         if found.residuals.within(SOLVED) or not found.residuals.within(NEAR):
             return found
         S = scaled(self.mixed.A, self.mixed.b, self.T)
@@ -168,8 +170,7 @@ class _Search:
                 K[at, at] += scale * np.eye(2)
                 K[at, i + 2] += scale * mu * d
                 K[at] /= 1.0 + scale * mu * n / rate
-        _, s, Vt = np.linalg.svd(K)
-        N = Vt[s <= 1e-11 * s[0]].T
+        N = null_space(K, SQUARED)
         _, moved, turned = np.linalg.svd(M.V @ N, full_matrices=False)
         changes = N @ turned[moved > 1e-5 * np.sqrt(scale)].T
         return [r.name for r, c in zip(self.P.rows, T.slices, strict=True) if max_abs(changes[c].ravel()) > 1e-6]

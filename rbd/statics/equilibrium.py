@@ -9,14 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal, is_finite, lazy
-from rbd.constraints.collision import CollisionContacts
-from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.arrays import Array, is_finite, lazy
+from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygon import convex_hull, inside_distance
-from rbd.constraints.line_contact import LineContact
-from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
-from rbd.constraints.surface import changed
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.least_constraint import warn_of_distant
 from rbd.model.checked_model import CheckedModel
@@ -24,14 +19,13 @@ from rbd.model.dynamics import checked, free_force
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.contact_force import ContactForce, corner_split
+from rbd.problem.force_set import at_rest
 from rbd.problem.limits import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS
-from rbd.problem.parts import parts_of
 from rbd.problem.programs import Outcome, linear_program
-from rbd.problem.rays import rays_of
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows
 from rbd.solvers import qp
-from rbd.statics.least_friction import Balance, LimitReached, told
+from rbd.statics.least_friction import Balance, LimitReached, rounded_up
 
 AT_REST = 1e-9
 """Largest |v| of a robot at rest."""
@@ -146,13 +140,14 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     load = -statics.rhs - statics.J.T @ f  # what is left for the motors
     tau = load[robot.actuated]
     load[robot.actuated] = 0.0
-    forces, corners, at, ray = {}, {}, 0, 0
-    for r, R in zip(rows, statics.rays, strict=True):
-        part, own = f[at : at + len(r)], w[ray : ray + R.G.shape[1]]
-        at, ray = at + len(r), ray + R.G.shape[1]
+    forces, corners, at = {}, {}, 0
+    for i, r in enumerate(rows):
+        part = f[at : at + len(r)]
+        at += len(r)
         forces[r.name] = part.copy() if r.resultant is None else r.resultant @ part
         if r.patch is not None:
-            corners[r.name] = corner_split(r, part, own, inscribed=True)
+            held = not len(r) or at_rest(r.cone).bilateral
+            corners[r.name] = corner_split(r, part) if held else statics.sets.at_points(w, i) @ r.patch.axes.T
     return Hold(state, tau, forces, corners, float(np.abs(load).max()), rows)
 
 
@@ -162,14 +157,11 @@ class _Statics:
     def __init__(self, state: State, contacts: Sequence[Constraint], rows: tuple[Rows, ...], rhs: Array) -> None:
         robot = state.robot
         self.state, self.contacts, self.rows, self.rhs = state, contacts, rows, rhs
-        self.rays = [rays_of(r.cone, inscribed=True) for r in rows]
+        self.sets = at_rest(*[r.cone for r in rows]).with_pyramids(inscribed=True)
         self.J = np.concatenate([r.J for r in rows]) if rows else np.zeros((0, robot.nv))
-        self.G = block_diagonal([R.G for R in self.rays])
-        none = np.zeros(0)
-        lower = np.concatenate([R.lower for R in self.rays] or [none])
-        upper = np.concatenate([R.upper for R in self.rays] or [none])
+        self.G = self.sets.G
         self.unit = robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
-        self.low, self.high = lower / self.unit, upper / self.unit
+        self.low, self.high = self.sets.lower / self.unit, self.sets.upper / self.unit
         self.limit = robot.effort_limit
         self.limited = np.isfinite(self.limit)
         idle = _indices(robot, robot.passive)
@@ -288,7 +280,7 @@ class _Statics:
 
     def _why_friction(self) -> str:
         """Whether more friction would do, and how much, under the circular cones themselves; empty where none would."""
-        if not any(_rubs(c) for c in self.contacts):
+        if not any(has_friction(c) for c in self.contacts):
             return ""
         try:
             return self._friction_words()
@@ -301,19 +293,19 @@ class _Statics:
     def _friction_words(self) -> str:
         if self._circular(as_given=True, limits=True).holds():
             mu = self._circular(limits=True, from_zero=True).least()
-            enough = "" if mu is None else f" from a coefficient of {told(mu)} at every contact on"
+            enough = "" if mu is None else f" from a coefficient of {rounded_up(mu)} at every contact on"
             return (
                 f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which "
                 "rbd.hold keeps, do not. Give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._circular(limits=True).least()) is not None:
             return (
-                f"friction is in the way; a coefficient of {told(mu)} at every contact would do with circular cones, and none "
-                "below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
+                f"friction is in the way; a coefficient of {rounded_up(mu)} at every contact would do with circular cones, and "
+                "none below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
             )
         if (mu := self._circular(limits=False).least()) is not None:
             return (
-                f"friction is in the way, and then a torque limit: from a coefficient of {told(mu)} at every contact on, "
+                f"friction is in the way, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact on, "
                 "circular cones balance it, but motors would need more than their limits."
             )
         return ""
@@ -322,13 +314,13 @@ class _Statics:
         """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
         rough = self.contacts if as_given else tuple(_with_friction(c, 1.0) for c in self.contacts)
         rows = rows_of(self.state, rough)
-        P, robot = parts_of(rows), self.state.robot
+        P, robot = at_rest(*[r.cone for r in rows]), self.state.robot
         J = np.concatenate([r.J for r in rows])
         per_weight = J.T @ P.G * self.unit
         own, yields = P.mu.copy(), np.zeros(len(P.mu), bool)
         for c, span in zip(self.contacts, P.slices, strict=True):
             at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
-            if _rubs(c):
+            if has_friction(c):
                 own[at], yields[at] = 0.0 if from_zero else c.friction, not as_given  # type: ignore[attr-defined]
         limited = self.limited if limits else np.zeros_like(self.limited)
         T, t = per_weight[robot.actuated][limited], self.t[limited]
@@ -371,15 +363,9 @@ class _Statics:
         return over, answer.x[r + n : r + n + p] + answer.x[r + n + p :]
 
 
-def _rubs(contact: Constraint) -> bool:
-    """Whether a contact has a coefficient of friction, zero included."""
-    kinds = PointContact | SurfaceContact | LineContact | RollingBall | RollingDisk | RollingWheel | CollisionContacts
-    return isinstance(contact, kinds) and contact.friction is not None
-
-
 def _with_friction(contact: Constraint, mu: float) -> Constraint:
     """The contact with at least this coefficient, if it has one."""
-    return changed(contact, friction=max(mu, contact.friction)) if _rubs(contact) else contact  # type: ignore[attr-defined]
+    return contact.with_friction(max(mu, contact.friction)) if has_friction(contact) else contact  # type: ignore[attr-defined]
 
 
 def _indices(robot: CheckedModel, joints: Iterable[str]) -> Array:

@@ -29,7 +29,7 @@ MET = 1e-8
 """A miss up to this, over the body weight, is none."""
 
 
-class LimitReached(Exception):  # noqa: N818  it is told in words, not raised to a user
+class LimitReached(Exception):  # noqa: N818  it becomes a message, not raised to a user
     """The search took more than `rbd.problem.limits.FRICTION_PROGRAMS` linear programs, or one of them was not solved."""
 
 
@@ -53,7 +53,7 @@ class _Miss:
         return self.miss <= MET
 
 
-def told(mu: float) -> str:
+def rounded_up(mu: float) -> str:
     """A coefficient that was found, rounded up to four digits: so much does."""
     if mu <= 0.0:
         return "0"

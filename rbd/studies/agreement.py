@@ -15,15 +15,17 @@ from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.cones import NonNegative
-from rbd.problem.parts import REST_SPEED
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import at_rest
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
-from rbd.problem.rays import rays_of
 from rbd.problem.rows import Rows
+from rbd.problem.subspaces import range_of
 from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.admm import ConeSolver
 from rbd.solvers.kkt import KKT
-from rbd.solvers.proxqp import ProxQP, law_name
+from rbd.solvers.proxqp import ProxQP, pyramidal_law
 
 SAME = 1e-7
 """Answers of one law agree up to this, relative."""
@@ -44,7 +46,7 @@ class SolverAnswer:
     """
 
     solver: str
-    law: str
+    law: Law
     status: Status
     worst: float
     seconds: float
@@ -82,7 +84,9 @@ class SolverComparison:
 
     def __str__(self) -> str:
         lines = [f"  {'solver':<24}{'law':<20}{'status':<12}{'worst residual':>15}{'time':>12}"]
-        lines += [f"  {x.solver:<24}{x.law:<20}{x.status:<12}{x.worst:>15.1e}{1e6 * x.seconds:>9.0f} us" for x in self.answers]
+        lines += [
+            f"  {x.solver:<24}{str(x.law):<20}{x.status:<12}{x.worst:>15.1e}{1e6 * x.seconds:>9.0f} us" for x in self.answers
+        ]
         law = {x.solver: x.law for x in self.answers}
         for same, title in ((True, "one law, so these must agree"), (False, "two laws: these may differ")):
             pairs = [d for d in self.differences if (law[d[0]] == law[d[1]]) is same]
@@ -129,7 +133,7 @@ def compare_solvers(
         ("ConeSolver, convex", ConeSolver(law="convex"), problem),
         ("ConeSolver, coulomb", ConeSolver(law="coulomb"), problem),
     ]
-    if problem.rays.facets and ProxQP().reason_unsupported(problem) is None:
+    if problem.force_set.facets and ProxQP().reason_unsupported(problem) is None:
         asked.insert(2, ("ConeSolver on pyramids", ConeSolver(law="convex"), _pyramidal(problem)))
     answers, refused = [], {}
     unique = _projector(problem)
@@ -163,8 +167,7 @@ def _relative(x: Array, y: Array) -> float:
 
 def _projector(problem: GaussProblem) -> Array:
     """Onto the range of J, shape (m, m): the forces that J^T does not send to zero."""
-    U, s, _ = np.linalg.svd(problem.J, full_matrices=False)
-    U = U[:, s > 1e-9 * s.max(initial=0.0)]
+    U = range_of(problem.J)
     return U @ U.T
 
 
@@ -174,14 +177,23 @@ def _pyramidal(problem: GaussProblem) -> GaussProblem:
     Rays of points that move away are left out, as they carry nothing.
     """
     rows = []
-    for r, at in zip(problem.rows, problem.ray_slices, strict=True):
-        R = rays_of(r.cone)
-        if R.facets and not (R.has_lines or R.has_intervals):
-            G = R.G[:, problem.rays.upper[at] > 0.0]
+    for i, r in enumerate(problem.rows):
+        G = _bent(problem, i)
+        if G is not None:
             bent = None if r.resultant is None else r.resultant @ G
             r = Rows(r.name, G.T @ r.J, G.T @ r.bias, NonNegative(G.shape[1]), feedback=G.T @ r.feedback, resultant=bent)
         rows.append(r)
     return replace(problem, rows=rows, balance=None)
+
+
+def _bent(problem: GaussProblem, i: int) -> Array | None:
+    """The rays of a constraint that push, as columns; None where it has other sets than cones and half-lines."""
+    r, T = problem.rows[i], problem.force_set.pyramids
+    own = at_rest(r.cone).pyramids
+    if not own.facets or own.has_lines or own.has_intervals:
+        return None
+    at = T.slices[i]
+    return T.G[problem.slices[r.name], at][:, T.upper[at] > 0.0]
 
 
 def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array) -> SolverAnswer:
@@ -189,9 +201,6 @@ def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array)
     law = solution.law
     if solution.problem is not problem:
         P = solution.problem
-        kept = [
-            f[part] if posed is own else rays_of(own.cone).G[:, problem.rays.upper[at] > 0.0] @ f[part]
-            for posed, own, part, at in zip(P.rows, problem.rows, P.slices.values(), problem.ray_slices, strict=True)
-        ]
-        f, law = np.concatenate(kept), law_name(problem)
+        kept = [f[part] if (G := _bent(problem, i)) is None else G @ f[part] for i, part in enumerate(P.slices.values())]
+        f, law = np.concatenate(kept), pyramidal_law(problem)
     return SolverAnswer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)

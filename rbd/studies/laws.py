@@ -13,8 +13,8 @@ from rbd.least_constraint import answered, assembled
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.contact_force import CARRIES_NOTHING_N
-from rbd.problem.parts import REST_SPEED
-from rbd.problem.rays import rays_of
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import at_rest
 from rbd.solution import Solution
 from rbd.solvers.admm import ConeSolver
 
@@ -132,14 +132,14 @@ def compare_laws(
 
 def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
     P = solution.problem
-    parts, c = P.parts, P.J @ solution.a + P.offset
-    y = parts.accelerations(c, coulomb=False)
+    T = P.force_set
+    y = T.accelerations(P.J @ solution.a + P.offset)
     out = {}
-    for rows, columns in zip(P.rows, parts.slices, strict=True):
+    for i, rows in enumerate(P.rows):
         if rows.patch is None:
             continue
         f = solution.corner_forces[rows.name] @ rows.patch.axes
-        motion = np.zeros_like(f) if rays_of(rows.cone).all_lines else parts.at_points(y, columns)  # what holds keeps still
+        motion = np.zeros_like(f) if at_rest(rows.cone).bilateral else T.at_points(y, i)  # what holds keeps still
         loaded = f[:, 2] > CARRIES_NOTHING_N
         out[rows.name] = ContactUnderLaw(
             normal=float(f[:, 2].sum()),

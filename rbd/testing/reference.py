@@ -19,6 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external_force import ExternalForce
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.ground import Ground
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 
@@ -245,7 +246,7 @@ def _rolling(friction: float | None) -> GaussProblem:
     R = pin.exp3(np.array([0.0, 0.4, 0.0]))  # x downhill, z the normal
     q = pin.SE3ToXYZQUAT(pin.SE3(R, 0.2 * R[:, 2]))
     state = State(CheckedModel(model, name="ball"), q, np.array([1.0, 0.0, 0.0, 0.0, 5.0, 0.0]))
-    floor = RollingBall("floor", "ball", radius=0.2, normal=R[:, 2], friction=friction)
+    floor = RollingBall("floor", "ball", radius=0.2, on=Ground(point=(0.0, 0.0, 0.0), normal=R[:, 2]), friction=friction)
     return gauss_problem(state, np.zeros(0), [floor])
 
 

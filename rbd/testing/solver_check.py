@@ -12,6 +12,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, RbdError
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.solution import Solution
 from rbd.solvers import Solver
@@ -85,7 +86,7 @@ def check_solver(
         found = law_residuals(reference.problem, answer, solver.law)
         report.ran[reference.name] = max(found.values())
         wrong = [f"{what} {value:.2e} > {tolerance:g}" for what, value in found.items() if not value <= tolerance]
-        wrong += _against_closed_form(reference, answer, solver.law, accuracy)
+        wrong += _against_closed_form(reference, answer, Law.of(solver.law).kind, accuracy)
         if not wrong and answer.status is not Status.SOLVED:
             wrong = [f"its status is {answer.status}, though its residuals are small"]
         if wrong:
@@ -114,12 +115,12 @@ def _against_closed_form(reference: ReferenceProblem, answer: Answer, law: str, 
     return wrong
 
 
-def law_residuals(problem: GaussProblem, answer: Answer, law: str) -> dict[str, float]:
+def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict[str, float]:
     """Scaled residuals of an answer's law, computed without `rbd.problem.residuals` and without the answer's weights.
 
     Args:
         problem: What is answered.
-        answer: The answer; "facets" in its law says that pyramids stand for the cones.
+        answer: The answer; its own law says whether pyramids stand for the cones.
         law: The solver's law.
 
     Returns:
@@ -138,7 +139,7 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: str) -> dict[str, 
         if not len(rows):
             continue
         corners = None
-        if "facets" not in answer.law and isinstance(rows.cone, WrenchCone | LineCone):
+        if not answer.law.facets and isinstance(rows.cone, WrenchCone | LineCone):
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
             corners = as_given.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
@@ -146,7 +147,7 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: str) -> dict[str, 
         terms = np.maximum(np.abs(rows.J) @ np.abs(a) + np.abs(rows.bias) + np.abs(rows.feedback), 1.0)
         mobility = np.einsum("ij,ji->i", rows.J, np.linalg.solve(M, rows.J.T))
         sizes = terms, np.array([1.0 if x <= 1.0 else 1.0 / x for x in mobility])
-        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if "facets" in answer.law else law, corners, sizes)
+        gaps = _gaps(cone, rows.J @ a + offset, part, "pyramids" if answer.law.facets else Law.of(law).kind, corners, sizes)
         for what, value in zip(("feasibility", "cone", "complementarity"), gaps, strict=True):
             worst[what] = max(worst[what], value)
     least = np.minimum(np.diag(M), 1.0)

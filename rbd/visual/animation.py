@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
 MOST_PICTURES = 100
-WANTED = ("robot", "times", "q", "v", "points", "point_forces", "modes", "events")
+WANTED = ("robot", "t", "q", "v", "points", "point_forces", "modes", "events")
 CAPTION_HEIGHT = 34
 """Of a picture in a strip, in pixels, as animation.css has it."""
 GAP = 6
@@ -133,7 +133,7 @@ def motion_sheet(
     picture = a_picture(png_path)
     width, height = a_count("width", width, 4000), a_count("height", height, 4000)
     shown = checked(trajectory)
-    at = _picture_times(times, float(shown.times[0]), float(shown.times[-1]))
+    at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
     motion, scene = _staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
@@ -192,16 +192,16 @@ def checked(trajectory: object) -> Trajectory:
     if missing or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
         raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned.")
     shown: Trajectory = trajectory  # type: ignore[assignment]
-    n = len(shown.times)
+    n = len(shown.t)
     if n < 2:
         some = "no sample" if n == 0 else "one sample only"
         raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
-    if not np.all(np.isfinite(shown.times)) or np.min(np.diff(shown.times)) <= 0.0:
+    if not np.all(np.isfinite(shown.t)) or np.min(np.diff(shown.t)) <= 0.0:
         raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
     finite = np.isfinite(shown.q).all(axis=1)
     if not finite.all():
         i = int(np.argmin(finite))
-        raise InputError(f"q is not finite at {shown.times[i]:.6g} s; show what is before it: trajectory[:{i}].")
+        raise InputError(f"q is not finite at {shown.t[i]:.6g} s; show what is before it: trajectory[:{i}].")
     return shown
 
 

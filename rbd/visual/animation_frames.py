@@ -127,7 +127,7 @@ def frames_of(
     Raises:
         InputError: if `external` holds anything but forces at frames.
     """
-    times = np.asarray(trajectory.times, float)
+    times = np.asarray(trajectory.t, float)
     if fps is None:
         fps = min(MOST_FPS, max(FPS, _fastest_turn(trajectory, joints) * speed / LARGEST_TURN))
         width = 7 * len(joints) + 3 + sum(6 * np.shape(p)[1] for p in trajectory.points.values())
@@ -212,7 +212,7 @@ def _fastest_turn(trajectory: Trajectory, joints: Sequence[int]) -> float:
     """Largest angular velocity of a body [rad/s], at some hundred samples."""
     model, data = trajectory.robot.model, trajectory.robot.model.createData()
     fastest = 0.0
-    for i in np.unique(np.linspace(0, len(trajectory.times) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
+    for i in np.unique(np.linspace(0, len(trajectory.t) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
         pin.forwardKinematics(model, data, np.array(trajectory.q[i], float), np.array(trajectory.v[i], float))
         fastest = max([fastest, *(float(np.linalg.norm(data.v[j].angular)) for j in joints)])
     return fastest

@@ -254,7 +254,7 @@ class _Played:
     """What the pages of `rbd.visual.animation` want of a motion; nothing touches, so there are no forces."""
 
     robot: Robot
-    times: Array
+    t: Array
     q: Array
     v: Array
     points: Mapping[str, Array] = field(default_factory=dict)
@@ -322,7 +322,7 @@ def _played(motion: PlanarMotion) -> Iterator[Any]:
             # It has no mass on purpose: then no centre of mass is drawn, of masses that were not given.
             warnings.simplefilter("ignore", ModelWarning)
             robot = load_robot(file, root="fixed")
-        played = _Played(robot, motion.times, coordinates.to_robot(motion.q), coordinates.rates_to_robot(motion.qd))
+        played = _Played(robot, motion.t, coordinates.to_robot(motion.q), coordinates.rates_to_robot(motion.qd))
         checked(played)
         yield played
 

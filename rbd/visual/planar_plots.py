@@ -70,8 +70,8 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
             values = values if space == "endpoint" else np.degrees(values)
             for k, (curve, name, color) in enumerate(zip(values.T, names, colors, strict=True)):
                 style: dict[str, Any] = {"ls": _STROKES[k // len(ANGLE_COLORS) % len(_STROKES)], "zorder": 3}
-                drawn += ax.plot(motion.times, curve, color=color, lw=BOLD, label=name, **style)
-            notes += _cut(ax, motion.times, values, title)
+                drawn += ax.plot(motion.t, curve, color=color, lw=BOLD, label=name, **style)
+            notes += _cut(ax, motion.t, values, title)
             _dress(ax, motion, title)
             if row == 1:
                 ax.set_xlabel("time [s]")
@@ -107,7 +107,7 @@ def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
     names, colors = _curves(motion, "joint")
     q = np.degrees(motion.q)
     if motion.chain.n == 1:
-        drawn += _path(joints, motion, motion.times, q[:, 0], colors[0], names[0])
+        drawn += _path(joints, motion, motion.t, q[:, 0], colors[0], names[0])
         joints.set_xlabel("time [s]")
         joints.set_ylabel(f"{names[0]} [°]")
     else:
@@ -152,7 +152,7 @@ def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
         for values, style in ((motion.a, {"lw": PALE, "alpha": 0.25}), (part, {"lw": BOLD})):
             suffix = ", whole" if values is motion.a else ""
             for curve, name, color in zip(values.T, "xy", (X_COLOR, Y_COLOR), strict=True):
-                drawn += ax.plot(motion.times, curve, color=color, label=name + suffix, zorder=3, **style)
+                drawn += ax.plot(motion.t, curve, color=color, label=name + suffix, zorder=3, **style)
         _dress(ax, motion, title)
         ax.axhline(0.0, color="0.75", lw=0.8, zorder=1)
         ax.set_xlabel("time [s]")
@@ -184,7 +184,7 @@ def check_motion(motion: object) -> None:
     Raises:
         InputError: if it is none.
     """
-    if isinstance(motion, type) or not all(hasattr(motion, name) for name in ("chain", "times", "x", "q", "qddd", "split")):
+    if isinstance(motion, type) or not all(hasattr(motion, name) for name in ("chain", "t", "x", "q", "qddd", "split")):
         raise InputError(f"motion is {motion!r:.80}; expected what rbd.planar.endpoint_motion or joint_motion returns.")
 
 
@@ -201,8 +201,8 @@ def _curves(motion: PlanarMotion, space: str) -> tuple[list[str], list[str]]:
 
 
 def _path(ax: Axes, motion: PlanarMotion, across: Array, up: Array, color: str, name: str) -> list[Artist]:
-    beats = np.linspace(motion.times[0], motion.times[-1], _BEATS)
-    x, y = (np.interp(beats, motion.times, values) for values in (across, up))
+    beats = np.linspace(motion.t[0], motion.t[-1], _BEATS)
+    x, y = (np.interp(beats, motion.t, values) for values in (across, up))
     return [
         *ax.plot(across, up, color=color, lw=BOLD, label=name, zorder=3),
         *ax.plot(x, y, "o", color=color, ms=4.0, mew=0.0, zorder=4),
@@ -243,8 +243,8 @@ def _dress(ax: Axes, motion: PlanarMotion, title: str) -> None:
     frame(ax, "y")
     ax.set_title(title, loc="left", fontsize="medium")
     ax.locator_params(nbins=5)
-    if len(motion.times) > 1:
-        ax.set_xlim(min(0.0, motion.times[0]), motion.times[-1])
+    if len(motion.t) > 1:
+        ax.set_xlim(min(0.0, motion.t[0]), motion.t[-1])
 
 
 def _legend(ax: Axes, loc: str = "best", ncols: int = 1) -> None:

@@ -10,7 +10,6 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 
-from rbd.constraints.contact import SurfaceContact
 from rbd.errors import InputError
 from rbd.least_constraint import solve
 from rbd.robots.robot import Robot, load_robot
@@ -105,7 +104,7 @@ def _figure(robot: Robot, folder: Path, width: int, height: int, friction: float
         page = scene.export(folder / "robot.html")
     picture = screenshot(page, folder / "robot.png", width=width, height=height)
     data = base64.b64encode(picture.read_bytes()).decode("ascii")
-    kind = "soles" if isinstance(feet[0], SurfaceContact) else "points"
+    kind = "soles" if len(feet[0].corners) > 1 else "points"
     facts = f"{robot.mass:.3g} kg on {len(feet)} {kind}"
     name = html.escape(robot.name)
     caption = f"<figcaption><b>{name}</b><span>{facts}</span></figcaption>"

@@ -15,8 +15,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_coordinates import joint_motion
-from rbd.model.joint_names import ANGLE, FORCE_OF, PURE, Coordinate, motors, positions, velocities
+from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.plots import an_axis, frame, note
@@ -67,7 +66,7 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
     _check(ax, trajectory)
     chosen = _chosen(trajectory, names)
     colors = contact_colors((*trajectory.contacts, *trajectory.names))
-    t, curves = trajectory.times, list[Array]()
+    t, curves = trajectory.t, list[Array]()
     drawn: list[Artist] = []
     notes: list[Artist] = []
     for name in chosen:
@@ -108,7 +107,7 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
         InputError: if `ax` are no axes.
     """
     _check(ax, trajectory)
-    t, potential = trajectory.times, trajectory.potential - trajectory.potential[0]
+    t, potential = trajectory.t, trajectory.potential - trajectory.potential[0]
     total = trajectory.kinetic + potential
     label = f"total, changes by {total[-1] - total[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
     drawn = [
@@ -149,7 +148,7 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
         color = CONTACT_COLORS[i % len(CONTACT_COLORS)]
         near = [x for x in curve.limits if low - 0.6 * span <= x <= high + 0.6 * span]
         far = [x for x in curve.limits if x not in near]
-        drawn += ax.plot(trajectory.times, curve.values, color=color, lw=_BOLD, label=_label(curve, far), zorder=3)
+        drawn += ax.plot(trajectory.t, curve.values, color=color, lw=_BOLD, label=_label(curve, far), zorder=3)
         limits += [ax.axhline(x, color=color, lw=1.1, ls=(0, (5, 3)), zorder=2) for x in near]
     marks = _event_marks(ax, trajectory, trajectory.contacts)
     _dress(ax, trajectory, f"{curves[0].quantity} [{curves[0].unit}]")
@@ -181,7 +180,7 @@ def _dress(ax: Axes, trajectory: Trajectory, label: str) -> None:
     ax.set_xlabel("time [s]")
     ax.set_ylabel(label)
     if len(trajectory) > 1:
-        ax.set_xlim(trajectory.times[0], trajectory.times[-1])
+        ax.set_xlim(trajectory.t[0], trajectory.t[-1])
 
 
 def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
@@ -223,7 +222,7 @@ def _bands(ax: Axes, trajectory: Trajectory, names: Sequence[str], colors: dict[
     for y, name in enumerate(names):
         out.append(below.axhline(y, color=colors[name], lw=_HAIR, alpha=0.6))
         for mode, style in _MODES.items():
-            spans = _spans(trajectory.times, trajectory.modes[name] == mode)
+            spans = _spans(trajectory.t, trajectory.modes[name] == mode)
             if spans:
                 out.append(below.broken_barh(spans, (y - 0.36, 0.72), zorder=2, **_filled(colors[name], style)))
     return out
@@ -330,16 +329,17 @@ def _curves(trajectory: Trajectory, name: str, what: str) -> list[Curve]:
     robot = trajectory.robot
     if not isinstance(name, str):
         raise InputError(f"no joint {name!r:.80}; expected the name of a joint, or a list of names.")
-    if what == "q" and name in robot.joints() and joint_motion(robot, name).turns:
-        at = joint_motion(robot, name).q
+    joints = robot.joints
+    if what == "q" and name in joints and joints[name].is_continuous:
+        at = joints[name].q.start
         angle = np.unwrap(np.arctan2(trajectory.q[:, at + 1], trajectory.q[:, at]))
         return [Curve(name, "angle", ANGLE, angle, ())]
-    labels = {"q": positions, "v": velocities, "a": velocities, "tau": motors}[what](robot)
+    labels = joints.positions if what == "q" else robot.motor_coordinates if what == "tau" else joints.velocities
     found = [i for i, c in enumerate(labels) if name in (c.name, c.joint)]
     if not found:
-        if what == "tau" and any(name in (c.name, c.joint) for c in velocities(robot)):
+        if what == "tau" and any(name in (c.name, c.joint) for c in joints.velocities):
             raise InputError(f"{name!r:.80} carries no motor; {nearest(name, [c.name for c in labels])}.")
-        known = [*robot.joints(), *(c.name for c in labels)]
+        known = [*joints, *(c.name for c in labels)]
         raise InputError(f"no joint {name!r:.80} in {robot.name}; {nearest(name, known)}.")
     values = getattr(trajectory, what)
     return [Curve(labels[i].name, *_quantity(labels[i], what), values[:, i], _limits(robot, i, what)) for i in found]

@@ -104,7 +104,7 @@ def test_where_friction_and_what_slides_lock_each_other_there_is_no_derivative()
     floor = Rows("floor", J, np.zeros(3), rbd.problem.FrictionCone(1.0), velocity=np.array([0.5, 0.0, 0.0]))
     P = rbd.GaussProblem(np.eye(3), np.zeros(3), [floor])
     w = np.array([10.0])
-    f = P.parts.G @ w
+    f = P.force_set.G @ w
     s = rbd.Solution(P, J.T @ f, f, w, "coulomb", "by hand", 1, 0.0)
     assert s.status is rbd.problem.Status.SOLVED and f == pytest.approx([-10.0, 0.0, 10.0])
     with pytest.raises(NotDifferentiable, match="lock each other"):

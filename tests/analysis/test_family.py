@@ -54,7 +54,7 @@ def test_only_what_slips_and_turns_on_more_than_three_points_has_a_family(corner
 def test_a_neighbour_in_the_family_satisfies_the_law_too():
     """Shift the loads along the one direction that neither lifts nor tips, and solve the equations of slip again."""
     s = _pushed(FOUR, *ASIDE)
-    P, T = s.problem, s.problem.parts
+    P, T = s.problem, s.problem.force_set
     loads, aside = s.weights[T.cone_at + 2], np.array([1.0, -1.0, 1.0, -1.0])
 
     def weights(a, N):

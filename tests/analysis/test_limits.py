@@ -7,13 +7,13 @@ error, or NaN that is printed as "?" and told by `found`.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from work import calls
 
 import rbd
 from rbd.analysis import extent, force_choice
@@ -71,7 +71,7 @@ class TestLadder:
         th = math.atan((1.0 - floor * wall) / (2.0 * floor)) + beyond
         feet = [
             rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=floor),
-            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=wall),
+            rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=wall),
         ]
         state = at(rbd.load_robot(URDF / "ladder.urdf"), (-math.cos(th), 0.0, math.sin(th)), th)
         s = rbd.solve(state, np.zeros(0), feet, solver=solver)
@@ -128,13 +128,13 @@ def test_a_light_chain_is_answered(solver):
 
 @pytest.mark.parametrize("solver", LAWS, ids=IDS)
 def test_twenty_points_in_one_place_on_four_links(solver):
-    """Ranges of all, in seconds; five of one link in one place share its load as they like: each from 0 to all of it."""
+    """Ranges of all; five of one link in one place share its load as they like: each from 0 to all of it."""
     robot = chain([1.0, 1.0, 1.0, 1.0])
     contacts = points([(0.1, 0.05, -0.1)] * 20, 0.6, ("l0", "l1", "l2", "l3"))
     s = rbd.solve(rbd.State(robot, pin.neutral(robot.model)), np.zeros(robot.nu), contacts, solver=solver)
-    began = time.process_time()
-    u = s.uniqueness()
-    assert time.process_time() - began < 10.0
+    found = []
+    assert calls(lambda: found.append(s.uniqueness())) < 1_500_000  # counted: 173,000 to 442,000
+    [u] = found
     assert u.found and s.status == "solved"
     one = [u.contacts[f"p{i}"].normal for i in (0, 4, 8, 12, 16)]
     assert [r.highest for r in one] == pytest.approx([one[0].highest] * 5, abs=1e-6)
@@ -143,14 +143,17 @@ def test_twenty_points_in_one_place_on_four_links(solver):
 
 @pytest.mark.parametrize("solver", LAWS, ids=IDS)
 def test_a_hundred_points_are_quick(solver, rng):
-    """Of a box on a hundred points, pushed until it slips: well below a second, forces of least norm."""
+    """Of a box on a hundred points, pushed until it slips: some 10,000 calls, forces of least norm."""
     feet = points([(*rng.uniform(-0.2, 0.2, 2), -0.1) for _ in range(100)], 0.6)
-    began = time.process_time()
-    for push in (30.0, 80.0):
-        s = rbd.solve(at(box(), (0, 0, 0.1)), np.zeros(0), feet, external=rbd.ExternalForce("box", (push, 0, 0)), solver=solver)
-        assert s.status == "solved" and s.force_choice == MINIMUM_NORM
-    rbd.hold(at(box(), (0, 0, 0.1)), feet)
-    assert time.process_time() - began < 3.0
+    state = at(box(), (0, 0, 0.1))
+
+    def answered() -> None:
+        for push in (30.0, 80.0):
+            s = rbd.solve(state, np.zeros(0), feet, external=rbd.ExternalForce("box", (push, 0, 0)), solver=solver)
+            assert s.status == "solved" and s.force_choice == MINIMUM_NORM
+        rbd.hold(state, feet)
+
+    assert calls(answered) < 250_000  # counted: 35,000 to 65,000
 
 
 def sole(push=(20.0, 10.0, 0.0), solver=LAWS[0]) -> rbd.Solution:

@@ -136,7 +136,7 @@ def test_a_ladder_between_rough_walls(solver):
     robot = rbd.load_robot(URDF / "ladder.urdf")
     feet = [
         rbd.PointContact("floor", "ladder", offset=(-1.0, 0.0, 0.0), friction=0.4),
-        rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), friction=0.3),
+        rbd.PointContact("wall", "ladder", offset=(1.0, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), friction=0.3),
     ]
     q = np.array([-np.cos(angle), 0.0, np.sin(angle), 0.0, -np.sin(angle / 2), 0.0, np.cos(angle / 2)])
     u = rbd.solve(rbd.State(robot, q), np.zeros(0), feet, solver=solver).uniqueness()
@@ -154,7 +154,7 @@ def funnel(solver) -> rbd.Solution:
     for name, turn in (("a", 0.0), ("b", 1.9), ("c", 4.3)):
         out = np.array([np.cos(turn), np.sin(turn), 0.0])
         normal = np.array([0.0, 0.0, np.cos(steep)]) - np.sin(steep) * out
-        contacts.append(rbd.PointContact(name, "box", offset=0.15 * out, normal=normal, friction=0.4))
+        contacts.append(rbd.PointContact(name, "box", offset=0.15 * out, on=rbd.Ground(normal=normal), friction=0.4))
     return pushed(contacts, solver=solver)
 
 
@@ -186,7 +186,7 @@ def test_circular_cones_lie_between_pyramids_inside_and_around_them():
 def _walk(s, steps: int, rng):
     """Random forces by hit and run in the null space of J^T G, circular cones; yields weights."""
     P = s.problem
-    T = P.parts
+    T = P.force_set
     A = P.J.T @ T.G
     _, sv, Vt = np.linalg.svd(A)
     N = Vt[int((sv > 1e-9 * sv[0]).sum()) :].T
@@ -229,7 +229,7 @@ def test_random_forces_stay_inside_and_nearly_reach_the_ends(contacts, rng):
     u = s.uniqueness()
     ranges = [r for c in u.contacts.values() for r in c.corners]
     seen = np.array([w[2::3] for w in _walk(s, 6000, rng)])
-    assert np.abs(s.problem.J.T @ (s.problem.parts.G @ next(_walk(s, 1, rng)) - s.multipliers)).max() < 1e-9
+    assert np.abs(s.problem.J.T @ (s.problem.force_set.G @ next(_walk(s, 1, rng)) - s.multipliers)).max() < 1e-9
     for normal, r in zip(seen.T, ranges, strict=True):
         width = r.highest - r.lowest
         assert normal.min() >= r.lowest - 1e-6 and normal.max() <= r.highest + 1e-6
@@ -263,7 +263,7 @@ def test_the_ends_are_attained_by_forces_with_a_certificate(talos, solver):
 def test_two_walls_may_squeeze_as_hard_as_they_like(solver):
     """Opposed rough walls: no largest force, and the table says inf; on the smooth floor between them it is all unique."""
     walls = [
-        rbd.PointContact(name, "box", offset=(x, 0.0, 0.0), normal=(-np.sign(x), 0.0, 0.0), friction=0.0)
+        rbd.PointContact(name, "box", offset=(x, 0.0, 0.0), on=rbd.Ground(normal=(-np.sign(x), 0.0, 0.0)), friction=0.0)
         for name, x in (("a", -0.2), ("b", 0.2))
     ]
     u = pushed([*walls, patch(friction=0.6)], (30.0, 0.0, 0.0), solver).uniqueness()

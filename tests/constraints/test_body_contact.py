@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -31,11 +33,14 @@ def _bent(robot: rbd.Robot, seed: int) -> rbd.State:
     return robot.at(pin.integrate(robot.model, robot.standing().q, 0.4 * np.random.default_rng(seed).normal(size=robot.nv)))
 
 
-def _kinds(frame: str, rng: np.random.Generator, **more) -> list[rbd.PointContact | rbd.LineContact | rbd.SurfaceContact]:
+def _kinds(
+    frame: str, rng: np.random.Generator, against: str, **more
+) -> list[rbd.PointContact | rbd.LineContact | rbd.SurfaceContact]:
     """One contact of each shape, somewhere on a frame."""
+    more["on"] = rbd.Body(against)
     X = pin.SE3(pin.exp3(rng.normal(size=3)), 0.2 * rng.normal(size=3))
     return [
-        rbd.PointContact("point", frame, offset=X.translation, normal=X.rotation[:, 2], **more),
+        rbd.PointContact("point", frame, offset=X.translation, **more | {"on": rbd.Body(against, normal=X.rotation[:, 2])}),
         rbd.LineContact("line", frame, half_length=0.1, placement=X, **more),
         rbd.SurfaceContact("surface", frame, half_lengths=(0.1, 0.05), placement=X, **more),
     ]
@@ -54,7 +59,7 @@ def _kinds(frame: str, rng: np.random.Generator, **more) -> list[rbd.PointContac
 def test_they_describe_their_motion_as_seen_from_the_other_body(name, frame, against, friction, rng):
     """J, velocity and J_dot v of points, lines and patches, against the relative motion along curves."""
     robot = rbd.load_robot(name)
-    for contact in _kinds(frame, rng, against=against, friction=friction):
+    for contact in _kinds(frame, rng, against, friction=friction):
         report = check_constraint(contact, _bent(robot, 6), draws=3)
         assert report.against == "motion of the patch"
         assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-8
@@ -67,7 +72,7 @@ def test_forgotten_coriolis_acceleration_is_found(talos, rng):
         name = "point"
 
         def rows(self, state):
-            r = _kinds("gripper_left_base_link", np.random.default_rng(1), against="leg_left_4_link")[0].rows(state)
+            r = _kinds("gripper_left_base_link", np.random.default_rng(1), "leg_left_4_link")[0].rows(state)
             W = state.frame("leg_left_4_link").v[3:]
             missing = 2.0 * r.patch.axes.T @ np.cross(W, r.patch.axes @ r.velocity)
             return rbd.Rows("point", r.J, r.bias + missing, r.cone, r.velocity, resultant=r.resultant, patch=r.patch)
@@ -80,7 +85,7 @@ def test_forgotten_coriolis_acceleration_is_found(talos, rng):
 def test_two_stacked_boxes_press_with_what_is_above(solver):
     """Between them m2 g, on the floor (m1 + m2) g; the force on the upper one is up."""
     friction = None if isinstance(solver, rbd.KKT) else 0.5
-    contacts = [_patch("floor", "lower_box", friction), _patch("between", "upper_box", friction, against="lower_box")]
+    contacts = [_patch("floor", "lower_box", friction), _patch("between", "upper_box", friction, on=rbd.Body("lower_box"))]
     s = rbd.solve(_stack(), np.zeros(0), contacts, solver=solver)
     assert s.forces["between"] == pytest.approx([0, 0, 4.0 * G, 0, 0, 0], abs=1e-7)
     assert s.forces["floor"] == pytest.approx([0, 0, 14.0 * G, 0, 0, 0], abs=1e-7)
@@ -92,9 +97,11 @@ def test_two_stacked_boxes_press_with_what_is_above(solver):
 def test_the_normal_is_the_other_bodys(kind):
     """Of a contact named from the lower box's side the normal points down, and the force on that box is down."""
     up = pin.SE3(pin.exp3(np.array([np.pi, 0.0, 0.0])), -DOWN)  # on its upper side, its z out of the upper box: down
-    more = {"against": "upper_box", "friction": 0.5}
+    more = {"on": rbd.Body("upper_box"), "friction": 0.5}
     contact = {
-        "point": rbd.PointContact("between", "lower_box", offset=up.translation, normal=(0, 0, -1), **more),
+        "point": rbd.PointContact(
+            "between", "lower_box", offset=up.translation, **more | {"on": rbd.Body("upper_box", normal=(0, 0, -1))}
+        ),
         "line": rbd.LineContact("between", "lower_box", half_length=0.2, placement=up, **more),
         "surface": rbd.SurfaceContact("between", "lower_box", half_lengths=(0.2, 0.2), placement=up, **more),
     }[kind]
@@ -115,7 +122,9 @@ def test_naming_the_other_body_first_changes_the_sign_of_the_force_alone(talos, 
         ):
             X_FP = state.frame(frame).X_WF.actInv(X_WP * pin.SE3(turn, np.zeros(3)))
             half = (0.05, 0.03)
-            sides.append(rbd.SurfaceContact("c", frame, half_lengths=half, placement=X_FP, against=other, friction=friction))
+            sides.append(
+                rbd.SurfaceContact("c", frame, half_lengths=half, placement=X_FP, on=rbd.Body(other), friction=friction)
+            )
         tau = 20.0 * rng.normal(size=talos.nu)
         tau = np.clip(tau, -talos.effort_limit, talos.effort_limit)
         one, two = (rbd.solve(state, tau, [c, *talos.soles(None, on=None)], solver=rbd.ConeSolver()) for c in sides)
@@ -130,7 +139,7 @@ def test_a_held_point_agrees_with_pinocchios_closed_loop(talos, rng, against_joi
     """Hand held to thigh at rest: constraintDynamics with a 3D contact between two joints gives the same acceleration."""
     state, tau = _bent(talos, 2), np.zeros(talos.nu)
     hand, thigh = "gripper_left_base_link", "leg_left_4_link"
-    s = rbd.solve(state, tau, [rbd.PointContact("hand", hand, against=thigh)])
+    s = rbd.solve(state, tau, [rbd.PointContact("hand", hand, on=rbd.Body(thigh))])
     (j1, X1), (j2, X2) = talos.site(hand), talos.site(thigh)
     X2 = X2 * (state.frame(thigh).X_WF.inverse() * state.frame(hand).X_WF)
     ends = ((j2, X2), (j1, X1)) if against_joint_first else ((j1, X1), (j2, X2))
@@ -162,16 +171,16 @@ def test_a_turntable_in_the_model_is_a_turntable_given_by_its_motion(rng):
     X = pin.SE3(pin.exp3(rng.normal(size=3)), DOWN)
     for body, ground in (
         (
-            rbd.PointContact("c", "box", offset=DOWN, normal=normal, against="table"),
-            rbd.PointContact("c", "box", offset=DOWN, normal=(0.48, -0.64, 0.6), **motion),
+            rbd.PointContact("c", "box", offset=DOWN, on=rbd.Body("table", normal=normal)),
+            rbd.PointContact("c", "box", offset=DOWN, on=rbd.Ground(normal=(0.48, -0.64, 0.6), **motion)),
         ),
         (
-            rbd.SurfaceContact("c", "box", half_lengths=(0.1, 0.1), placement=X, against="table"),
-            rbd.SurfaceContact("c", "box", half_lengths=(0.1, 0.1), placement=X, **motion),
+            rbd.SurfaceContact("c", "box", half_lengths=(0.1, 0.1), placement=X, on=rbd.Body("table")),
+            rbd.SurfaceContact("c", "box", half_lengths=(0.1, 0.1), placement=X, on=rbd.Ground(**motion)),
         ),
         (
-            rbd.LineContact("c", "box", half_length=0.1, placement=X, against="table"),
-            rbd.LineContact("c", "box", half_length=0.1, placement=X, **motion),
+            rbd.LineContact("c", "box", half_length=0.1, placement=X, on=rbd.Body("table")),
+            rbd.LineContact("c", "box", half_length=0.1, placement=X, on=rbd.Ground(**motion)),
         ),
     ):
         ours, theirs = body.rows(state), ground.rows(rbd.State(alone, q_box, v_box))
@@ -187,7 +196,7 @@ def test_a_turntable_in_the_model_is_a_turntable_given_by_its_motion(rng):
 def test_a_box_that_slides_on_a_plank_drags_it_along(kind):
     """Plank on ice: -mu g for the box, + mu m2 g / m1 for the plank, from their relative motion (Coulomb's law)."""
     v = np.r_[np.r_[1.0, 0, 0, 0, 0, 0], np.r_[1.6, 0, 0, 0, 0, 0]]
-    contacts = [_patch("ice", "lower_box", 0.0), kind("between", "upper_box", 0.3, against="lower_box")]
+    contacts = [_patch("ice", "lower_box", 0.0), kind("between", "upper_box", 0.3, on=rbd.Body("lower_box"))]
     s = rbd.solve(_stack(v), np.zeros(0), contacts, solver=rbd.ConeSolver())
     if isinstance(contacts[1], rbd.SurfaceContact):
         assert s.a[[0, 6]] == pytest.approx([0.3 * 4.0 * G / 10.0, -0.3 * G], abs=1e-8)
@@ -200,7 +209,7 @@ def test_a_box_that_slides_on_a_plank_drags_it_along(kind):
 def test_boxes_that_move_together_are_at_rest_on_each_other():
     """The convex law refuses sliding contacts only: what counts is the relative velocity."""
     v = np.tile([0.7, -0.2, 0.0, 0.0, 0.0, 0.0], 2)
-    contacts = [_patch("ice", "lower_box", 0.0), _patch("between", "upper_box", 0.3, against="lower_box")]
+    contacts = [_patch("ice", "lower_box", 0.0), _patch("between", "upper_box", 0.3, on=rbd.Body("lower_box"))]
     push = rbd.ExternalForce("lower_box", (14.0, 0.0, 0.0))
     s = rbd.solve(_stack(v), np.zeros(0), contacts, external=push, solver=rbd.ConeSolver())
     assert s.a[[0, 6]] == pytest.approx([1.0, 1.0], abs=1e-8) and s.forces["between"][0] == pytest.approx(4.0)
@@ -217,7 +226,7 @@ def test_two_boxes_tied_in_the_air_move_as_one_body(rng):
     v1 = pin.Motion(rng.normal(size=6))
     state = pair.at(pair.q(pin.SE3ToXYZQUAT(X_W1), pin.SE3ToXYZQUAT(X_W1 * X_12)), np.r_[v1.vector, X_12.actInv(v1).vector])
     push = rbd.ExternalForce("two_box", 20.0 * rng.normal(size=3), rng.normal(size=3))
-    tie = rbd.SurfaceContact("tie", "two_box", half_lengths=(0.1, 0.1), against="one_box")
+    tie = rbd.SurfaceContact("tie", "two_box", half_lengths=(0.1, 0.1), on=rbd.Body("one_box"))
     s = rbd.solve(state, np.zeros(0), [tie], external=push, solver=rbd.KKT())
 
     both = pin.Model()
@@ -241,7 +250,7 @@ def test_the_centroidal_residual_sees_a_force_without_a_reaction():
         name = "between"
 
         def rows(self, state):
-            r = _patch("between", "upper_box", None, against="lower_box").rows(state)
+            r = _patch("between", "upper_box", None, on=rbd.Body("lower_box")).rows(state)
             J = r.J.copy()
             J[:, :6] = 0.0
             return rbd.Rows("between", J, r.bias, r.cone, r.velocity, resultant=r.resultant, patch=r.patch)
@@ -259,13 +268,17 @@ def test_talos_leans_on_a_box_as_on_a_wall(talos, solver):
     q_wall = np.r_[hand.translation + [0.25, 0.0, 0.0], 0, 0, 0, 1.0]
     both = pair.at(pair.q(state.q, q_wall))
     tau = rbd.hold(state, talos.soles()).tau
-    wall = {"offset": (0.0, 0.0, 0.0), "normal": (-1.0, 0.0, 0.0), "friction": 0.5}
+    wall, n = {"offset": (0.0, 0.0, 0.0), "friction": 0.5}, (-1.0, 0.0, 0.0)
     push = rbd.ExternalForce("gripper_left_base_link", (60.0, 0.0, 0.0))
     tied = rbd.SurfaceContact("tied", "wall_box", half_lengths=(1, 1))
     alone = rbd.solve(
-        state, tau, [*talos.soles(), rbd.PointContact("hand", "gripper_left_base_link", **wall)], external=push, solver=solver
+        state,
+        tau,
+        [*talos.soles(), rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Ground(normal=n), **wall)],
+        external=push,
+        solver=solver,
     )
-    against = rbd.PointContact("hand", "gripper_left_base_link", against="wall_box", **wall)
+    against = rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Body("wall_box", normal=n), **wall)
     s = rbd.solve(both, tau, [*talos.soles(), against, tied], external=push, solver=solver)
     assert s.a[: talos.nv] == pytest.approx(alone.a, abs=1e-6)
     assert s.forces["hand"] == pytest.approx(alone.forces["hand"], abs=1e-5) and s.forces["hand"][0] < -20.0
@@ -280,8 +293,8 @@ def test_two_robots_push_hands(g1):
     alone = g1.standing()
     state = pair.standing()
     hold = rbd.hold(alone, g1.soles()).tau
-    hands = rbd.PointContact("hands", "a_torso_link", offset=(0.2, 0.0, 0.0), normal=(1.0, 0.0, 0.0), against="b_torso_link",
-                             friction=0.5)  # fmt: skip
+    other = rbd.Body("b_torso_link", normal=(1.0, 0.0, 0.0))
+    hands = rbd.PointContact("hands", "a_torso_link", offset=(0.2, 0.0, 0.0), on=other, friction=0.5)
     tau = np.r_[hold, hold]
     lean = [rbd.ExternalForce("a_torso_link", (30.0, 0, 0)), rbd.ExternalForce("b_torso_link", (-30.0, 0, 0))]
     s = rbd.solve(state, tau, [*pair.feet(0.7), hands], external=lean, solver=rbd.ConeSolver())
@@ -296,7 +309,7 @@ def test_answers_between_bodies_obey_the_law_recomputed(rng, solver):
     """Stacks pushed at random, sticking and slipping: residuals written down once more."""
     for _ in range(20):
         push = [rbd.ExternalForce(f, 30.0 * rng.normal(size=3), rng.normal(size=3)) for f in ("lower_box", "upper_box")]
-        contacts = [_patch("floor", "lower_box", 0.6), _patch("between", "upper_box", 0.4, against="lower_box")]
+        contacts = [_patch("floor", "lower_box", 0.6), _patch("between", "upper_box", 0.4, on=rbd.Body("lower_box"))]
         s = rbd.solve(_stack(), np.zeros(0), contacts, external=push, solver=solver)
         assert max(law_residuals(s.problem, s, solver.law).values()) < 1e-9
         assert s.residuals.centroidal.scaled < 1e-9
@@ -305,7 +318,7 @@ def test_answers_between_bodies_obey_the_law_recomputed(rng, solver):
 def test_a_robot_holds_itself_by_its_own_thigh(talos):
     """Statics between bodies: a hand on its own thigh costs no outside force, and the feet carry the weight as before."""
     state = talos.standing()
-    hand = rbd.PointContact("hand", "gripper_left_base_link", normal=(0, 0, 1), against="leg_left_4_link", friction=0.5)
+    hand = rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Body("leg_left_4_link", normal=(0, 0, 1)), friction=0.5)
     held = rbd.hold(state, [*talos.soles(), hand])
     feet = sum(held.forces[sole.name][:3] for sole in talos.soles())
     assert feet == pytest.approx([0.0, 0.0, talos.mass * G], abs=1e-6) and held.residual < 1e-6
@@ -313,16 +326,16 @@ def test_a_robot_holds_itself_by_its_own_thigh(talos):
 
 def test_frames_of_one_body_are_refused(talos):
     """They do not move against each other; said with both names."""
-    contact = rbd.PointContact("c", "left_sole_link", against="leg_left_6_link")
+    contact = rbd.PointContact("c", "left_sole_link", on=rbd.Body("leg_left_6_link"))
     with pytest.raises(rbd.InputError, match="'left_sole_link' and 'leg_left_6_link', which are fixed to one body of talos"):
         contact.rows(talos.standing())
     with pytest.raises(rbd.InputError, match="between 'left_sole_link' and itself"):
-        rbd.PointContact("c", "left_sole_link", against="left_sole_link")
+        rbd.PointContact("c", "left_sole_link", on=rbd.Body("left_sole_link"))
 
 
 def test_a_body_that_is_not_there_is_refused_with_the_nearest(talos):
     """As with the contact's own frame."""
-    for contact in _kinds("left_sole_link", np.random.default_rng(0), against="right_sole_lnik"):
+    for contact in _kinds("left_sole_link", np.random.default_rng(0), "right_sole_lnik"):
         with pytest.raises(rbd.errors.FrameNotFound, match="'right_sole_link'"):
             contact.rows(talos.standing())
 
@@ -330,18 +343,17 @@ def test_a_body_that_is_not_there_is_refused_with_the_nearest(talos):
 @pytest.mark.parametrize(
     ("what", "arguments"),
     [
-        ("against", {"against": ""}),
-        ("against", {"against": 3}),
-        ("against= and a motion", {"against": "other", "velocity": (1.0, 0.0, 0.0)}),
-        ("against= and a motion", {"against": "other", "acceleration": (1.0, 0.0, 0.0)}),
+        ("rbd.Body is of ''", {"frame": ""}),
+        ("rbd.Body is of 3", {"frame": 3}),
+        ("normal of the body 'other'", {"frame": "other", "normal": (0.0, 0.0, 2.0)}),
     ],
 )
-def test_what_excludes_each_other_is_refused(what, arguments):
-    """By name, before any robot is involved."""
-    for make in (
-        lambda: rbd.PointContact("c", "f", **arguments),
-        lambda: rbd.LineContact("c", "f", half_length=0.1, **arguments),
-        lambda: rbd.SurfaceContact("c", "f", half_lengths=(0.1, 0.1), **arguments),
-    ):
-        with pytest.raises(rbd.InputError, match=what):
-            make()
+def test_a_body_that_is_none_is_refused(what, arguments):
+    """By name, before any robot is involved. A contact touches a body or a ground that moves, never both: there is one `on`."""
+    with pytest.raises(rbd.InputError, match=what):
+        rbd.Body(**arguments)
+    for make in (rbd.Ground, rbd.PointContact, rbd.LineContact, rbd.SurfaceContact, rbd.RollingBall):
+        assert {"against", "body"}.isdisjoint(inspect.signature(make).parameters)
+    for word in ("velocity", "acceleration", "about"):
+        with pytest.raises(TypeError, match=word):
+            rbd.Body("other", **{word: (1.0, 0.0, 0.0)})

@@ -12,8 +12,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.collision import CollisionContacts
-from rbd.constraints.collision_shapes import CollisionShapes
+from rbd.constraints.collision import CollisionContacts, CollisionShapes
 from rbd.constraints.convex.polygon import convex_hull
 from rbd.constraints.convex.solids import convex_shape
 from rbd.testing import check_constraint
@@ -127,7 +126,7 @@ def test_the_lowest_gap_is_coals_distance_to_a_half_space(bodies, rng, shape, lo
     robot = bodies[shape]
     n = np.array([0.3, -0.2, 0.9])
     n /= np.linalg.norm(n)
-    contacts = CollisionContacts("slope", robot, point=(0.1, 0.2, 0.3), normal=n, margin=10.0)
+    contacts = CollisionContacts("slope", robot, on=rbd.Ground(normal=n, point=(0.1, 0.2, 0.3)), margin=10.0)
     plane = coal.Halfspace(n, float(n @ [0.1, 0.2, 0.3]))
     for _ in range(20):
         turn = rng.normal(size=3)
@@ -151,7 +150,7 @@ def test_the_lowest_gap_is_coals_distance_to_a_half_space(bodies, rng, shape, lo
 def test_rows_describe_the_motion_of_the_place_of_contact(bodies, shape, normal):
     """The normal rows are first and second derivative of the gap, tangential ones of their velocity; whatever the shape."""
     robot = bodies[shape]
-    contacts = CollisionContacts("floor", robot, normal=normal, margin=5.0)
+    contacts = CollisionContacts("floor", robot, on=rbd.Ground(normal=normal, point=(0.0, 0.0, 0.0)), margin=5.0)
     report = check_constraint(contacts, at(robot, 0.3, (0.5, -0.7, 0.4)))
     assert report.jdot_v < 1e-9
 
@@ -413,7 +412,7 @@ def test_copies_and_threads_find_the_same(g1):
     ("given", "words"),
     [
         ({"friction": -0.1}, "friction is -0.1"),
-        ({"friction": None}, "do not hold on"),
+        ({"friction": None}, "are unilateral"),
         ({"ground": ["bax"]}, "nearest: 'box'"),
         ({"ground": "box"}, "expected a list"),
         ({"ground": 3}, "expected True or a list"),
@@ -422,8 +421,10 @@ def test_copies_and_threads_find_the_same(g1):
         ({"pairs": [("box", "box_0")]}, "one body"),
         ({"pairs": [("box",)]}, "expected two names"),
         ({"ground": False}, "nothing can touch"),
-        ({"normal": (0.0, 0.0, 2.0)}, "unit vector"),
-        ({"point": (0.0, np.nan, 0.0)}, "not finite"),
+        ({"on": "floor"}, "on of 'floor' is 'floor'; expected rbd.Ground"),
+        ({"on": rbd.Ground(normal=(0.0, 0.0, 1.0))}, "with a point"),
+        ({"on": rbd.Body("box")}, "expected rbd.Ground"),
+        ({"on": rbd.Ground(point=(0.0, 0.0, 0.0), velocity=(1.0, 0.0, 0.0))}, "expected one at rest"),
         ({"margin": -1.0}, "length >= 0"),
         ({"facets": 2}, "facets is 2"),
     ],

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.contact_geometry import contact_axes
+from rbd.constraints.surface import contact_axes
 from rbd.testing import box, check_constraint
 
 
@@ -33,7 +33,7 @@ def test_feet_of_the_catalogue_describe_their_motion(name, friction):
 def test_points_on_any_wall_describe_their_motion(talos, normal, friction):
     """Floor, ceiling, walls, slopes."""
     point = rbd.PointContact(
-        "toe", "left_sole_link", offset=(0.1, 0.02, -0.1), normal=np.array(normal, float), friction=friction
+        "toe", "left_sole_link", offset=(0.1, 0.02, -0.1), on=rbd.Ground(normal=np.array(normal, float)), friction=friction
     )
     report = check_constraint(point, _generic(talos, 2), draws=2)
     assert report.rows == (1 if friction == 0.0 else 3)
@@ -100,7 +100,8 @@ def test_a_sole_at_rest_on_a_slope_pushes_along_its_normal():
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=below, friction=0.0)
     points = [
-        rbd.PointContact(f"p{i}", "box", offset=below.act(c), normal=R[:, 2], friction=0.0) for i, c in enumerate(floor.corners)
+        rbd.PointContact(f"p{i}", "box", offset=below.act(c), on=rbd.Ground(normal=R[:, 2]), friction=0.0)
+        for i, c in enumerate(floor.corners)
     ]
     for contacts in ([floor], points):
         s = rbd.solve(state, np.zeros(0), contacts)
@@ -203,10 +204,6 @@ IDENTITY = pin.SE3.Identity()
         ("friction", {"friction": np.nan}),
         ("friction", {"friction": "0.7"}),
         ("facets", {"friction": 0.5, "facets": 2}),
-        ("length", {"normal": (0.0, 0.0, 2.0)}),
-        ("length", {"normal": (0.0, 0.0, 0.0)}),
-        ("normal", {"normal": (0.0, 1.0)}),
-        ("normal", {"normal": (0.0, np.nan, 1.0)}),
         ("offset", {"offset": (0.0, 0.0)}),
         ("offset", {"offset": (0.0, 0.0, np.inf)}),
         ("offset", {"offset": "here"}),
@@ -216,6 +213,17 @@ def test_a_point_that_means_nothing_is_refused(what, arguments):
     """By name, before any robot is involved."""
     with pytest.raises(rbd.InputError, match=what):
         rbd.PointContact("toe", "foot", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("what", "normal"),
+    [("length", (0.0, 0.0, 2.0)), ("length", (0.0, 0.0, 0.0)), ("normal", (0.0, 1.0)), ("normal", (0.0, np.nan, 1.0))],
+)
+def test_a_normal_that_means_nothing_is_refused(what, normal):
+    """Of ground and of a body, before any contact is involved."""
+    for make in (rbd.Ground, lambda **given: rbd.Body("table", **given)):
+        with pytest.raises(rbd.InputError, match=what):
+            make(normal=normal)
 
 
 @pytest.mark.parametrize(
@@ -255,3 +263,127 @@ def test_two_contacts_of_one_name_are_refused(talos):
     """Their forces could not be told apart."""
     with pytest.raises(rbd.errors.DuplicateName, match="'left_sole'"):
         rbd.solve(talos.standing(), np.zeros(talos.nu), [talos.soles()[0], talos.soles()[0]])
+
+
+class TestCorners:
+    """One contact at k corner points: `PointContact`, `LineContact` and `SurfaceContact` are it at one, two and more."""
+
+    PLACED = pin.SE3(pin.exp3(np.array([0.2, -0.1, 0.4])), np.array([0.1, -0.05, -0.1]))
+    GROUNDS = {
+        "nothing known": None,
+        "ramp": rbd.Ground(point=(0.1, 0.2, 0.3), normal=(0.28, 0.0, 0.96)),
+        "turntable": rbd.Ground(velocity=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6), acceleration=(1, 2, 3), about=(0.3, 0.2, 0.1)),
+        "body": rbd.Body("right_sole_link"),
+    }
+
+    def pairs(self, **more):
+        """(at corners, by its thin constructor) of each of the three."""
+        X, frame = self.PLACED, "left_sole_link"
+        square = [[0.1, 0.05], [0.1, -0.05], [-0.1, -0.05], [-0.1, 0.05]]
+        at = X.act(np.array([0.02, 0.03, 0.0]))
+        edge = X * pin.SE3(pin.exp3(np.array([0.0, 0.0, np.pi / 2])), np.array([0.05, 0.0, 0.0]))
+        return [
+            (
+                rbd.constraints.Contact("c", frame, corners=[[0.02, 0.03]], placement=X, **more),
+                rbd.PointContact("c", frame, offset=at, **more),
+            ),
+            (
+                rbd.constraints.Contact("c", frame, corners=[[0.05, 0.2], [0.05, -0.2]], placement=X, **more),
+                rbd.LineContact("c", frame, half_length=0.2, placement=edge, **more),
+            ),
+            (
+                rbd.constraints.Contact("c", frame, corners=square, placement=X, **more),
+                rbd.SurfaceContact("c", frame, half_lengths=(0.1, 0.05), placement=X, **more),
+            ),
+        ]
+
+    @pytest.mark.parametrize("friction", [None, 0.0, 0.6])
+    @pytest.mark.parametrize("on", GROUNDS)
+    def test_its_rows_are_those_of_the_three(self, talos, on, friction):
+        """J, velocity, J_dot v, error, resultant and corners in W, free and anchored."""
+        rng = np.random.default_rng(1)
+        state = talos.at(
+            pin.integrate(talos.model, talos.standing().q, 0.2 * rng.normal(size=talos.nv)), rng.normal(size=talos.nv)
+        )
+        for pair in self.pairs(on=self.GROUNDS[on], friction=friction):
+            for one, other in (pair, [c.anchored(talos.standing()) for c in pair]):
+                mine, theirs = one.rows(state), other.rows(state)
+                for what in ("J", "velocity", "bias", "resultant"):
+                    assert getattr(mine, what) == pytest.approx(getattr(theirs, what), abs=1e-12), what
+                assert (mine.error is None) == (theirs.error is None)
+                if mine.error is not None:
+                    assert mine.error == pytest.approx(theirs.error, abs=1e-12)
+                assert mine.patch.corners_W == pytest.approx(theirs.patch.corners_W, abs=1e-14)
+                assert type(mine.cone) is type(theirs.cone) and mine.cone.dim == theirs.cone.dim
+
+    @pytest.mark.parametrize("friction", [0.0, 0.6])
+    @pytest.mark.parametrize("on", ["nothing known", "ramp", "turntable"])
+    def test_its_points_are_its_corners(self, talos, on, friction):
+        """J of each is that of the corner's velocity in the point's axes; gaps are to the plane, or to one through it."""
+        rng = np.random.default_rng(2)
+        state = talos.at(pin.integrate(talos.model, talos.standing().q, 0.2 * rng.normal(size=talos.nv)))
+        for contact, _ in self.pairs(on=self.GROUNDS[on], friction=friction):
+            points, k = contact.points(state), len(contact.corners)
+            assert len(points.names) == len(points.cones) == len(points.gaps) == k == len(set(points.names))
+            assert points.positions == pytest.approx(contact.rows(state).patch.corners_W, abs=1e-12)
+            w = 3 if friction else 1
+            for i, corner in enumerate(contact.corners):
+                J = state.frame("left_sole_link", contact.placement.act(corner)).J[:3]
+                assert points.J[w * i : w * i + w] == pytest.approx(points.axes.T[3 - w :] @ J, abs=1e-12)
+            ground = self.GROUNDS[on]
+            located = ground is not None and ground.point is not None
+            expected = ground.distances(points.positions) if located else (points.positions - contact_place(contact, state))
+            expected = expected if located else expected @ points.axes[:, 2]
+            assert points.gaps == pytest.approx(expected, abs=1e-12)
+            f = rng.normal(size=w * k)
+            total = sum(points.axes[:, 3 - w :] @ f[w * i : w * i + w] for i in range(k))
+            assert (points.resultant @ f)[:3] == pytest.approx(total, abs=1e-12)
+
+    def test_a_ground_that_rises_carries_its_plane_along(self):
+        """At 0.3 m/s along its normal for 0.2 s: every point is 6 cm nearer."""
+        state = rbd.State(box(), pin.neutral(box().model))
+        lift = rbd.Ground(point=(0.0, 0.0, -0.5), velocity=(0.1, 0.0, 0.3))
+        sole = rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.1), friction=0.5, on=lift)
+        assert sole.points(state).gaps == pytest.approx(0.5) and sole.points(state, 0.2).gaps == pytest.approx(0.44)
+
+    def test_what_holds_or_touches_a_body_has_no_points_of_its_own(self, talos):
+        """There its rows say it all."""
+        assert talos.soles(None)[0].points(talos.standing()) is None
+        assert rbd.PointContact("p", "left_sole_link", friction=0.5, on=rbd.Body("base_link")).points(talos.standing()) is None
+
+    @pytest.mark.parametrize(
+        ("corners", "says"),
+        [
+            ([], "shape"),
+            ([1.0, 2.0, 3.0], r"shape \(3,\)"),
+            ([[1.0]], r"shape \(1, 1\)"),
+            ([[0.1, 0.2], [0.1, 0.2]], "are one point"),
+            ([[0, 0], [1, 1], [2, 2]], "lie on one line"),
+            ([[0.1, np.nan]], "not finite"),
+        ],
+    )
+    def test_corners_that_mean_nothing_are_refused(self, corners, says):
+        """By name, before any robot is involved."""
+        with pytest.raises(rbd.InputError, match=f"corners of contact 'c'.*{says}"):
+            rbd.constraints.Contact("c", "box", corners=corners)
+
+
+def contact_place(contact: rbd.constraints.Contact, state: rbd.State) -> np.ndarray:
+    """The contact's centre in W."""
+    return (state.frame(contact.frame).X_WF * contact.placement).translation
+
+
+def test_feet_can_stand_on_a_body(talos):
+    """On a table, a body of the same model that is held still: forces and motion as on the ground."""
+    pair = rbd.robots.merge_robots(talos, box(20.0, (2.0, 2.0, 0.2)), names=("", "table_"))
+    q = pair.q(talos.standing().q, np.r_[0.0, 0.0, -0.1, 0.0, 0.0, 0.0, 1.0])
+    tau = rbd.hold(talos.standing(), talos.soles()).tau
+    still = rbd.JointLock("still", "table_root_joint")
+    soles = talos.soles(on=rbd.Body("table_box"))
+    assert all(sole.frames == (sole.frame, "table_box") for sole in soles)
+    on_table = rbd.solve(pair.at(q), tau, [*soles, still])
+    on_ground = rbd.solve(talos.standing(), tau, talos.soles())
+    assert on_table.a[: talos.nv] == pytest.approx(on_ground.a, abs=1e-7)
+    for sole in soles:
+        assert on_table.forces[sole.name] == pytest.approx(on_ground.forces[sole.name], abs=1e-5)
+    assert on_table.forces.get("still", on_table.multipliers[-6:])[2] == pytest.approx((20.0 + talos.mass) * 9.81, abs=1e-5)

@@ -10,8 +10,8 @@ from flat_bodies import free_body, free_state
 from scipy.integrate import solve_ivp
 
 import rbd
+from rbd.constraints.contact_points import FromRows, sources_of
 from rbd.constraints.ground_points import Grounds, OnGround
-from rbd.constraints.sources import FromRows, sources_of
 
 ROUNDING = 1e-13  # of entries of order one
 
@@ -31,7 +31,7 @@ def contacts(name: str) -> tuple[rbd.Robot, list]:
     robot = rbd.load_robot("bolt")
     one, other = robot.feet(0.7)
     tilted = rbd.PointContact(
-        "ice", other.frame, offset=(0.1, 0.2, 0.3), normal=(0.0, 0.6, 0.8), anchor=(0, 0, 1), friction=0.0
+        "ice", other.frame, offset=(0.1, 0.2, 0.3), on=rbd.Ground(normal=(0.0, 0.6, 0.8)), anchor=(0, 0, 1), friction=0.0
     )
     return robot, [one, tilted, other]
 
@@ -60,7 +60,9 @@ def test_what_stands_on_ground_at_rest_is_measured_together_and_nothing_else_is(
     robot = rbd.load_robot("talos")
     soles = robot.soles(0.7)
     toe = rbd.PointContact("toe", soles[0].frame, offset=(0.1, 0.0, 0.0), friction=0.5)
-    band = rbd.PointContact("band", soles[1].frame, offset=(0.1, 0.0, 0.0), friction=0.5, velocity=(0.1, 0.0, 0.0))
+    band = rbd.PointContact(
+        "band", soles[1].frame, offset=(0.1, 0.0, 0.0), friction=0.5, on=rbd.Ground(velocity=(0.1, 0.0, 0.0))
+    )
     held = rbd.PointContact("hand", "torso_2_link", friction=None)
     kinds = [type(s) for s in sources_of([toe, soles[0], band, held, soles[1]], robot.standing())]
     assert kinds == [OnGround, Grounds, OnGround, FromRows]
@@ -73,9 +75,9 @@ def test_points_of_contact_between_bodies_are_where_the_bodies_have_them(kind: s
     frame, on = robot.feet(0.7)[0].frame, robot.feet()[1].frame
     placement = pin.SE3(pin.exp3(np.array([0.4, -0.7, 0.2])), np.array([0.01, -0.02, 0.03]))
     contact = {
-        "patch": rbd.SurfaceContact(kind, frame, half_lengths=(0.03, 0.01), placement=placement, friction=0.5, against=on),
-        "edge": rbd.LineContact(kind, frame, half_length=0.04, placement=placement, friction=0.5, against=on),
-        "tip": rbd.PointContact(kind, frame, offset=placement.translation, friction=0.5, against=on),
+        "patch": rbd.SurfaceContact(kind, frame, half_lengths=(0.03, 0.01), placement=placement, friction=0.5, on=rbd.Body(on)),
+        "edge": rbd.LineContact(kind, frame, half_length=0.04, placement=placement, friction=0.5, on=rbd.Body(on)),
+        "tip": rbd.PointContact(kind, frame, offset=placement.translation, friction=0.5, on=rbd.Body(on)),
     }[kind]
     corners = {
         "patch": [[0.03, 0.01, 0], [0.03, -0.01, 0], [-0.03, -0.01, 0], [-0.03, 0.01, 0]],
@@ -114,9 +116,9 @@ def test_recorded_corners_of_a_held_patch_are_on_the_body(stepper: str):
 TILT = pin.exp3(np.array([0.2, -0.3, 0.4]))
 EDGES = {
     "its placement's z": {},
-    "a normal": {"normal": (0.0, 0.6, 0.8)},
+    "a normal": {"on": rbd.Ground(normal=(0.0, 0.6, 0.8))},
     "an anchor": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3]))},
-    "an anchor and a normal": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3])), "normal": (0.0, 0.6, 0.8)},
+    "an anchor and a normal": {"anchor": pin.SE3(TILT, np.array([0.1, 0.2, 0.3])), "on": rbd.Ground(normal=(0.0, 0.6, 0.8))},
     "a plane": {"on": rbd.Ground(point=(0.0, 0.0, 0.2), normal=(0.0, 0.6, 0.8))},
 }
 
@@ -130,13 +132,17 @@ def test_an_edge_on_the_ground_is_its_two_ends(by: str, friction: float):
     placement = pin.SE3(pin.exp3(np.array([-0.2, 0.1, 0.5])), np.array([0.05, -0.1, -0.2]))
     edge = rbd.LineContact("edge", "body", half_length=0.3, placement=placement, friction=friction, **given)
     there = start.frame("body").X_WF * placement
-    normal = given.get("normal", (given.get("anchor", there)).rotation[:, 2])
-    through = given.get("anchor", there).translation
-    if "on" in given:
-        normal, through = given["on"].normal, given["on"].point
+    on, anchor = given.get("on", rbd.Ground()), given.get("anchor", there)
+    normal = anchor.rotation[:, 2] if on.normal is None else on.normal
+    through = anchor.translation if on.point is None else on.point
     ends = [
         rbd.PointContact(
-            f"end{i}", "body", offset=placement.act(np.array([x, 0.0, 0.0])), normal=normal, anchor=through, friction=friction
+            f"end{i}",
+            "body",
+            offset=placement.act(np.array([x, 0.0, 0.0])),
+            on=rbd.Ground(normal=normal),
+            anchor=through,
+            friction=friction,
         )
         for i, x in enumerate((0.3, -0.3))
     ]
@@ -171,7 +177,9 @@ def test_a_box_falls_about_the_edge_that_it_stands_on():
     inertia, r = m * (0.4**2 + 0.2**2) / 12.0, math.hypot(half, low)
     about = inertia + m * r * r
     placement = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.5 * math.pi])), np.array([half, 0.0, -low]))
-    edge = rbd.LineContact("edge", "body", half_length=0.2, placement=placement, normal=(0.0, 0.0, 1.0), friction=1.5)
+    edge = rbd.LineContact(
+        "edge", "body", half_length=0.2, placement=placement, on=rbd.Ground(normal=(0.0, 0.0, 1.0)), friction=1.5
+    )
     phi0, duration = math.atan2(half, low) - 0.4, 0.16
     true = solve_ivp(
         lambda t, y: [y[1], m * g * r * math.sin(y[0]) / about], (0.0, duration), [-phi0, 0.0], rtol=1e-12, atol=1e-12

@@ -175,17 +175,17 @@ class TestLimit:
         """Tiago: all joints but its base and the two wheels, which turn for ever."""
         tiago = rbd.load_robot("tiago")
         named = {limit.joint for limit in rbd.constraints.joint_limits(tiago, margin=1e-3)}
-        one = {n for n in tiago.joints() if tiago.model.joints[tiago.joint_id(n)].nv == 1}
+        one = {n for n in tiago.joints if tiago.model.joints[tiago.joint_id(n)].nv == 1}
         assert one - named == {"wheel_left_joint", "wheel_right_joint"} and named < one
         assert {limit.margin for limit in rbd.constraints.joint_limits(tiago, margin=1e-3)} == {1e-3}
 
     def test_joints_without_a_bound_are_refused(self):
-        """One that turns for ever, one with several freedoms, one whose file states nothing; with what to do."""
+        """One that turns for ever, one with several degrees of freedom, one whose file states nothing; with what to do."""
         chain = joints_of_every_kind()
         state = rbd.State(chain, pin.neutral(chain.model))
         for joint, said in (
             ("turntable", "turns for ever.*JointLock"),
-            ("ball", "has 3 freedoms; expected a joint with one"),
+            ("ball", "has 3 degrees of freedom; expected a joint with one"),
             ("slider", "has no bound.*Give lower= or upper="),
         ):
             with pytest.raises(rbd.InputError, match=said):
@@ -199,7 +199,7 @@ class TestLimit:
 class TestLock:
     """A joint that is held."""
 
-    @pytest.mark.parametrize("joint", joints_of_every_kind().joints())
+    @pytest.mark.parametrize("joint", list(joints_of_every_kind().joints))
     @pytest.mark.parametrize("seed", range(3))
     def test_every_kind_of_joint_describes_its_motion(self, joint, seed):
         """Held where it is, and measured from a position far away: J and J_dot v are those of the error."""
@@ -212,7 +212,7 @@ class TestLock:
         assert report.rows == nv and report.against == "motion of the error"
         assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-8
 
-    @pytest.mark.parametrize("joint", joints_of_every_kind().joints())
+    @pytest.mark.parametrize("joint", list(joints_of_every_kind().joints))
     def test_near_its_position_the_error_is_the_difference(self, joint, rng):
         """On the manifold, to third order; at the position itself it is zero, and J the identity."""
         robot = joints_of_every_kind()
@@ -402,7 +402,7 @@ class TestFriction:
         q, v = talos.standing().q, rng.normal(size=talos.nv)
         J = np.concatenate([sole.rows(talos.at(q)).J for sole in talos.soles(None)])
         v -= np.linalg.lstsq(J, J @ v, rcond=None)[0]
-        rubbing = [rbd.JointFriction(f"{j} rubs", j, 2.0) for j in talos.joints() if j != "root_joint"]
+        rubbing = [rbd.JointFriction(f"{j} rubs", j, 2.0) for j in talos.joints if j != "root_joint"]
         answers = [
             rbd.solve(talos.at(q, v), np.zeros(talos.nu), [*talos.soles(None), *rubbing], solver=solver)
             for solver in (rbd.ProxQP(), rbd.ConeSolver(law="coulomb"))
@@ -418,7 +418,7 @@ def test_all_kinds_together_are_answered_alike_by_both_codes(name):
     """Stops, locks, gears, friction (and rubbing soles, sticking): ProxQP and ConeSolver agree, on robots that move or rest."""
     robot, rng = rbd.load_robot(name, root="free_flyer" if name == "talos" else "fixed"), np.random.default_rng(11)
     q = robot.standing().q if robot.floating else 0.3 * rng.uniform(0.1, 1.0, robot.nq)
-    joints = [j for j in robot.joints() if j != "root_joint"]
+    joints = [j for j in robot.joints if j != "root_joint"]
     for draw in range(4):
         chosen = rng.permutation(joints)
         stop, other = str(chosen[0]), str(chosen[1])
@@ -452,12 +452,12 @@ def test_all_kinds_together_are_answered_alike_by_both_codes(name):
     ],
 )
 def test_a_joint_that_is_not_there_is_refused_with_the_nearest(talos, make):
-    """Unknown ids crash Pinocchio; joints with six freedoms are no one-row joints."""
+    """Unknown ids crash Pinocchio; joints with six degrees of freedom are no one-row joints."""
     with pytest.raises(rbd.errors.JointNotFound, match="'leg_left_4_joint'"):
         make("leg_left_4_jiont").rows(talos.standing())
     constraint = make("root_joint")
     if not isinstance(constraint, rbd.JointLock):
-        with pytest.raises(rbd.InputError, match="has 6 freedoms"):
+        with pytest.raises(rbd.InputError, match="has 6 degrees of freedom"):
             constraint.rows(talos.standing())
     with pytest.raises(rbd.InputError, match="want a State, got Robot"):
         make("leg_left_4_joint").rows(talos)

@@ -32,11 +32,11 @@ def bent(talos: rbd.Robot) -> rbd.State:
 
 
 @pytest.mark.parametrize("friction", [None, 0.0, 0.5])
-@pytest.mark.parametrize("against", [None, "right_sole_link"])
+@pytest.mark.parametrize("against", [None, rbd.Body("right_sole_link")])
 def test_a_line_describes_its_motion(talos, bent, rng, friction, against):
     """J, velocity and J_dot v of its five rows, against the ground and as seen from another body."""
     X_FP = pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3))
-    line = rbd.LineContact("edge", "torso_2_link", half_length=0.1, placement=X_FP, friction=friction, against=against)
+    line = rbd.LineContact("edge", "torso_2_link", half_length=0.1, placement=X_FP, friction=friction, on=against)
     report = check_constraint(line, bent)
     assert report.rows == 5 and max(report.jacobian, report.velocity, report.jdot_v) < 1e-9
 
@@ -45,7 +45,9 @@ def test_a_line_on_a_ground_of_its_own_normal_describes_its_motion(bent):
     """The body may roll over its edge: axes follow the line and the ground, not the body."""
     X_FP = pin.SE3(pin.exp3(np.array([0.4, 0.0, 0.0])), np.array([0.1, 0.05, -0.1]))
     up = bent.frame("left_sole_link").X_WF.rotation @ np.array([0.1, -0.3, np.sqrt(0.9)])
-    line = rbd.LineContact("edge", "left_sole_link", half_length=0.1, placement=X_FP, normal=up / np.linalg.norm(up))
+    line = rbd.LineContact(
+        "edge", "left_sole_link", half_length=0.1, placement=X_FP, on=rbd.Ground(normal=up / np.linalg.norm(up))
+    )
     report = check_constraint(line, bent)
     assert report.rows == 5 and max(report.jacobian, report.jdot_v) < 1e-9
     axes = line.rows(bent).patch.axes
@@ -118,7 +120,7 @@ def test_a_turn_about_the_line_is_no_slip():
     w, up = 0.8, (0.0, 0.0, 1.0)
     arm = np.array([0.0, -0.2, 0.1])  # from the edge to the centre
     v = np.r_[np.cross([w, 0, 0], arm), w, 0.0, 0.0]
-    s = rbd.solve(_at(v=v), np.zeros(0), [_edge(y=0.2, friction=0.9, normal=up)])
+    s = rbd.solve(_at(v=v), np.zeros(0), [_edge(y=0.2, friction=0.9, on=rbd.Ground(normal=up))])
     # The middle of the line stays: centre's acceleration = w' x arm + w x (w x arm), force = m (that - g).
     angular = s.a[3:]
     centre = np.cross(angular, arm) + w**2 * np.array([0.0, 0.2, -0.1])
@@ -143,10 +145,10 @@ def test_a_rolled_box_keeps_the_grounds_normal():
     """Tipped by 30 deg about its edge: with `normal` the edge pushes along the ground's, without along the body's."""
     R = pin.exp3(np.array([np.pi / 6, 0.0, 0.0]))
     smooth = {"y": 0.2, "friction": 0.0}
-    for more, expected in (({"normal": (0.0, 0.0, 1.0)}, [0.0, 0.0, 1.0]), ({}, R[:, 2])):
+    for more, expected in (({"on": rbd.Ground(normal=(0.0, 0.0, 1.0))}, [0.0, 0.0, 1.0]), ({}, R[:, 2])):
         patch = _edge(**smooth, **more).rows(_at(R)).patch
         assert patch.axes[:, 2] == pytest.approx(expected)
-    force = rbd.solve(_at(R), np.zeros(0), [_edge(**smooth, normal=(0.0, 0.0, 1.0))]).forces["edge"]
+    force = rbd.solve(_at(R), np.zeros(0), [_edge(**smooth, on=rbd.Ground(normal=(0.0, 0.0, 1.0)))]).forces["edge"]
     assert not force[:2].any() and 0.0 < force[2] < WEIGHT_N
 
 
@@ -197,7 +199,6 @@ def test_no_torques_hold_a_robot_on_two_edges_off_its_centre(talos):
         ("half_length", {"half_length": np.nan}),
         ("half_length", {"half_length": "long"}),
         ("friction", {"half_length": 0.1, "friction": -1.0}),
-        ("normal", {"half_length": 0.1, "normal": (0.0, 0.0, 2.0)}),
         ("placement", {"half_length": 0.1, "placement": np.ones((4, 4))}),
         ("anchor", {"half_length": 0.1, "anchor": (0.0, 0.0, 0.0)}),
     ],
@@ -208,8 +209,15 @@ def test_a_line_that_means_nothing_is_refused(what, arguments):
         rbd.LineContact("edge", "box", **arguments)
 
 
+def test_a_normal_that_is_none_is_refused():
+    """Of ground and of a body, before any contact."""
+    for make in (rbd.Ground, lambda **given: rbd.Body("box", **given)):
+        with pytest.raises(rbd.InputError, match="normal of the .* has length 2; expected a unit vector"):
+            make(normal=(0.0, 0.0, 2.0))
+
+
 def test_a_line_that_stands_on_the_ground_is_refused():
     """Its x axis along the normal: the placement is turned."""
     upright = pin.SE3(pin.exp3(np.array([0.0, np.pi / 2, 0.0])), np.zeros(3))
     with pytest.raises(rbd.InputError, match="90 degrees off its surface"):
-        rbd.LineContact("edge", "box", half_length=0.1, placement=upright, normal=(0.0, 0.0, 1.0)).rows(_at())
+        rbd.LineContact("edge", "box", half_length=0.1, placement=upright, on=rbd.Ground(normal=(0.0, 0.0, 1.0))).rows(_at())

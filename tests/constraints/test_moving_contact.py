@@ -47,7 +47,9 @@ def _total(s: rbd.Solution) -> np.ndarray:
 def test_a_box_on_a_lift_presses_with_m_g_plus_a(kind, solver, lift):
     """N = m (g + a), going up or down, at any speed of the lift."""
     v = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])
-    s = rbd.solve(_at(v=v), np.zeros(0), KINDS[kind](velocity=(0, 0, 1.5), acceleration=(0, 0, lift)), solver=solver)
+    s = rbd.solve(
+        _at(v=v), np.zeros(0), KINDS[kind](on=rbd.Ground(velocity=(0, 0, 1.5), acceleration=(0, 0, lift))), solver=solver
+    )
     assert _total(s) == pytest.approx([0.0, 0.0, M * (G + lift)], abs=1e-7)
     assert s.a == pytest.approx([0.0, 0.0, lift, 0.0, 0.0, 0.0], abs=1e-8)
     assert all(np.abs(c).max() < 1e-8 for c in s.accelerations.values())  # relative to the lift
@@ -55,7 +57,7 @@ def test_a_box_on_a_lift_presses_with_m_g_plus_a(kind, solver, lift):
 
 def test_a_lift_that_falls_faster_than_g_leaves_the_box_behind():
     """No force, and the box falls freely."""
-    s = rbd.solve(_at(), np.zeros(0), [_patch(acceleration=(0.0, 0.0, -12.0))], solver=rbd.ConeSolver())
+    s = rbd.solve(_at(), np.zeros(0), [_patch(on=rbd.Ground(acceleration=(0.0, 0.0, -12.0)))], solver=rbd.ConeSolver())
     assert np.abs(s.forces["floor"]).max() < 1e-9 and s.a[2] == pytest.approx(-G)
     assert s.accelerations["floor"][2] == pytest.approx(12.0 - G)
 
@@ -66,7 +68,7 @@ def test_a_box_moves_with_its_belt(kind, solver):
     """At the belt's speed it is at rest: nothing rubs, and what the belt's acceleration asks for is m a."""
     state = _at(v=np.array([1.2, -0.4, 0, 0, 0, 0]))
     for a in ((0.0, 0.0, 0.0), (2.0, 1.0, 0.0)):
-        s = rbd.solve(state, np.zeros(0), KINDS[kind](velocity=(1.2, -0.4, 0.0), acceleration=a), solver=solver)
+        s = rbd.solve(state, np.zeros(0), KINDS[kind](on=rbd.Ground(velocity=(1.2, -0.4, 0.0), acceleration=a)), solver=solver)
         assert _total(s) == pytest.approx([M * a[0], M * a[1], M * G], abs=1e-7)
         assert s.a[:3] == pytest.approx(a, abs=1e-8)
 
@@ -75,7 +77,7 @@ def test_a_box_moves_with_its_belt(kind, solver):
 def test_a_box_slower_than_its_belt_is_rubbed_along(kind):
     """Coulomb: mu m g along the belt's motion relative to the box, whatever the speeds; the centre gains mu g."""
     v = np.array([0.5, 0.0, 0, 0, 0, 0])
-    s = rbd.solve(_at(v=v), np.zeros(0), KINDS[kind](velocity=(0.5, 2.0, 0.0)), solver=rbd.ConeSolver())
+    s = rbd.solve(_at(v=v), np.zeros(0), KINDS[kind](on=rbd.Ground(velocity=(0.5, 2.0, 0.0))), solver=rbd.ConeSolver())
     # Rubbed along y at its bottom, it does not tip: the load leans to one side by mu h = 0.06 of the 0.2 m there are.
     assert _total(s) == pytest.approx([0.0, MU * M * G, M * G], abs=1e-7)
     assert s.a == pytest.approx([0.0, MU * G, 0.0, 0.0, 0.0, 0.0], abs=1e-8)
@@ -85,15 +87,15 @@ def test_a_box_slower_than_its_belt_is_rubbed_along(kind):
 def test_a_belt_faster_than_the_box_is_refused_by_the_convex_law():
     """It slips, so that only Coulomb's law says what happens; named, with the relative speed."""
     with pytest.raises(rbd.errors.ContactMoves, match=r"'floor'.* 0\.7 m/s.*ConeSolver"):
-        rbd.solve(_at(v=np.array([0.5, 0, 0, 0, 0, 0])), np.zeros(0), [_patch(velocity=(1.2, 0.0, 0.0))])
+        rbd.solve(_at(v=np.array([0.5, 0, 0, 0, 0, 0])), np.zeros(0), [_patch(on=rbd.Ground(velocity=(1.2, 0.0, 0.0)))])
 
 
 def test_a_floor_that_comes_up_is_an_impact():
     """No acceleration answers it; a floor that goes down leaves the box free."""
     with pytest.raises(rbd.errors.ContactMoves, match="'floor' approaches at 0.3 m/s"):
-        rbd.solve(_at(), np.zeros(0), [_patch(velocity=(0.0, 0.0, 0.3))], solver=rbd.ConeSolver())
+        rbd.solve(_at(), np.zeros(0), [_patch(on=rbd.Ground(velocity=(0.0, 0.0, 0.3)))], solver=rbd.ConeSolver())
     with pytest.warns(rbd.errors.OpeningContactWarning, match="'floor' at up to 0.3 m/s"):
-        s = rbd.solve(_at(), np.zeros(0), [_patch(velocity=(0.0, 0.0, -0.3))], solver=rbd.ConeSolver())
+        s = rbd.solve(_at(), np.zeros(0), [_patch(on=rbd.Ground(velocity=(0.0, 0.0, -0.3)))], solver=rbd.ConeSolver())
     assert not s.forces["floor"].any() and s.a[2] == pytest.approx(-G)
 
 
@@ -101,7 +103,7 @@ def test_a_floor_that_comes_up_is_an_impact():
 def test_a_braking_cart_holds_its_load_up_to_mu_g(brake):
     """Friction m a, up to mu g = 5.886 m/s2; the load leans forward, and stays while mu h < b."""
     v = np.array([3.0, 0.0, 0, 0, 0, 0])
-    contact = _patch(velocity=(3.0, 0.0, 0.0), acceleration=(-brake, 0.0, 0.0))
+    contact = _patch(on=rbd.Ground(velocity=(3.0, 0.0, 0.0), acceleration=(-brake, 0.0, 0.0)))
     for solver in (rbd.ConeSolver(), rbd.ProxQP()):
         s = rbd.solve(_at(v=v), np.zeros(0), [contact], solver=solver)
         assert s.forces["floor"][:3] == pytest.approx([-M * brake, 0.0, M * G], abs=1e-7)
@@ -110,7 +112,7 @@ def test_a_braking_cart_holds_its_load_up_to_mu_g(brake):
 
 def test_a_cart_that_brakes_harder_loses_its_load():
     """Beyond mu g the load slides forward on the cart: a = -mu g (Coulomb's law), from the first instant."""
-    contact = _patch(velocity=(3.0, 0.0, 0.0), acceleration=(-9.0, 0.0, 0.0))
+    contact = _patch(on=rbd.Ground(velocity=(3.0, 0.0, 0.0), acceleration=(-9.0, 0.0, 0.0)))
     s = rbd.solve(_at(v=np.array([3.0, 0.0, 0, 0, 0, 0])), np.zeros(0), [contact], solver=rbd.ConeSolver())
     assert s.a[:3] == pytest.approx([-MU * G, 0.0, 0.0], abs=1e-8)
     assert s.accelerations["floor"][:3] == pytest.approx([9.0 - MU * G, 0.0, 0.0], abs=1e-8)
@@ -124,7 +126,9 @@ class TestTurntable:
     def on(self, friction: float | None = MU, *, spin_up: float = 0.0) -> rbd.SurfaceContact:
         """A box on it, wherever it is."""
         W = self.W
-        return _patch(friction, velocity=(0, 0, 0, 0, 0, W), acceleration=(0, 0, 0, 0, 0, spin_up), about=(0.0, 0.0, 0.0))
+        return _patch(
+            friction, on=rbd.Ground(velocity=(0, 0, 0, 0, 0, W), acceleration=(0, 0, 0, 0, 0, spin_up), about=(0.0, 0.0, 0.0))
+        )
 
     def at(self, walk: tuple[float, float] = (0.0, 0.0), spin: float = 0.0) -> rbd.State:
         """At radius R on the x axis; `walk` and `spin` relative to the table."""
@@ -165,7 +169,11 @@ class TestTurntable:
     def test_a_sliding_point_rubs_against_its_motion_on_the_table(self):
         """Not against its motion in the world: -mu N v_rel / |v_rel|."""
         point = rbd.PointContact(
-            "tip", "box", offset=(0, 0, -0.1), friction=MU, velocity=(0, 0, 0, 0, 0, self.W), about=(0.0, 0.0, 0.0)
+            "tip",
+            "box",
+            offset=(0, 0, -0.1),
+            friction=MU,
+            on=rbd.Ground(velocity=(0, 0, 0, 0, 0, self.W), about=(0.0, 0.0, 0.0)),
         )
         s = rbd.solve(self.at((0.3, -0.4)), np.zeros(0), [point], solver=rbd.ConeSolver())
         force = s.forces["tip"]
@@ -174,7 +182,7 @@ class TestTurntable:
     def test_a_velocity_at_the_contact_needs_its_centripetal_acceleration(self):
         """Without `about` both are of the surface's point under the contact: u = W x r, s = W x (W x r), given by hand."""
         W, R = self.W, self.R
-        by_hand = _patch(velocity=(0, W * R, 0, 0, 0, W), acceleration=(-W * W * R, 0, 0))
+        by_hand = _patch(on=rbd.Ground(velocity=(0, W * R, 0, 0, 0, W), acceleration=(-W * W * R, 0, 0)))
         for contact in (self.on(), by_hand):
             rows = contact.rows(self.at((0.2, 0.1), 0.4))
             assert rows.velocity == pytest.approx([0.2, 0.1, 0, 0, 0, 0.4], abs=1e-14)
@@ -194,15 +202,18 @@ def test_rows_are_the_motion_seen_from_the_surface(talos, kind, along):
     state = talos.at(pin.integrate(talos.model, talos.standing().q, 0.4 * rng.normal(size=talos.nv)))
     v, a = rng.normal(size=(2, talos.nv))
     u, s, at = rng.normal(size=6), rng.normal(size=6), rng.normal(size=3)
-    more = {"velocity": u, "acceleration": s, "about": at}
+    moves = {"velocity": u, "acceleration": s, "about": at}
+    more = {"on": rbd.Ground(**moves)}
     contact = {
-        "point": rbd.PointContact("c", "left_sole_link", offset=(0.1, 0.0, -0.1), normal=(0.48, -0.64, 0.6), **more),
+        "point": rbd.PointContact(
+            "c", "left_sole_link", offset=(0.1, 0.0, -0.1), on=rbd.Ground(normal=(0.48, -0.64, 0.6), **moves)
+        ),
         "line": rbd.LineContact("c", "left_sole_link", half_length=0.1, placement=FREE, **more),
         "surface": rbd.SurfaceContact("c", "left_sole_link", half_lengths=(0.1, 0.1), placement=FREE, **more),
     }[kind]
     if along:  # at the surface's own velocity: what is left is the acceleration alone
-        J, moves = contact.rows(state.with_velocity(0 * v)).J, contact.rows(state.with_velocity(0 * v)).velocity
-        v = v - np.linalg.pinv(J) @ (J @ v + moves)
+        J, relative = contact.rows(state.with_velocity(0 * v)).J, contact.rows(state.with_velocity(0 * v)).velocity
+        v = v - np.linalg.pinv(J) @ (J @ v + relative)
     rows = contact.rows(state.with_velocity(v))
     step = 5e-3
     nodes = step * np.arange(-3, 4)
@@ -231,8 +242,12 @@ def test_the_contract_holds_on_moving_ground(talos, friction, motion):
     state = talos.at(pin.integrate(talos.model, talos.standing().q, 0.4 * rng.normal(size=talos.nv)))
     motion = {**motion, "acceleration": (0.3, -0.2, 0.1)}
     for contact in (
-        rbd.PointContact("p", "left_sole_link", offset=(0.1, 0.0, -0.1), normal=(0.6, 0, 0.8), friction=friction, **motion),
-        rbd.SurfaceContact("s", "left_sole_link", half_lengths=(0.1, 0.1), placement=FREE, friction=friction, **motion),
+        rbd.PointContact(
+            "p", "left_sole_link", offset=(0.1, 0.0, -0.1), on=rbd.Ground(normal=(0.6, 0, 0.8), **motion), friction=friction
+        ),
+        rbd.SurfaceContact(
+            "s", "left_sole_link", half_lengths=(0.1, 0.1), placement=FREE, friction=friction, on=rbd.Ground(**motion)
+        ),
     ):
         report = check_constraint(contact, state)
         assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-9
@@ -243,9 +258,11 @@ def test_a_ground_that_does_not_move_is_the_ground(talos):
     state = talos.standing().with_velocity(np.linspace(-1.0, 1.0, talos.nv))
     still = {"velocity": (0.0, 0.0, 0.0), "acceleration": (0.0, 0.0, 0.0), "about": (1.0, 2.0, 3.0)}
     for kind in (
-        lambda **k: rbd.PointContact("p", "left_sole_link", normal=(0.6, 0.0, 0.8), friction=0.5, **k),
-        lambda **k: rbd.SurfaceContact("s", "left_sole_link", half_lengths=(0.1, 0.1), placement=FREE, friction=0.5, **k),
-        lambda **k: rbd.LineContact("l", "left_sole_link", half_length=0.1, placement=FREE, friction=0.5, **k),
+        lambda **k: rbd.PointContact("p", "left_sole_link", on=rbd.Ground(normal=(0.6, 0.0, 0.8), **k), friction=0.5),
+        lambda **k: rbd.SurfaceContact(
+            "s", "left_sole_link", half_lengths=(0.1, 0.1), placement=FREE, friction=0.5, on=rbd.Ground(**k)
+        ),
+        lambda **k: rbd.LineContact("l", "left_sole_link", half_length=0.1, placement=FREE, friction=0.5, on=rbd.Ground(**k)),
     ):
         plain, moving, anchored = kind().rows(state), kind(**still).rows(state), kind().anchored(state).rows(state)
         for field in ("J", "velocity", "bias", "resultant"):
@@ -260,7 +277,12 @@ def test_talos_rides_a_lift(talos):
     tau = rbd.hold(state, talos.soles()).tau * (G + 2.0) / G
     soles = [
         rbd.SurfaceContact(
-            s.name, s.frame, corners=s.corners, placement=s.placement, friction=0.7, velocity=(0, 0, 1), acceleration=(0, 0, 2)
+            s.name,
+            s.frame,
+            corners=s.corners,
+            placement=s.placement,
+            friction=0.7,
+            on=rbd.Ground(velocity=(0, 0, 1), acceleration=(0, 0, 2)),
         )
         for s in talos.soles()
     ]
@@ -275,8 +297,10 @@ def test_talos_rides_a_lift(talos):
 def test_answers_on_moving_ground_obey_the_law_recomputed(rng):
     """Belts and turntables at random under a box that moves with them: residuals written down once more."""
     for _ in range(30):
-        contact = _patch(0.5, velocity=np.r_[rng.normal(size=2), 0, 0, 0, rng.normal()], acceleration=3 * rng.normal(size=3))
-        u = contact.velocity
+        contact = _patch(
+            0.5, on=rbd.Ground(velocity=np.r_[rng.normal(size=2), 0, 0, 0, rng.normal()], acceleration=3 * rng.normal(size=3))
+        )
+        u = contact.on.velocity
         state = _at(v=np.r_[u[:3], u[3:]])
         for solver in SOLVERS:
             s = rbd.solve(state, np.zeros(0), [contact], solver=solver)
@@ -288,7 +312,9 @@ class TestAnchor:
 
     def test_a_point_that_has_slipped_knows_how_far(self):
         """In contact axes: on a wall, the way up is the second tangent's."""
-        wall = rbd.PointContact("hand", "box", offset=(0.2, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), anchor=(0.2, 0.0, 0.1))
+        wall = rbd.PointContact(
+            "hand", "box", offset=(0.2, 0.0, 0.0), on=rbd.Ground(normal=(-1.0, 0.0, 0.0)), anchor=(0.2, 0.0, 0.1)
+        )
         state = rbd.State(box(), np.array([0.01, 0.02, 0.13, 0.0, 0.0, 0.0, 1.0]))
         rows = wall.rows(state)
         assert rows.patch.axes @ rows.error == pytest.approx([0.01, 0.02, 0.03], abs=1e-15)
@@ -312,14 +338,16 @@ class TestAnchor:
         assert error[:3] == pytest.approx(move.rotation.T @ [1e-3, 2e-3, 3e-3], abs=1e-12)
 
     @pytest.mark.parametrize("friction", [None, 0.0, 0.5])
-    @pytest.mark.parametrize("against", [None, "right_sole_link"])
+    @pytest.mark.parametrize("against", [rbd.Ground, lambda **given: rbd.Body("right_sole_link", **given)])
     def test_its_derivative_is_J_v(self, talos, friction, against):
         """Of points, lines and patches, once and twice along curves that keep the contact: check_constraint looks."""
         rng = np.random.default_rng(4)
         state = talos.at(pin.integrate(talos.model, talos.standing().q, 0.3 * rng.normal(size=talos.nv)))
-        more = {"friction": friction, "against": against}
+        more = {"friction": friction, "on": against()}
         for contact in (
-            rbd.PointContact("p", "left_sole_link", offset=(0.1, 0.0, -0.1), normal=(0.6, 0, 0.8), **more),
+            rbd.PointContact(
+                "p", "left_sole_link", offset=(0.1, 0.0, -0.1), friction=friction, on=against(normal=(0.6, 0, 0.8))
+            ),
             rbd.LineContact("l", "left_sole_link", half_length=0.1, placement=FREE, **more),
             rbd.SurfaceContact("s", "left_sole_link", half_lengths=(0.1, 0.1), placement=FREE, **more),
         ):
@@ -333,7 +361,11 @@ class TestAnchor:
             name = "p"
 
             def rows(self, state):
-                inner = rbd.PointContact("p", "left_sole_link", normal=(0.6, 0.0, 0.8)).anchored(talos.standing()).rows(state)
+                inner = (
+                    rbd.PointContact("p", "left_sole_link", on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+                    .anchored(talos.standing())
+                    .rows(state)
+                )
                 error = inner.patch.axes @ inner.error
                 return rbd.Rows("p", inner.J, inner.bias, inner.cone, inner.velocity, error, resultant=inner.resultant,
                                 patch=inner.patch)  # fmt: skip
@@ -353,12 +385,17 @@ class TestAnchor:
         ("acceleration.*finite", {"acceleration": (np.inf, 0.0, 0.0)}),
         ("about.*shape", {"velocity": (1, 0, 0), "about": (1.0, 0.0)}),
         ("about= without", {"about": (1.0, 0.0, 0.0)}),
-        ("anchor", {"anchor": "here"}),
-        ("anchor", {"anchor": (0.0, 0.0)}),
     ],
 )
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_motion_that_means_nothing_is_refused(kind, what, arguments):
-    """By name, before any robot is involved."""
+def test_a_motion_that_means_nothing_is_refused(what, arguments):
+    """By name, before any contact is involved."""
     with pytest.raises(rbd.InputError, match=what):
-        KINDS[kind](**arguments)
+        rbd.Ground(**arguments)
+
+
+@pytest.mark.parametrize("anchor", ["here", (0.0, 0.0)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_anchor_that_means_nothing_is_refused(kind, anchor):
+    """By name, before any robot is involved."""
+    with pytest.raises(rbd.InputError, match="anchor"):
+        KINDS[kind](anchor=anchor)

@@ -44,7 +44,7 @@ def test_a_body_on_a_table_that_is_fixed_is_as_on_the_ground(tmp_path, rng):
     robot = scene(tmp_path, 'type="box" size="0.1 0.2 0.05"', fixed=TABLE)
     state = placed(robot, ((0.1, 0.0, 1.05), (0.0, 0.0, 0.4)), v=rng.normal(size=6))
     pair = rbd.CollisionContacts("on table", robot, ground=False, pairs=[("geom", "table")], friction=0.5)
-    plane = rbd.CollisionContacts("on plane", robot, ground=["geom"], point=(0.0, 0.0, 1.0), friction=0.5)
+    plane = rbd.CollisionContacts("on plane", robot, ground=["geom"], on=rbd.Ground(point=(0.0, 0.0, 1.0)), friction=0.5)
     one, other = pair.rows(state), plane.rows(state)
     assert len(one) == len(other) == 12 and np.abs(one.error - other.error).max() < 1e-14
     order = np.argsort([tuple(np.round(p, 9)) for p in pair.points(state).positions], axis=0)[:, 0]
@@ -151,7 +151,7 @@ def test_a_contact_that_leaves_splits_nothing():
     corners = np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]])
     patch = Patch(np.zeros(3), np.eye(3), corners, 0.5)
     gone = Rows("gone", np.zeros((0, 3)), np.zeros(0), rbd.problem.NonNegative(0), patch=patch)
-    assert np.array_equal(corner_split(gone, np.zeros(0), None), np.zeros((2, 3)))
+    assert np.array_equal(corner_split(gone, np.zeros(0)), np.zeros((2, 3)))
 
 
 # ----------------------------------------------------------------------------------------------------------------- sets

@@ -61,7 +61,7 @@ def tumbling(rng: np.random.Generator) -> rbd.State:
 def test_what_rolls_describes_its_motion(tumbling, kind, friction, normal):
     """The height's two derivatives, and the change of the other rows along the motion, off the plane and slipping."""
     for more in ({}, MOVING):
-        rolling = KINDS[kind](friction=friction, normal=normal, point=(0.1, 0.2, 0.3), **more)
+        rolling = KINDS[kind](friction=friction, on=rbd.Ground(normal=normal, point=(0.1, 0.2, 0.3), **more))
         report = check_constraint(rolling, tumbling)
         assert report.rows == (1 if friction == 0.0 else 2 if kind == "wheel" and friction is None else 3)
         assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-9
@@ -71,7 +71,7 @@ def test_what_rolls_describes_its_motion(tumbling, kind, friction, normal):
 def test_rows_are_the_velocity_of_the_material_point_that_touches(tumbling, kind):
     """J v against differences of that point's place, and its place against the lowest of all points of the body."""
     n = np.array([0.6, 0.0, 0.8])
-    rows = KINDS[kind](normal=n, friction=0.4).rows(tumbling)
+    rows = KINDS[kind](on=rbd.Ground(normal=n, point=(0.0, 0.0, 0.0)), friction=0.4).rows(tumbling)
     X, h = pin.XYZQUATToSE3(tumbling.q), 1e-5
     p, R = rows.patch.point, rows.patch.axes
     material = X.actInv(p)
@@ -110,13 +110,18 @@ def test_a_plane_that_moves_is_seen_from_itself(tumbling, kind):
             "normal": turn @ normal,
         }
         q = pin.integrate(model, tumbling.q, v * t + 0.5 * a * t * t)
-        rows = KINDS[kind](friction=0.5, **now).rows(rbd.State(tumbling.robot, q, v + a * t))
+        rows = KINDS[kind](friction=0.5, on=rbd.Ground(**now)).rows(rbd.State(tumbling.robot, q, v + a * t))
         R0 = rows.patch.axes
         if kind != "ball":
             return rows.velocity
-        return KINDS[kind](friction=0.5, normal=normal).rows(tumbling).patch.axes.T @ turn.T @ R0 @ rows.velocity
+        return (
+            KINDS[kind](friction=0.5, on=rbd.Ground(normal=normal, point=(0.0, 0.0, 0.0))).rows(tumbling).patch.axes.T
+            @ turn.T
+            @ R0
+            @ rows.velocity
+        )
 
-    rows = KINDS[kind](friction=0.5, normal=normal, point=point, **MOVING).rows(tumbling)
+    rows = KINDS[kind](friction=0.5, on=rbd.Ground(normal=normal, point=point, **MOVING)).rows(tumbling)
     h = 1e-3
     found = sum(w * seen(k * h) for k, w in zip((-3, -2, -1, 1, 2, 3), (-1, 9, -45, 45, -9, 1), strict=True)) / (60.0 * h)
     assert np.abs(rows.velocity - seen(0.0)).max() < 1e-14
@@ -132,7 +137,7 @@ def test_a_ball_rolls_down_an_incline_with_five_sevenths(spin, solver):
     speed = 1.3 * down + 0.4 * np.cross(n, down)
     w = np.cross(n, speed) / r + spin * n
     state = state_of(solid_ball(m, r), pin.exp3(np.array([0.3, -0.5, 0.9])), r * n, speed, w)
-    ball = rbd.RollingBall("ball", "body", radius=r, normal=n)
+    ball = rbd.RollingBall("ball", "body", radius=r, on=rbd.Ground(normal=n, point=(0.0, 0.0, 0.0)))
     assert ball.rows(state).speed < 1e-14
     s = rbd.solve(state, np.zeros(0), [ball], solver=solver)
     a, turn = world(state, s.a)
@@ -166,7 +171,7 @@ def test_a_ball_slips_then_rolls(spin):
     a, turn = world(robot_state, s.a)
     assert np.abs(a - [-mu * G, 0.0, 0.0]).max() < 1e-8
     assert np.abs(turn - [0.0, 2.5 * mu * G / r, 0.0]).max() < 1e-7
-    assert s.contacts["ball"].friction_used == pytest.approx(1.0) and s.law == "coulomb"
+    assert s.contacts["ball"].friction_used == pytest.approx(1.0) and s.law.kind == "coulomb"
     t = 2.0 * v0 / (7.0 * mu * G)  # the accelerations stay, so this is exact
     v, w = np.array([v0 + a[0] * t, 0.0, 0.0]), np.array([0.0, turn[1] * t, spin])
     later = state_of(robot, np.eye(3), [v0 * t, 0.0, r], v, w)
@@ -183,7 +188,7 @@ def test_a_ball_rolls_on_an_incline_while_friction_lasts(mu, rolls):
     m, r, b = 1.0, 0.2, np.deg2rad(60.0)
     n, down = np.array([np.sin(b), 0.0, np.cos(b)]), np.array([np.cos(b), 0.0, -np.sin(b)])
     state = state_of(solid_ball(m, r), np.eye(3), r * n, np.zeros(3), np.zeros(3))
-    ball = rbd.RollingBall("ball", "body", radius=r, normal=n, friction=mu)
+    ball = rbd.RollingBall("ball", "body", radius=r, on=rbd.Ground(normal=n, point=(0.0, 0.0, 0.0)), friction=mu)
     s = rbd.solve(state, np.zeros(0), [ball], solver=rbd.ConeSolver())
     slides = G * (np.sin(b) - mu * np.cos(b))
     assert (5.0 / 7.0 * G * np.sin(b) > slides) == rolls
@@ -203,7 +208,7 @@ def test_a_ball_on_a_turntable_circles_at_two_sevenths(tilt, friction):
     v = along - 0.9 * across
     w = np.cross(n, v - np.cross(W * n, p - axis_at)) / r + 5.0 * n
     table = {"point": axis_at, "about": axis_at, "velocity": np.r_[np.zeros(3), W * n]}
-    ball = rbd.RollingBall("ball", "body", radius=r, normal=n, friction=friction, **table)
+    ball = rbd.RollingBall("ball", "body", radius=r, on=rbd.Ground(normal=n, **table), friction=friction)
     state = state_of(solid_ball(m, r), pin.exp3(np.array([0.1, 0.2, 0.3])), p + r * n, v, w)
     assert ball.rows(state).speed < 1e-14
     for solver in [rbd.KKT()] * (friction is None) + [rbd.ProxQP(), rbd.ConeSolver()]:
@@ -222,14 +227,16 @@ def test_a_ball_lies_still_on_the_level_alone():
         n = np.array([np.sin(b), 0.0, np.cos(b)])
         with pytest.raises(rbd.CannotHold):
             p = [0.3, 0.2, r] - r * n
-            rbd.hold(level, [rbd.RollingBall("slope", "body", radius=r, point=p, normal=n, friction=friction)])
+            rbd.hold(level, [rbd.RollingBall("slope", "body", radius=r, on=rbd.Ground(normal=n, point=p), friction=friction)])
 
 
 def test_a_ball_on_a_plank_that_speeds_up_keeps_two_sevenths_of_it():
     """A plank pulled at A under a ball at rest on it: a = 2/7 A."""
     A = np.array([1.4, -0.7, 0.0])
     state = state_of(solid_ball(1.0, 0.1), np.eye(3), [0, 0, 0.1], np.array([0.5, 0.0, 0.0]), np.zeros(3))
-    plank = rbd.RollingBall("ball", "body", radius=0.1, velocity=(0.5, 0, 0), acceleration=A)
+    plank = rbd.RollingBall(
+        "ball", "body", radius=0.1, on=rbd.Ground(point=(0.0, 0.0, 0.0), velocity=(0.5, 0, 0), acceleration=A)
+    )
     assert plank.rows(state).speed == 0.0
     assert np.abs(world(state, rbd.solve(state, np.zeros(0), [plank]).a)[0] - 2.0 / 7.0 * A).max() < 1e-9
 
@@ -372,6 +379,42 @@ def test_a_disk_that_lies_flat_is_refused(kind):
         make("coin", "box", radius=0.1, axis=(0, 0, 1)).rows(rbd.State(box(), pin.neutral(box().model)))
 
 
+@pytest.mark.parametrize("friction", [None, 0.5, 0.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_rolls_on_a_body_describes_its_motion(rng, kind, friction):
+    """The height above the body's plane and its two derivatives, and the change of the other rows, both bodies tumbling."""
+    pair = rbd.robots.merge_robots(
+        free(pin.Inertia.FromBox(2.0, 0.1, 0.2, 0.3)), free(pin.Inertia.FromBox(3.0, 0.4, 0.2, 0.3)), names=("", "t_")
+    )
+    state = pair.at(pin.integrate(pair.model, pair.neutral(), rng.normal(size=12)), rng.normal(size=12))
+    rolling = KINDS[kind](friction=friction, on=rbd.Body("t_body", normal=(0.6, 0.0, 0.8)))
+    report = check_constraint(rolling, state)
+    assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-9
+    alone = KINDS[kind](friction=friction, on=rbd.Ground(
+        normal=state.frame("t_body").X_WF.rotation @ [0.6, 0.0, 0.8], point=state.frame("t_body").X_WF.translation,
+        velocity=state.frame("t_body").v, about=state.frame("t_body").X_WF.translation,
+        acceleration=state.frame("t_body").bias))  # fmt: skip
+    ours, theirs = rolling.rows(state), alone.rows(rbd.State(pair.members[0], state.q[:7], state.v[:6]))
+    turn = ours.patch.axes.T @ theirs.patch.axes if len(ours) == 3 and kind == "ball" else np.eye(len(ours))
+    assert np.abs(ours.velocity - turn @ theirs.velocity).max() < 1e-13
+    assert np.abs(ours.bias - turn @ theirs.bias).max() < 1e-12
+
+
+@EACH_SOLVER
+def test_a_ball_on_a_free_plank_holds_it_back_with_two_sevenths_of_its_mass(solver):
+    """F = (M + 2/7 m) a of a plank on ice pulled under a ball, which gains 2/7 a."""
+    m, M, F, r = 1.4, 3.0, 6.0, 0.1
+    pair = rbd.robots.merge_robots(solid_ball(m, r), box(M, (1.0, 1.0, 0.2)), names=("ball_", ""))
+    top = rbd.Body("box", normal=(0.0, 0.0, 1.0))
+    state = pair.at(pair.q(np.r_[0.0, 0.0, r, 0, 0, 0, 1.0], np.r_[0, 0, 0, 0, 0, 0, 1.0]))
+    ball = rbd.RollingBall("ball", "ball_body", radius=r, on=top)
+    held = rbd.VelocityConstraint("level", np.c_[np.zeros((5, 6)), np.eye(6)[1:]])  # the plank slides along x alone
+    s = rbd.solve(state, np.zeros(0), [ball, held], external=rbd.ExternalForce("box", (F, 0.0, 0.0)), solver=solver)
+    a = F / (M + 2.0 / 7.0 * m)
+    assert s.a[6] == pytest.approx(a) and s.a[0] == pytest.approx(2.0 / 7.0 * a)
+    assert s.forces["ball"] == pytest.approx([m * 2.0 / 7.0 * a, 0.0, m * G], abs=1e-8)
+
+
 @pytest.mark.parametrize("kind", [rbd.RollingBall, rbd.RollingDisk, rbd.RollingWheel])
 @pytest.mark.parametrize(
     ("given", "words"),
@@ -381,11 +424,10 @@ def test_a_disk_that_lies_flat_is_refused(kind):
         ({"radius": "1"}, "radius of 'it'"),
         ({"friction": -0.1}, "friction"),
         ({"friction": 0.5, "facets": 2}, "facets"),
-        ({"normal": (0, 0, 2)}, "expected a unit vector"),
-        ({"point": (0, 0)}, "three numbers"),
-        ({"velocity": (1, 2)}, "velocity of 'it'"),
-        ({"acceleration": (1, 2, 3, 4)}, "acceleration of 'it'"),
-        ({"about": (0, 0, 0)}, "about= without velocity="),
+        ({"on": rbd.Ground(normal=(0, 0, 1))}, "on of 'it' is .*with a point"),
+        ({"on": None}, "on of 'it' is None; expected rbd.Ground"),
+        ({"on": "floor"}, "on of 'it' is 'floor'; expected rbd.Ground"),
+        ({"on": rbd.Body("body")}, "between 'body' and itself"),
         ({"name": ""}, "the name of what rolls"),
         ({"frame": None}, "the frame of what rolls"),
     ],

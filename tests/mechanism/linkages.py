@@ -120,7 +120,7 @@ def sarrus_pose(fold: float) -> np.ndarray:
 
 def closed(robot: CheckedModel, constraints: Sequence[object], q: np.ndarray) -> rbd.State:
     """The state at a configuration brought onto the constraints."""
-    held = rbd.mechanism.held.Held(rbd.State(robot, q), constraints)
+    held = rbd.constraints.manifold.ConstraintManifold(rbd.State(robot, q), constraints)
     found = held.project(q)
     assert np.abs(found.error).max(initial=0.0) < 1e-13
     return rbd.State(robot, found.q)

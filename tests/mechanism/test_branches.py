@@ -9,11 +9,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from planar_models import absolute, checked, four_bar, four_bar_angles, six_bar, slider_crank
+from states import at_neutral
 
 import rbd
 from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble, branches
-from rbd.mechanism.coordinates import coordinates_of
+from rbd.mechanism.poses import canonical, distance, draw
 
 URDF = Path(__file__).parents[2] / "urdf"
 
@@ -22,7 +23,7 @@ def test_both_branches_of_nortons_four_bar():
     """Open (20.298, 57.325) and crossed (-60.98, -98.01) deg at a crank of 40 deg, and in closed form to 1e-10."""
     robot, loops = four_bar(40.0, 120.0, 80.0, 100.0)
     crank = math.radians(40.0)
-    found = branches(robot, loops, fixed={"crank": crank})
+    found = branches(at_neutral(robot), loops, fixed={"crank": crank})
     assert len(found) == 2
     degrees = [np.degrees(absolute(q))[1:] for q in found.q]
     assert np.abs(degrees[1] - [20.298, 57.325]).max() < 0.0075
@@ -35,7 +36,7 @@ def test_both_branches_of_nortons_four_bar():
 def test_both_branches_of_the_rhombus():
     """The text's rhombus at 30 deg: coupler and rocker open (0, 30), folded (210, 180) deg from the ground."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
-    found = branches(robot, loops, fixed={"crank": math.radians(30.0)})
+    found = branches(at_neutral(robot), loops, fixed={"crank": math.radians(30.0)})
     assert len(found) == 2
     opened, folded = (np.exp(1j * np.array([q[0] + q[1], q[2]])) for q in found.q)
     assert np.abs(opened - np.exp(1j * np.radians([0.0, 30.0]))).max() < 1e-12
@@ -49,7 +50,7 @@ def test_whole_turns_make_no_new_branches(continuous: bool):
     if not continuous:
         robot.model.lowerPositionLimit = np.full(3, -7.0 * math.pi)
         robot.model.upperPositionLimit = np.full(3, 7.0 * math.pi)
-    found = branches(robot, loops, fixed={"crank": 0.7})
+    found = branches(at_neutral(robot), loops, fixed={"crank": 0.7})
     assert len(found) == 2
     if not continuous:
         assert (np.abs(found.q) <= math.pi).all()
@@ -59,7 +60,7 @@ def test_a_six_bar_has_four_branches():
     """Two circles' crossings twice: each mode of the four-bar carries both modes of the dyad, when it reaches."""
     robot = rbd.load_robot(URDF / "six_bar.urdf")
     crank = robot.posture("assembled")[:2]
-    found = branches(robot, None, fixed={"crank_joint": crank})
+    found = branches(at_neutral(robot), fixed={"crank_joint": crank})
     assert len(found) == 4
     modes = {(round(math.atan2(q[9], q[8]), 6)) for q in found.q}  # the rocker: two angles, each with two of the dyad's
     assert len(modes) == 2
@@ -68,7 +69,7 @@ def test_a_six_bar_has_four_branches():
 def test_a_branch_that_does_not_reach_is_not_found():
     """My six-bar's crossed four-bar leaves the dyad too far away: two branches, both on the open one."""
     robot, loops = six_bar()
-    found = branches(robot, loops, fixed={"crank": 0.7})
+    found = branches(at_neutral(robot), loops, fixed={"crank": 0.7})
     rocker = four_bar_angles(1.0, 3.0, 2.5, 3.0, 0.7)[0][1]
     assert len(found) == 2
     assert np.abs(found.q[:, 2] - rocker).max() < 1e-11
@@ -78,7 +79,7 @@ def test_a_branch_that_does_not_reach_is_not_found():
 def test_the_same_seed_finds_the_same_in_the_same_order():
     """Bit for bit; another seed finds the same branches, with other hits."""
     robot, loops = six_bar()
-    one, again, other = (branches(robot, loops, fixed={"crank": 0.7}, seed=seed, tries=60) for seed in (1, 1, 2))
+    one, again, other = (branches(at_neutral(robot), loops, fixed={"crank": 0.7}, seed=seed, tries=60) for seed in (1, 1, 2))
     assert np.array_equal(one.q, again.q) and [b.hits for b in one.found] == [b.hits for b in again.found]
     assert np.abs(one.q - other.q).max() < 1e-9
     assert [b.hits for b in one.found] != [b.hits for b in other.found]
@@ -87,7 +88,7 @@ def test_the_same_seed_finds_the_same_in_the_same_order():
 def test_hits_and_tries_are_told_and_completeness_is_not_claimed():
     """Every start that closed is a hit of one branch; the words say that more are not excluded."""
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
-    found = branches(robot, loops, fixed={"crank": 0.7}, tries=50)
+    found = branches(at_neutral(robot), loops, fixed={"crank": 0.7}, tries=50)
     assert sum(b.hits for b in found.found) == found.closed == found.tries == 50
     assert 0 <= found.since_new < 50
     text = str(found)
@@ -97,34 +98,36 @@ def test_hits_and_tries_are_told_and_completeness_is_not_claimed():
 def test_a_slider_has_a_branch_to_each_side():
     """X = r cos t +- sqrt(l^2 - r^2 sin^2 t); a slide without limits is drawn over the mechanism's reach."""
     robot, loops = slider_crank(1.0, 3.0)
-    found = branches(robot, loops, fixed={"crank": 0.4})
+    found = branches(at_neutral(robot), loops, fixed={"crank": 0.4})
     root = math.sqrt(9.0 - math.sin(0.4) ** 2)
     assert np.abs(np.sort(found.q[:, 2]) - [math.cos(0.4) - root, math.cos(0.4) + root]).max() < 1e-11
 
 
 def test_a_mechanism_that_can_still_move_is_refused_with_what_to_fix():
-    """One freedom left: a joint is named, and with it fixed there are branches."""
+    """One degree of freedom left: a joint is named, and with it fixed there are branches."""
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
-    with pytest.raises(rbd.InputError, match="can still move: 1 freedom left, .* Fix as many joints, e.g. '") as caught:
-        branches(robot, loops)
+    with pytest.raises(
+        rbd.InputError, match="can still move: 1 degree of freedom left, .* Fix as many joints, e.g. "
+    ) as caught:
+        branches(at_neutral(robot), loops)
     joint = str(caught.value).split("e.g. '")[1].split("'")[0]
-    assert len(branches(robot, loops, fixed={joint: 0.9}, tries=40)) >= 1
+    assert len(branches(at_neutral(robot), loops, fixed={joint: 0.9}, tries=40)) >= 1
 
 
 def test_a_rhombus_at_zero_is_a_continuum_although_its_crank_is_fixed():
     """With the crank along the ground the rocker's tip is wherever the coupler's is: they turn together."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
-    with pytest.raises(rbd.InputError, match="1 freedom left with 'crank' fixed"):
-        branches(robot, loops, fixed={"crank": 0.0})
+    with pytest.raises(rbd.InputError, match="1 degree of freedom left with 'crank' fixed"):
+        branches(at_neutral(robot), loops, fixed={"crank": 0.0})
 
 
 def test_a_stretched_rhombus_is_one_singular_branch():
     """At 180 deg the linkage is a line: J allows a velocity that leads nowhere, so it is one pose, and is marked."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
-    found = branches(robot, loops, fixed={"crank": math.pi}, tries=50)
+    found = branches(at_neutral(robot), loops, fixed={"crank": math.pi}, tries=50)
     assert len(found) == 1 and found.found[0].singular
     assert "singular" in str(found)
-    regular = branches(robot, loops, fixed={"crank": 1.0}, tries=50)
+    regular = branches(at_neutral(robot), loops, fixed={"crank": 1.0}, tries=50)
     assert not any(b.singular for b in regular.found)
 
 
@@ -132,7 +135,7 @@ def test_loops_that_cannot_close_are_told_with_the_least_gap():
     """1 + 1 + 1 on a ground of 5: 2 m are missing from every start."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 5.0)
     with pytest.raises(CannotAssemble, match="'loop' 2 m .*true minimum") as caught:
-        branches(robot, loops, tries=30)
+        branches(at_neutral(robot), loops, tries=30)
     assert caught.value.distances["loop"] == pytest.approx(2.0, abs=1e-12)
 
 
@@ -140,9 +143,9 @@ def test_limits_mark_branches_or_exclude_them():
     """The crossed branch has the rocker below zero: marked, or with `within_limits` not there."""
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
     robot.model.lowerPositionLimit, robot.model.upperPositionLimit = np.array([-9.0, -9.0, 0.0]), np.array([9.0, 9.0, 3.0])
-    marked = branches(robot, loops, fixed={"crank": 0.7}, tries=60)
+    marked = branches(at_neutral(robot), loops, fixed={"crank": 0.7}, tries=60)
     assert [[x.joint for x in b.beyond_limits] for b in marked.found] == [["rocker"], []]
-    kept = branches(robot, loops, fixed={"crank": 0.7}, tries=60, within_limits=True)
+    kept = branches(at_neutral(robot), loops, fixed={"crank": 0.7}, tries=60, within_limits=True)
     assert len(kept) == 1 and np.abs(kept.q[0] - marked.q[1]).max() < 1e-11
 
 
@@ -153,14 +156,14 @@ def test_bad_arguments_are_refused(more: dict, match: str):
     """In words."""
     robot, loops = four_bar(1.0, 3.0, 2.5, 3.0)
     with pytest.raises(rbd.InputError, match=match):
-        branches(robot, loops, fixed={"crank": 0.7}, **more)
+        branches(at_neutral(robot), loops, fixed={"crank": 0.7}, **more)
 
 
 def test_what_is_given_wrong_is_not_taken_for_a_bad_draw():
     """An unknown frame is an error, not 200 starts that do not close."""
     robot, _ = four_bar(1.0, 3.0, 2.5, 3.0)
     with pytest.raises(rbd.errors.FrameNotFound, match="coupler_tip"):
-        branches(robot, [rbd.LoopClosure("loop", "coupler_tib", "rocker_tip")])
+        branches(at_neutral(robot), [rbd.LoopClosure("loop", "coupler_tib", "rocker_tip")])
 
 
 def test_constraints_that_ask_for_no_place_are_refused_by_name_and_not_by_what_follows():
@@ -173,9 +176,9 @@ def test_constraints_that_ask_for_no_place_are_refused_by_name_and_not_by_what_f
         ([*loops, *loops], rbd.errors.DuplicateName, "two constraints are called 'loop'"),
     ):
         with pytest.raises(error, match=match):
-            branches(robot, given, fixed={"crank": 0.7}, tries=20)
+            branches(at_neutral(robot), given, fixed={"crank": 0.7}, tries=20)
         with pytest.raises(error, match=match):
-            assemble(robot, given, np.array([0.7, -0.03, 1.5]))
+            assemble(rbd.State(robot, np.array([0.7, -0.03, 1.5])), given)
 
 
 def every_joint() -> rbd.model.checked_model.CheckedModel:
@@ -192,17 +195,16 @@ def every_joint() -> rbd.model.checked_model.CheckedModel:
 def test_draws_are_poses_and_the_same_pose_has_no_distance(rng: np.random.Generator):
     """Unit quaternions and circles; q with turned quaternion signs and whole turns is the same pose."""
     robot = every_joint()
-    coordinates = coordinates_of(robot)
     for _ in range(20):
-        q = coordinates.draw(rng)
+        q = draw(robot, rng)
         assert np.array_equal(q, robot.check_q(q)) or np.abs(q - robot.check_q(q)).max() < 1e-15
         other = q.copy()
         other[3:7] *= -1.0
         plain = [robot.model.joints[robot.joint_id("j4")].idx_q, robot.model.joints[robot.joint_id("j6")].idx_q]
         other[plain] += [2.0 * math.pi, -4.0 * math.pi]
-        assert coordinates.distance(q, other) < 1e-12
+        assert distance(robot, q, other) < 1e-12
         slide = robot.model.joints[robot.joint_id("j5")].idx_q
         other[slide] += 2.0 * math.pi
-        assert coordinates.distance(q, other) == pytest.approx(2.0 * math.pi)
-        back = coordinates.canonical(other, np.zeros(robot.nv, bool))
+        assert distance(robot, q, other) == pytest.approx(2.0 * math.pi)
+        back = canonical(robot, other, np.zeros(robot.nv, bool))
         assert (np.abs(back[plain]) <= math.pi + 1e-12).all()

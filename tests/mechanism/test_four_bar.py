@@ -209,7 +209,7 @@ def test_an_n_four_bar_swings_as_its_closed_form(n: int) -> None:
     rng = np.random.default_rng(n)
     for phi, speed in zip(rng.uniform(0.3, 2.8, 4), rng.normal(size=4) * 5, strict=True):
         q, v = robot.neutral(), np.zeros(robot.nv)
-        for name in robot.joints():
+        for name in robot.joints:
             joint = robot.model.joints[robot.joint_id(name)]
             sign = 1.0 if name.startswith("crank") else -1.0
             q[joint.idx_q :][:2] = np.cos(sign * phi), np.sin(sign * phi)
@@ -226,7 +226,7 @@ def test_an_n_four_bar_swings_as_its_closed_form(n: int) -> None:
 
 
 def test_an_n_four_bar_lying_flat_loses_a_rank_a_loop() -> None:
-    """The singular pose of the benchmark: phi = 0 has N + 1 freedoms in the small, upright it has one."""
+    """The singular pose of the benchmark: phi = 0 has N + 1 degrees of freedom in the small, upright it has one."""
     for n in (1, 2, 4):
         robot = n_four_bar(n, length=0.5, mass=2.0)
         for state, freedoms in ((robot.at("assembled"), 1), (robot.at(), n + 1)):

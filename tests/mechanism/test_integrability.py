@@ -9,12 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from linkages import Builder, at, bennett, closed, free, pinned, planar_chain
+from states import at_neutral
 
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, RollingBall, RollingDisk, VelocityConstraint
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism import integrability
 from rbd.mechanism.frobenius import ad, brackets, derivative
-from rbd.mechanism.held import Held
 
 URDF = Path(__file__).parents[2] / "urdf"
 X, Y, TURN, PLANE, BALL, FLY = (
@@ -50,7 +51,7 @@ class TestBrackets:
 
     def test_fields_of_coordinates_have_the_textbook_bracket(self):
         """X = (cos th, sin th, 0) and Y = (0, 0, 1): [X, Y] = (sin th, -cos th, 0)."""
-        held = Held(rbd.State(free(X(), Y(), TURN()), np.zeros(3)), [])
+        held = ConstraintManifold(rbd.State(free(X(), Y(), TURN()), np.zeros(3)), [])
 
         def fields(q: np.ndarray) -> np.ndarray:
             return np.array([[np.cos(q[2]), 0.0], [np.sin(q[2]), 0.0], [0.0, 1.0]])
@@ -63,13 +64,13 @@ class TestBrackets:
 
     def test_along_no_direction_nothing_changes(self):
         """The derivative along zero is zero, of fields that vary."""
-        held = Held(rbd.State(free(X()), np.zeros(1)), [])
+        held = ConstraintManifold(rbd.State(free(X()), np.zeros(1)), [])
         assert not derivative(held, lambda q: np.array([[np.sin(q[0]) + 1.0]]), np.array([0.3]), np.zeros(1)).any()
 
     def test_the_jacobi_identity_holds_two_deep(self, rng: np.random.Generator):
         """[X, [Y, Z]] + [Y, [Z, X]] + [Z, [X, Y]] = 0 for fields that vary, on a floating base."""
         robot = free(FLY())
-        held = Held(rbd.State(robot, pin.neutral(robot.model)), [])
+        held = ConstraintManifold(rbd.State(robot, pin.neutral(robot.model)), [])
         A = rng.normal(size=(6, 3, 7))
 
         def fields(q: np.ndarray) -> np.ndarray:
@@ -87,20 +88,20 @@ class TestNonholonomic:
 
     def test_a_knife_edge_is_not_integrable_on_a_planar_joint(self):
         """Its row is the constant (0, 1, 0), whose partial derivatives are all zero; the growth vector is (2, 3)."""
-        found = integrability(free(PLANE()), [BLADE])
+        found = integrability(at_neutral(free(PLANE())), [BLADE])
         assert not found.holonomic and found.growth == (2, 3)
         assert (found.velocity_dof, found.configuration_dof) == (2, 3)
         assert found.agreed and found.complete and found.points.shape == (3, 4)
 
     def test_nor_in_coordinates_nor_as_a_constraint_of_its_own(self):
         """The same edge on x, y and th; and `KnifeEdge`."""
-        assert integrability(free(X(), Y(), TURN()), [VelocityConstraint("blade", along)]).growth == (2, 3)
+        assert integrability(at_neutral(free(X(), Y(), TURN())), [VelocityConstraint("blade", along)]).growth == (2, 3)
         robot = Builder().joint("base", PLANE(), at()).robot()
-        assert integrability(robot, [KnifeEdge("blade", "base")]).growth == (2, 3)
+        assert integrability(at_neutral(robot), [KnifeEdge("blade", "base")]).growth == (2, 3)
 
     def test_an_edge_off_the_centre_is_none_either(self):
         """Chaplygin's sleigh: y' + a w = 0 in its own axes."""
-        assert integrability(free(PLANE()), [VelocityConstraint("blade", [0.0, 1.0, 0.4])]).growth == (2, 3)
+        assert integrability(at_neutral(free(PLANE())), [VelocityConstraint("blade", [0.0, 1.0, 0.4])]).growth == (2, 3)
 
     def test_an_upright_disk_that_rolls_reaches_all_in_two_brackets(self):
         """X' = r cos(th) ph', y' = r sin(th) ph': (2, 3, 4) [Murray1994]."""
@@ -108,7 +109,7 @@ class TestNonholonomic:
         def rolls(q: np.ndarray) -> np.ndarray:
             return np.array([[1.0, 0.0, 0.0, -0.3 * np.cos(q[2])], [0.0, 1.0, 0.0, -0.3 * np.sin(q[2])]])
 
-        found = integrability(free(X(), Y(), TURN(), TURN()), [VelocityConstraint("disk", rolls)])
+        found = integrability(at_neutral(free(X(), Y(), TURN(), TURN())), [VelocityConstraint("disk", rolls)])
         assert found.growth == (2, 3, 4) and "all nearby can be reached" in str(found)
 
     def test_a_car_reaches_all_in_two_brackets(self):
@@ -118,7 +119,11 @@ class TestNonholonomic:
             s = q[2] + q[3]
             return np.array([[*along(q), 0.0], [-np.sin(s), np.cos(s), 0.8 * np.cos(q[3]), 0.0]])
 
-        assert integrability(free(X(), Y(), TURN(), TURN()), [VelocityConstraint("axles", axles)]).growth == (2, 3, 4)
+        assert integrability(at_neutral(free(X(), Y(), TURN(), TURN())), [VelocityConstraint("axles", axles)]).growth == (
+            2,
+            3,
+            4,
+        )
 
     def test_a_car_with_a_trailer_takes_three(self):
         """Steering, car, trailer hitched at the rear axle: (2, 3, 4, 5)."""
@@ -130,7 +135,7 @@ class TestNonholonomic:
             return np.array([[*along(q), 0.0, 0.0], front, trailer])
 
         robot = free(X(), Y(), TURN(), TURN(), TURN())
-        found = integrability(robot, [VelocityConstraint("axles", axles)], points=[[0.1, 0.2, 0.3, 0.2, 0.25]])
+        found = integrability(at_neutral(robot), [VelocityConstraint("axles", axles)], points=[[0.1, 0.2, 0.3, 0.2, 0.25]])
         assert found.growth == (2, 3, 4, 5)
 
     @pytest.mark.parametrize(("pivots", "growth"), [(True, (3, 5)), (False, (2, 3, 5))])
@@ -143,12 +148,12 @@ class TestNonholonomic:
             A[0, 0], A[0, 2:], A[1, 1], A[1, 2:], A[2, 2:] = 1.0, -0.4 * R[1], 1.0, 0.4 * R[0], R[2]
             return A[: 2 if pivots else 3]
 
-        assert integrability(free(X(), Y(), BALL()), [VelocityConstraint("ball", rolls)]).growth == growth
+        assert integrability(at_neutral(free(X(), Y(), BALL())), [VelocityConstraint("ball", rolls)]).growth == growth
 
     def test_a_free_ball_keeps_its_height(self):
-        """Of three rows one integrates, the height: 3 freedoms of velocity, 5 of configuration, of 6."""
+        """Of three rows one integrates, the height: 3 degrees of freedom of velocity, 5 of configuration, of 6."""
         robot = Builder().joint("ball", FLY(), at()).robot()
-        found = integrability(robot, [RollingBall("rolls", "ball", radius=0.3, friction=None)])
+        found = integrability(at_neutral(robot), [RollingBall("rolls", "ball", radius=0.3, friction=None)])
         assert found.growth == (3, 5) and (found.velocity_dof, found.configuration_dof) == (3, 5)
         assert "of 3 constraints together 1 can be integrated" in str(found)
         np.testing.assert_allclose(found.points[:, 2], 0.3, atol=1e-12)  # brought onto the plane first
@@ -158,7 +163,7 @@ class TestNonholonomic:
         robot = Builder().joint("disk", FLY(), at()).robot()
         rolls = [RollingDisk("rolls", "disk", radius=0.3, friction=None)]
         turned = pin.Quaternion(0.8, 0.5, 0.1, 0.2).normalized().coeffs()
-        found = integrability(robot, rolls, points=[closed(robot, rolls, np.r_[0.0, 0.0, 0.3, turned]).q])
+        found = integrability(at_neutral(robot), rolls, points=[closed(robot, rolls, np.r_[0.0, 0.0, 0.3, turned]).q])
         assert found.growth == (3, 4, 5)
 
     def test_a_bicycle_has_three_freedoms_of_velocity_and_seven_of_configuration(self):
@@ -166,20 +171,20 @@ class TestNonholonomic:
         bicycle = rbd.load_robot(URDF / "bicycle.urdf")
         q = pin.integrate(bicycle.model, bicycle.neutral(), np.r_[0.1, 0.2, 0.0, 0.3, 0.1, 0.5, np.full(3, 0.4)])
         state = closed(bicycle, bicycle.wheels(), q)
-        found = integrability(bicycle, points=[state.q])
+        found = integrability(at_neutral(bicycle), points=[state.q])
         assert (found.velocity_dof, found.configuration_dof, found.growth) == (3, 7, (3, 5, 7))
 
     def test_two_driven_wheels_leave_one_integral(self):
         """In all r (ph1 - ph2) = 2 b th stays constant: (2, 3, 4) of 5."""
         rows = np.array([[0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, -0.5, -0.1, 0.0], [1.0, 0.0, 0.5, 0.0, -0.1]])
         wheels = [VelocityConstraint("wheels", rows)]
-        found = integrability(free(PLANE(), TURN(), TURN()), wheels, points=[[0.1, 0.2, 1.0, 0.0, 0.3, 0.1]])
+        found = integrability(at_neutral(free(PLANE(), TURN(), TURN())), wheels, points=[[0.1, 0.2, 1.0, 0.0, 0.3, 0.1]])
         assert found.growth == (2, 3, 4) and (found.velocity_dof, found.configuration_dof) == (2, 4)
 
     def test_a_row_that_turns_slowly_is_told_from_one_that_does_not(self):
         """X' + k y th' = 0 with k = 1e-3 has the bracket k; the gap to what counts as zero is shown."""
         robot = free(X(), Y(), TURN())
-        slow = integrability(robot, [VelocityConstraint("slow", lambda q: np.array([1.0, 0.0, 1e-3 * q[1]]))])
+        slow = integrability(at_neutral(robot), [VelocityConstraint("slow", lambda q: np.array([1.0, 0.0, 1e-3 * q[1]]))])
         assert slow.growth == (2, 3)
         assert all(r.gap[0] is not None and 5e-4 < r.gap[0] < 2e-3 for r in slow.reports)
 
@@ -189,20 +194,22 @@ class TestHolonomic:
 
     def test_a_row_with_an_integrating_factor_is_holonomic(self):
         """X' + x th' = 0: its mixed partial derivatives differ, and x e^th is constant; beside a free y, too."""
-        two = integrability(free(X(), TURN()), [VelocityConstraint("row", lambda q: np.array([1.0, q[0]]))])
+        two = integrability(at_neutral(free(X(), TURN())), [VelocityConstraint("row", lambda q: np.array([1.0, q[0]]))])
         assert two.holonomic and two.growth == (1,)
-        three = integrability(free(X(), Y(), TURN()), [VelocityConstraint("row", lambda q: np.array([1.0, 0.0, q[0]]))])
+        three = integrability(
+            at_neutral(free(X(), Y(), TURN())), [VelocityConstraint("row", lambda q: np.array([1.0, 0.0, q[0]]))]
+        )
         assert three.holonomic and three.growth == (2,) and three.configuration_dof == 2
         assert max(r.gap[1] for r in three.reports) < 1e-10
 
     def test_the_same_row_on_a_planar_joint_is_holonomic(self):
         """There it reads (cos th, -sin th, x): brackets of the row alone would not do."""
         row = VelocityConstraint("row", lambda q: np.array([q[2], -q[3], q[0]]))
-        assert integrability(free(PLANE()), [row]).holonomic
+        assert integrability(at_neutral(free(PLANE())), [row]).holonomic
 
     def test_a_disk_that_rolls_along_a_line_is_holonomic(self):
         """X' = r th': x - r th is constant."""
-        found = integrability(free(X(), TURN()), [VelocityConstraint("rolls", [1.0, -0.3])])
+        found = integrability(at_neutral(free(X(), TURN())), [VelocityConstraint("rolls", [1.0, -0.3])])
         assert found.holonomic and (found.velocity_dof, found.configuration_dof) == (1, 1)
 
     def test_a_wheel_whose_steering_is_locked_is_holonomic_together(self):
@@ -213,15 +220,17 @@ class TestHolonomic:
 
         disk, lock = VelocityConstraint("disk", rolls), VelocityConstraint("lock", [0.0, 0.0, 1.0, 0.0])
         robot = free(X(), Y(), TURN(), TURN())
-        assert not integrability(robot, [disk]).holonomic
-        assert integrability(robot, [disk, lock]).growth == (1,)
+        assert not integrability(at_neutral(robot), [disk]).holonomic
+        assert integrability(at_neutral(robot), [disk, lock]).growth == (1,)
 
     def test_two_knife_edges_on_one_body_are_holonomic_together(self):
-        """They leave a turn about the point where their normals meet: one freedom, a circle."""
+        """They leave a turn about the point where their normals meet: one degree of freedom, a circle."""
         robot = free(PLANE())
         other = VelocityConstraint("other", [np.sin(0.3), np.cos(0.3), 1.0])
-        assert not integrability(robot, [BLADE]).holonomic and not integrability(robot, [other]).holonomic
-        both = integrability(robot, [BLADE, other])
+        assert (
+            not integrability(at_neutral(robot), [BLADE]).holonomic and not integrability(at_neutral(robot), [other]).holonomic
+        )
+        both = integrability(at_neutral(robot), [BLADE, other])
         assert both.holonomic and both.growth == (1,) and "blade, other" in str(both)
 
     def test_two_skates_on_a_hinge_are_not(self):
@@ -231,7 +240,7 @@ class TestHolonomic:
             c, s = np.cos(q[4]), np.sin(q[4])
             return np.array([[0.0, 1.0, 0.0, 0.0], [-s, c, 1.0 * c, 0.0]])
 
-        found = integrability(free(PLANE(), TURN()), [VelocityConstraint("skates", skates)])
+        found = integrability(at_neutral(free(PLANE(), TURN())), [VelocityConstraint("skates", skates)])
         assert found.velocity_dof == 2 and found.configuration_dof == 4
 
     def test_constraints_of_configuration_given_as_velocities_are_holonomic(self):
@@ -241,28 +250,28 @@ class TestHolonomic:
             c, s = q[2], q[3]
             return np.array([q[0] * c + q[1] * s, -q[0] * s + q[1] * c, 0.0])
 
-        assert integrability(free(PLANE()), [VelocityConstraint("bar", row)]).growth == (2,)
+        assert integrability(at_neutral(free(PLANE())), [VelocityConstraint("bar", row)]).growth == (2,)
 
     def test_loops_are_holonomic_also_where_rows_are_redundant(self):
         """A four-bar closed in space, and Bennett's linkage, whose rows are of full rank beside its motion."""
-        assert integrability(planar_chain((1.0, 1.2, 1.4), 1.5), [pinned("revolute")]).growth == (1,)
+        assert integrability(at_neutral(planar_chain((1.0, 1.2, 1.4), 1.5)), [pinned("revolute")]).growth == (1,)
         q = closed(bennett(), [pinned("revolute")], np.array([0.9, -1.0, 0.4])).q
-        assert integrability(bennett(), [pinned("revolute")], points=[q]).growth == (1,)
+        assert integrability(at_neutral(bennett()), [pinned("revolute")], points=[q]).growth == (1,)
 
     def test_a_function_by_differences_is_holonomic(self):
         """Its J is right to 1e-10, its brackets to 1e-8: below the tolerance."""
         rod = FunctionConstraint("rod", lambda q: np.hypot(q[0] - 2.0, q[1]) + 0.3 * np.sin(q[2]) - 1.0)
-        found = integrability(free(X(), Y(), TURN()), [rod])
+        found = integrability(at_neutral(free(X(), Y(), TURN())), [rod])
         assert found.growth == (2,) and found.holonomic
 
     def test_a_humanoid_on_two_soles_is_holonomic(self, talos: rbd.Robot):
-        """26 freedoms of velocity and of configuration."""
-        found = integrability(talos, talos.soles(friction=None), points=[talos.standing().q])
+        """26 degrees of freedom of velocity and of configuration."""
+        found = integrability(talos.at(), talos.soles(friction=None), points=[talos.standing().q])
         assert found.growth == (26,) and found.holonomic
 
     def test_no_constraints_take_nothing(self):
         """All brackets stay in all velocities."""
-        assert integrability(free(FLY()), []).growth == (6,)
+        assert integrability(at_neutral(free(FLY())), []).growth == (6,)
 
 
 class TestPoints:
@@ -270,42 +279,44 @@ class TestPoints:
 
     def test_it_says_where_it_looked_and_how(self):
         """Number of points, seed, tolerance, and that it is no proof."""
-        text = str(integrability(free(PLANE()), [BLADE], seed=5))
+        text = str(integrability(at_neutral(free(PLANE())), [BLADE], seed=5))
         for words in ("3 configurations", "seed 5", "tolerance 1e-06", "not a proof", "growth vector (2, 3) of 3"):
             assert words in text
 
     def test_points_that_differ_are_reported(self):
         """Martinet's fields x' = y^2 z' / 2: (2, 3) off the plane y = 0, and deeper, or more slowly, on it."""
         row = VelocityConstraint("row", lambda q: np.array([1.0, 0.0, -0.5 * q[1] ** 2]))
-        found = integrability(free(X(), Y(), X()), [row], points=[[0.0, 0.5, 0.0], [0.0, -0.4, 0.1], [0.0, 0.0, 0.0]])
+        found = integrability(
+            at_neutral(free(X(), Y(), X())), [row], points=[[0.0, 0.5, 0.0], [0.0, -0.4, 0.1], [0.0, 0.0, 0.0]]
+        )
         assert not found.agreed and found.growth == (2, 3) and not found.holonomic
         assert "the points differ" in str(found)
 
     def test_singular_points_are_reported(self):
         """A flat parallelogram: J has a lower rank than nearby."""
         robot = planar_chain((1.0, 2.0, 1.0), 2.0)
-        found = integrability(robot, [pinned()], points=[[0.0, 0.0, -np.pi]])
+        found = integrability(at_neutral(robot), [pinned()], points=[[0.0, 0.0, -np.pi]])
         assert not found.reports[0].regular and "singular points among them" in str(found)
 
     def test_points_off_the_constraints_are_refused(self):
         """And those of a wrong size, and constraints that never meet."""
         robot = planar_chain((1.0, 2.0, 1.0), 2.0)
         with pytest.raises(rbd.InputError, match="not assembled"):
-            integrability(robot, [pinned()], points=[np.zeros(3)])
+            integrability(at_neutral(robot), [pinned()], points=[np.zeros(3)])
         with pytest.raises(rbd.InputError, match="expected"):
-            integrability(robot, [pinned()], points=[np.zeros(2)])
+            integrability(at_neutral(robot), [pinned()], points=[np.zeros(2)])
         with pytest.raises(rbd.InputError, match="no three regular configurations"):
-            integrability(planar_chain((1.0, 1.0), 5.0), [pinned()])
+            integrability(at_neutral(planar_chain((1.0, 1.0), 5.0)), [pinned()])
 
     def test_a_locked_joint_is_one_of_position(self):
         """Points are brought onto it before they are looked at."""
-        found = integrability(free(X(), TURN()), [JointLock("lock", "j1", position=0.7)])
+        found = integrability(at_neutral(free(X(), TURN())), [JointLock("lock", "j1", position=0.7)])
         np.testing.assert_allclose(found.points[:, 1], 0.7, atol=1e-12)
         assert found.growth == (1,)
 
     def test_what_is_held_altogether_goes_nowhere(self):
-        """A hinge whose rate is held: no freedom of velocity, none of configuration."""
-        found = integrability(free(TURN()), [VelocityConstraint("held", [1.0])])
+        """A hinge whose rate is held: no degree of freedom of velocity, none of configuration."""
+        found = integrability(at_neutral(free(TURN())), [VelocityConstraint("held", [1.0])])
         assert found.growth == (0,) and found.holonomic and found.configuration_dof == 0 and found.reports[0].regular
 
     @pytest.mark.parametrize(("limit", "value", "growth"), [("_DEEPEST", 1, (2, 3)), ("_EVALUATIONS", 20, (2, 3))])
@@ -316,15 +327,15 @@ class TestPoints:
             return np.array([[1.0, 0.0, 0.0, -0.3 * np.cos(q[2])], [0.0, 1.0, 0.0, -0.3 * np.sin(q[2])]])
 
         disk = free(X(), Y(), TURN(), TURN())
-        assert integrability(disk, [VelocityConstraint("rolls", rolls)]).growth == (2, 3, 4)
+        assert integrability(at_neutral(disk), [VelocityConstraint("rolls", rolls)]).growth == (2, 3, 4)
         monkeypatch.setattr(sys.modules["rbd.mechanism.frobenius"], limit, value)
-        found = integrability(disk, [VelocityConstraint("rolls", rolls)])
+        found = integrability(at_neutral(disk), [VelocityConstraint("rolls", rolls)])
         assert found.growth == growth and not found.complete
         assert "it was still growing" in str(found)
 
     def test_draws_where_a_rank_changes_nearby_are_left_out(self):
         """A row that comes and goes every hundredth of a radian, zero or one: only points where it holds are looked at."""
         row = VelocityConstraint("comb", lambda q: np.array([float(np.floor(100.0 * q[0]) % 2.0), 0.0]))
-        found = integrability(free(TURN(), TURN()), [row], seed=1)
+        found = integrability(at_neutral(free(TURN(), TURN())), [row], seed=1)
         assert len(found.reports) == 3 and all(r.rank == 1 and r.regular for r in found.reports)
         assert all(np.floor(100.0 * q[0]) % 2.0 == 1.0 for q in found.points)

@@ -9,8 +9,10 @@ import pinocchio as pin
 import pytest
 from linkages import Builder, at, free
 from planar_models import bar, checked, four_bar, six_bar
+from states import at_neutral
 
 import rbd
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.errors import CannotAssemble, InputError, NoSolution
 from rbd.mechanism import (
     acceleration_partition,
@@ -19,16 +21,15 @@ from rbd.mechanism import (
     independent_velocities,
     integrability,
     mobility,
+    project_velocity,
     singularities_along,
     trace,
     velocity_partition,
 )
-from rbd.mechanism.closure import Closure
+from rbd.mechanism.closure import Closure, minimise
 from rbd.mechanism.continuation import Curve
-from rbd.mechanism.coordinates import coordinates_of
 from rbd.mechanism.degrees_of_freedom import plane_normal
-from rbd.mechanism.descent import settle
-from rbd.mechanism.held import Held, characteristic_length
+from rbd.mechanism.poses import beyond_limits, displacement
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
 START = np.array([0.7, -0.03, 1.5])
@@ -47,19 +48,19 @@ def pendulum() -> rbd.model.checked_model.CheckedModel:
 def test_what_resists_a_motion_is_passed_over_and_named():
     """Friction at a joint asks for no place: the loops alone are closed."""
     robot, loops = four_bar(*CRANK_ROCKER)
-    found = assemble(robot, [*loops, rbd.JointFriction("rubs", "rocker", 2.0)], START)
-    assert np.array_equal(found.q, assemble(robot, loops, START).q)
+    found = assemble(rbd.State(robot, START), [*loops, rbd.JointFriction("rubs", "rocker", 2.0)])
+    assert np.array_equal(found.q, assemble(rbd.State(robot, START), loops).q)
     assert found.skipped == ("'rubs' resists a motion and asks for no place",)
 
 
 def test_only_the_loop_that_is_open_is_told():
     """The first loop of a six-bar closes at the fixed joints, the second does not."""
     robot, loops = six_bar()
-    closed = assemble(robot, loops, [0.7, -0.1, 1.5, 0.0, 1.0])
+    closed = assemble(rbd.State(robot, [0.7, -0.1, 1.5, 0.0, 1.0]), loops)
     fixed = {name: float(closed.q[i]) for i, name in enumerate(["crank", "coupler", "rocker", "link"])}
     with pytest.raises(CannotAssemble) as told:
-        assemble(robot, loops, closed.q, fixed={**fixed, "output": float(closed.q[4]) + 0.5})
-    assert set(told.value.distances) == {"second"} and "Give a nearer q0" not in str(told.value)
+        assemble(rbd.State(robot, closed.q), loops, fixed={**fixed, "output": float(closed.q[4]) + 0.5})
+    assert set(told.value.distances) == {"second"} and "Give a nearer one" not in str(told.value)
     assert told.value.distances["second"] == pytest.approx(2.0 * 2.0 * math.sin(0.25), rel=1e-9)  # a chord of the output
 
 
@@ -67,7 +68,7 @@ def test_no_fixed_joint_alone_is_to_blame():
     """Two loops that are each too short: to let go one joint closes neither."""
     robot, loops = four_bar(0.5, 0.5, 0.5, 4.0)
     with pytest.raises(CannotAssemble, match=r"Letting go any one of the fixed joints \('crank', 'rocker'\) does not help"):
-        assemble(robot, loops, START, fixed={"crank": 0.1, "rocker": 2.0})
+        assemble(rbd.State(robot, START), loops, fixed={"crank": 0.1, "rocker": 2.0})
 
 
 def test_a_fixed_base_that_prevents_closing_is_named_without_a_number():
@@ -77,7 +78,7 @@ def test_a_fixed_base_that_prevents_closing_is_named_without_a_number():
     touch = robot.feet(friction=None)[0].anchored(rbd.State(robot, q0))
     base = np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 1.0])
     with pytest.raises(CannotAssemble, match="The fixed value is what prevents it: it closes with root_joint"):
-        assemble(robot, [touch], q0, fixed={"root_joint": base})
+        assemble(rbd.State(robot, q0), [touch], fixed={"root_joint": base})
 
 
 def test_a_constraint_that_no_joint_moves_cannot_be_met():
@@ -85,7 +86,7 @@ def test_a_constraint_that_no_joint_moves_cannot_be_met():
     robot = pendulum()
     stuck = rbd.FunctionConstraint("stuck", lambda q: np.array([1.0]))
     with pytest.raises(CannotAssemble, match="'stuck' is 1 m") as told:
-        assemble(robot, [stuck], np.zeros(1))
+        assemble(rbd.State(robot, np.zeros(1)), [stuck])
     assert told.value.distances == {"stuck": 1.0}
 
 
@@ -101,7 +102,7 @@ def test_arguments_of_assembling_are_checked(given, match):
     """In words."""
     robot, loops = four_bar(*CRANK_ROCKER)
     with pytest.raises(InputError, match=match):
-        assemble(robot, loops, START, **given)
+        assemble(rbd.State(robot, START), loops, **given)
 
 
 def test_joints_made_of_joints_have_their_parts_coordinates():
@@ -110,11 +111,10 @@ def test_joints_made_of_joints_have_their_parts_coordinates():
     joint.addJoint(pin.JointModelRZ(), pin.SE3.Identity())
     joint.addJoint(pin.JointModelPX(), pin.SE3.Identity())
     robot = Builder("pair").joint("both", joint, at()).robot()
-    coordinates = coordinates_of(robot)
-    assert coordinates.periodic.tolist() == [True, False]
-    assert coordinates.way(np.zeros(2), np.array([2.0 * math.pi + 0.1, 7.0])) == pytest.approx([0.1, 7.0])
+    assert robot.joints.periodic.tolist() == [True, False] == robot.joints.angular.tolist()
+    assert displacement(robot, np.zeros(2), np.array([2.0 * math.pi + 0.1, 7.0])) == pytest.approx([0.1, 7.0])
     with pytest.raises(InputError, match="expected a robot, got str"):
-        coordinates_of("both")
+        Closure("both", [])  # type: ignore[arg-type]
 
 
 class Refusing:
@@ -141,9 +141,9 @@ def test_draws_that_a_constraint_refuses_are_left_out():
     """If all are, that is what is said; if half are, the branches of the other half are found."""
     robot, loops = four_bar(*CRANK_ROCKER)
     with pytest.raises(InputError, match="not defined here"):
-        branches(robot, [*loops, Refusing()], fixed={"crank": 0.7}, tries=5)
+        branches(at_neutral(robot), [*loops, Refusing()], fixed={"crank": 0.7}, tries=5)
     for seed in range(6):  # whether the first draw is refused or the last
-        found = branches(robot, [*loops, RefusingHalf()], fixed={"rocker": 2.0}, tries=40, seed=seed)
+        found = branches(at_neutral(robot), [*loops, RefusingHalf()], fixed={"rocker": 2.0}, tries=40, seed=seed)
         assert 1 <= len(found) <= 2 and all(math.sin(b.q[0]) >= 0.0 for b in found.found)
 
 
@@ -156,9 +156,9 @@ def test_a_joint_alone_is_driven_to_its_stop():
     robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.5
     stop = rbd.JointLimit("stop", "crank")
     for past in (False, True):
-        motion = trace(robot, [stop], np.zeros(1), "crank", (0.0, 1.0), steps=10, past_limits=past)
+        motion = trace(rbd.State(robot, np.zeros(1)), [stop], joint="crank", values=(0.0, 1.0), steps=10, past_limits=past)
         assert motion.stopped_by == "stop" and motion.input[-1] == pytest.approx(0.5, abs=1e-9)
-        free = trace(robot, [stop], np.zeros(1), "crank", (0.0, 0.4), steps=4, past_limits=past)
+        free = trace(rbd.State(robot, np.zeros(1)), [stop], joint="crank", values=(0.0, 0.4), steps=4, past_limits=past)
         assert free.stopped_by is None or free.stopped_by == "" and free.complete
 
 
@@ -167,14 +167,14 @@ def test_steps_that_run_out_are_told(past: bool):
     """Three steps of 0.1 do not lead a crank round."""
     robot, loops = four_bar(*CRANK_ROCKER)
     with pytest.raises(NoSolution, match="steps"):
-        trace(robot, loops, START, "crank", (0.7, 6.0), max_steps=3, past_limits=past)
+        trace(rbd.State(robot, START), loops, joint="crank", values=(0.7, 6.0), max_steps=3, past_limits=past)
 
 
 def test_going_round_tells_its_progress_and_ends_at_the_last_value():
     """A crank that turns for ever has no limits to pass: the last value ends the motion."""
     told: list[float] = []
     robot, loops = four_bar(*CRANK_ROCKER)
-    motion = trace(robot, loops, START, "crank", (0.7, 2.0), past_limits=True, progress=told.append)
+    motion = trace(rbd.State(robot, START), loops, joint="crank", values=(0.7, 2.0), past_limits=True, progress=told.append)
     assert motion.input[-1] == pytest.approx(2.0, abs=1e-12) and told == sorted(told) and len(told) > 5
     assert all(0.0 < part <= 1.0 for part in told)
 
@@ -183,36 +183,46 @@ def test_values_that_are_far_off_are_refused():
     """A million turns."""
     robot, loops = four_bar(*CRANK_ROCKER)
     with pytest.raises(InputError, match="values reach"):
-        trace(robot, loops, START, "crank", (0.7, 1e9))
+        trace(rbd.State(robot, START), loops, joint="crank", values=(0.7, 1e9))
 
 
-# ---------------------------------------------------------------------------------------------- velocities and freedoms
+# ---------------------------------------------------------------------------------- velocities and degrees of freedom
 
 
 def test_what_is_known_whole_leaves_nothing_unknown():
     """All three rates of a four-bar given: no J2, and a condition of one."""
     robot, loops = four_bar(*CRANK_ROCKER)
-    state = rbd.State(robot, assemble(robot, loops, START).q)
+    state = rbd.State(robot, assemble(rbd.State(robot, START), loops).q)
     v = velocity_partition(state, loops, {"crank": 1.0}).v
     known = dict(zip(("crank", "coupler", "rocker"), map(float, v), strict=True))
     found = velocity_partition(state, loops, known)
     assert found.condition == 1.0 and not found.rates and np.abs(found.v - v).max() < 1e-12
 
 
-@pytest.mark.parametrize("what", ["velocity", "acceleration", "independent", "mobility", "integrability", "singularities"])
-def test_what_is_no_state_or_robot_is_refused_by_name(what: str):
+@pytest.mark.parametrize(
+    "what",
+    [
+        "velocity", "acceleration", "independent", "mobility", "integrability", "singularities",
+        "assemble", "branches", "trace", "project",
+    ],
+)  # fmt: skip
+def test_what_is_no_state_is_refused_by_name(what: str):
     """With the way to make one."""
     robot, loops = four_bar(*CRANK_ROCKER)
-    state = rbd.State(robot, assemble(robot, loops, START).q)
+    state = rbd.State(robot, assemble(rbd.State(robot, START), loops).q)
     calls = {
         "velocity": lambda it: velocity_partition(it, loops, {"crank": 1.0}),
         "acceleration": lambda it: acceleration_partition(it, loops, {"crank": 1.0}),
         "independent": lambda it: independent_velocities(it, loops),
         "mobility": lambda it: mobility(it, loops),
         "integrability": lambda it: integrability(it, loops),
-        "singularities": lambda it: singularities_along(it, state.q[None], loops, inputs=["crank"]),
+        "singularities": lambda it: singularities_along(it, loops, path=state.q[None], inputs=["crank"]),
+        "assemble": lambda it: assemble(it, loops),
+        "branches": lambda it: branches(it, loops, fixed={"crank": 0.7}),
+        "trace": lambda it: trace(it, loops, joint="crank", values=(0.7, 1.0)),
+        "project": lambda it: project_velocity(it, loops),
     }
-    with pytest.raises(InputError, match="State|robot"):
+    with pytest.raises(InputError, match=r"a State .*expected first, got .*Make one: rbd.State\(robot, q\)"):
         calls[what]("four bar")
     with pytest.raises(InputError, match="known is 3; expected a mapping"):
         velocity_partition(state, loops, 3)
@@ -224,7 +234,7 @@ def test_what_is_no_state_or_robot_is_refused_by_name(what: str):
 def test_rates_that_contradict_name_only_those_that_would_agree():
     """The rates of a five-bar's two cranks decide the rest; a third known one contradicts them."""
     robot, loops = six_bar()
-    state = rbd.State(robot, assemble(robot, loops, [0.7, -0.1, 1.5, 0.0, 1.0]).q)
+    state = rbd.State(robot, assemble(rbd.State(robot, [0.7, -0.1, 1.5, 0.0, 1.0]), loops).q)
     v = velocity_partition(state, loops, {"crank": 1.0}).v
     with pytest.raises((InputError, NoSolution, rbd.RbdError), match="agree with 'output' at") as told:
         velocity_partition(state, loops, {"crank": 1.0, "rocker": float(v[2]), "output": float(v[4]) + 1.0})
@@ -245,7 +255,7 @@ def test_what_moves_by_itself_has_no_mobility():
     """A driven contact is no constraint at rest."""
     robot = rbd.load_robot("bolt")
     foot = robot.feet(friction=None)[0]
-    driven = rbd.PointContact(foot.name, foot.frame, velocity=(0.1, 0.0, 0.0))
+    driven = rbd.PointContact(foot.name, foot.frame, on=rbd.Ground(velocity=(0.1, 0.0, 0.0)))
     with pytest.raises(InputError, match="moves by itself"):
         mobility(robot.standing(), [driven])
 
@@ -254,7 +264,7 @@ def test_a_stop_that_is_just_reached_does_not_end_the_motion():
     """The last value is the stop's own: the way is complete, and nothing was beyond a limit."""
     robot = pendulum()
     robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.5
-    motion = trace(robot, [rbd.JointLimit("stop", "crank")], np.zeros(1), "crank", (0.0, 0.5), steps=5)
+    motion = trace(rbd.State(robot, np.zeros(1)), [rbd.JointLimit("stop", "crank")], joint="crank", values=(0.0, 0.5), steps=5)
     assert motion.complete and not motion.stopped_by and motion.input[-1] == 0.5 and not motion.beyond_limits
 
 
@@ -262,11 +272,10 @@ def test_a_joint_at_its_limit_is_not_beyond_it():
     """Up to 1e-9 on both sides, as the rounding of a pose that was brought there."""
     robot = pendulum()
     robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0] = -0.5, 0.7
-    beyond = coordinates_of(robot).beyond_limits
     for inside in (-0.5, 0.7, 0.0, -0.5 - 5e-10, 0.7 + 5e-10):
-        assert beyond(np.array([inside])) == ()
+        assert beyond_limits(robot, np.array([inside])) == ()
     for outside in (-0.5 - 2e-9, 0.7 + 2e-9):
-        (found,) = beyond(np.array([outside]))
+        (found,) = beyond_limits(robot, np.array([outside]))
         assert (found.joint, found.value, found.lower, found.upper) == ("crank", outside, -0.5, 0.7)
 
 
@@ -282,7 +291,7 @@ def test_the_normal_of_a_plane_is_a_unit_vector():
 def test_a_velocity_that_has_no_name_is_refused():
     """A number is no joint."""
     robot, loops = four_bar(*CRANK_ROCKER)
-    state = rbd.State(robot, assemble(robot, loops, START).q)
+    state = rbd.State(robot, assemble(rbd.State(robot, START), loops).q)
     with pytest.raises(rbd.RbdError, match="3"):
         velocity_partition(state, loops, {3: 1.0})
 
@@ -290,14 +299,14 @@ def test_a_velocity_that_has_no_name_is_refused():
 def test_where_nothing_is_redundant_no_direction_is_tried():
     """Full rank decides by itself, and is said."""
     robot, loops = four_bar(*CRANK_ROCKER)
-    found = mobility(rbd.State(robot, assemble(robot, loops, START).q), loops)
+    found = mobility(rbd.State(robot, assemble(rbd.State(robot, START), loops).q), loops)
     assert found.motion.tried == 0 and len(found.motion.points) == 1 and "J has full rank here" in str(found)
 
 
 def test_a_robot_without_lengths_is_measured_in_metres():
     """Hinges in one point have no length of their own: one metre; a bar of 3 m has its own."""
-    assert characteristic_length(free(pin.JointModelRX(), pin.JointModelRY())) == 1.0
-    assert characteristic_length(four_bar(1.0, 3.0, 2.5, 3.0)[0]) > 1.0
+    assert free(pin.JointModelRX(), pin.JointModelRY()).joints.length == 1.0
+    assert four_bar(1.0, 3.0, 2.5, 3.0)[0].joints.length > 1.0
 
 
 class Fleeting:
@@ -313,7 +322,7 @@ class Fleeting:
 
 def test_rows_that_come_and_go_cannot_be_followed():
     """What has one row here and none beside says so, with how many there were."""
-    held = Held(rbd.State(pendulum(), np.zeros(1)), [Fleeting()])
+    held = ConstraintManifold(rbd.State(pendulum(), np.zeros(1)), [Fleeting()])
     with pytest.raises(InputError, match=r"change their rows near the state \(there \[1\]\)"):
         held.at(np.array([0.1]))
 
@@ -332,9 +341,9 @@ def test_a_descent_that_is_cut_short_claims_no_minimum():
     robot, loops = four_bar(1.0, 1.0, 1.0, 5.0)
     closure = Closure(robot, loops)
     start = closure.start(np.array([0.3, 0.2, 2.5]))
-    short, whole = settle(closure, start, most=1), settle(closure, start)
+    short, whole = minimise(closure, start, most=1), minimise(closure, start)
     assert not short.minimum and whole.minimum
-    gaps = [float(np.linalg.norm(b.misfit.error)) for b in (short, whole)]
+    gaps = [float(np.linalg.norm(b.at.error)) for b in (short, whole)]
     assert np.linalg.norm(start.error) > gaps[0] > gaps[1] and gaps[1] == pytest.approx(2.0, abs=1e-9)
 
 
@@ -356,7 +365,7 @@ def test_a_curve_that_is_lost_within_a_step_is_told(monkeypatch):
     robot, loops = four_bar(*CRANK_ROCKER)
     closure = Closure(robot, loops)
     curve = Curve(closure, 1e-12, 0.1)
-    start = curve.point(closure.start(assemble(robot, loops, START).q), None)
+    start = curve.point(closure.start(assemble(rbd.State(robot, START), loops).q), None)
     assert start is not None
     step = curve.advance(start)
     half = 0.5 * (start.q[0] + step.end.q[0])

@@ -1,4 +1,4 @@
-"""Mobility three ways: linkages whose freedoms are known."""
+"""Mobility three ways: linkages whose degrees of freedom are known."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from linkages import (
 
 import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, LoopClosure
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism import mobility
-from rbd.mechanism.held import Held
 from rbd.mechanism.local_dimension import _regular
 
 NORTON = (40.0, 120.0, 80.0, 100.0)
@@ -82,11 +82,11 @@ class TestSingularConfigurations:
     """Where J allows more than moves."""
 
     def test_a_flat_parallelogram_has_two_ways_to_go_on(self):
-        """J allows two freedoms of velocity; as a parallelogram or crossed it moves with one."""
+        """J allows two degrees of freedom of velocity; as a parallelogram or crossed it moves with one."""
         found = mobility(rbd.State(four_bar(1.0, 2.0, 1.0, 2.0), [0.0, 0.0, -np.pi]), [pinned()])
         assert (found.count.value, found.instantaneous, found.finite) == (1, 2, 1)
         assert found.branches == (1, 1) and found.singular
-        assert "2 ways to go on were found, of 1, 1 freedoms" in found.verdict
+        assert "2 branches were found, of 1, 1 degrees of freedom" in found.verdict
 
     def test_near_its_flat_pose_a_parallelogram_has_one(self):
         """The other branch only comes near."""
@@ -100,10 +100,10 @@ class TestSingularConfigurations:
         assert (found.instantaneous, found.finite, found.branches) == (2, 1, (1, 1))
 
     def test_a_stretched_string_of_bars_only_gives_a_little(self):
-        """A + b + c = d: two freedoms of velocity, and nowhere to go."""
+        """A + b + c = d: two degrees of freedom of velocity, and nowhere to go."""
         found = mobility(rbd.State(four_bar(1.0, 1.0, 1.0, 3.0), np.zeros(3)), [pinned()])
         assert (found.count.value, found.instantaneous, found.finite) == (1, 2, 0)
-        assert not found.moves and "gives a little" in found.verdict
+        assert not found.moves and "infinitesimally mobile" in found.verdict
 
     def test_a_stretched_triangle_only_gives_a_little(self):
         """Two bars in line between their pivots: a structure by the count, shaky, and rigid."""
@@ -111,7 +111,7 @@ class TestSingularConfigurations:
         assert (found.count.value, found.instantaneous, found.finite) == (0, 1, 0)
 
     def test_a_stretched_pair_of_bars_carried_about_gives_a_little_everywhere(self):
-        """On the coupler of a four-bar: two freedoms of velocity at every pose, one of motion; that is no singularity."""
+        """On the coupler of a four-bar: velocities of dimension two at every pose, motions of one; that is no singularity."""
         build = Builder()
         for name, parent, x in (("crank", None, 0.0), ("coupler", "crank", 1.0), ("rocker", "coupler", 3.0)):
             build.joint(name, pin.JointModelRZ(), at(x), parent)
@@ -122,7 +122,7 @@ class TestSingularConfigurations:
         found = mobility(rbd.State(build.robot(), q), [pinned(), LoopClosure("hung", "hook", "tip", kind="planar")])
         assert (found.count.value, found.instantaneous, found.finite) == (1, 2, 1)
         assert not found.singular and found.branches == (1,)
-        assert found.verdict == "it moves with 1 freedom; other velocities that J allows lead nowhere"
+        assert found.verdict == "it moves with 1 degree of freedom; other velocities that J allows lead nowhere"
 
 
 class TestOverConstrained:
@@ -157,7 +157,7 @@ class TestOverConstrained:
         assert found.finite == 1
 
     def test_sarrus_linkage_goes_up_and_down(self):
-        """Six hinges: counted 0, one freedom, and its platform does not turn [Sarrus1853]."""
+        """Six hinges: counted 0, one degree of freedom, and its platform does not turn [Sarrus1853]."""
         robot, hinge = sarrus()
         state = rbd.State(robot, sarrus_pose(0.8))
         found = mobility(state, [hinge])
@@ -214,7 +214,7 @@ class TestRows:
         assert "follows from" in str(found)
 
     def test_a_robot_without_constraints_moves_with_all_it_has(self, talos: rbd.Robot):
-        """38 freedoms, counted 6 (34 - 1 - 33) + 38."""
+        """38 degrees of freedom, counted 6 (34 - 1 - 33) + 38."""
         found = mobility(talos.at(), [])
         assert (found.count.value, found.instantaneous, found.finite) == (38, 38, 38)
 
@@ -225,7 +225,7 @@ class TestRows:
         assert found.redundant == () and not found.velocity_only
 
     def test_a_knife_edge_is_said_to_constrain_velocity_alone(self):
-        """Two freedoms of velocity; of configuration see integrability."""
+        """Two degrees of freedom of velocity; of configuration see integrability."""
         robot = free(pin.JointModelPlanar())
         found = mobility(rbd.State(robot, pin.neutral(robot.model)), [KnifeEdge("blade", "j0")])
         assert found.velocity_only and (found.instantaneous, found.finite) == (2, 2)
@@ -275,7 +275,7 @@ class TestFiniteMotionOfSurfaces:
     """What the method makes of points of varieties that are drawn in every book: J vanishes at all of them."""
 
     def test_a_plane_and_a_line_through_it(self):
-        """X y = x z = 0: branches of two freedoms and of one."""
+        """X y = x z = 0: branches of two degrees of freedom and of one."""
         found = surface(lambda q: [q[0] * q[1], q[0] * q[2]], lambda q: [[q[1], q[0], 0.0], [q[2], 0.0, q[0]]], 3)
         assert (found.instantaneous, found.finite, found.branches) == (3, 2, (2, 1)) and found.singular
 
@@ -311,13 +311,13 @@ class TestFiniteMotionOfSurfaces:
         assert (found.instantaneous, found.finite, found.branches) == (1, 0, ())
 
     def test_a_point_where_two_planes_meet_is_looked_at_beside(self):
-        """X y z = 0 on the x axis has no rank; a step off, on one plane, it has one, and two freedoms."""
+        """X y z = 0 on the x axis has no rank; a step off, on one plane, it has one, and two degrees of freedom."""
         robot = free(pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ())
         phi = FunctionConstraint(
             "phi", lambda q: [q[0] * q[1] * q[2]], jacobian=lambda q: np.array([[q[1] * q[2], q[0] * q[2], q[0] * q[1]]])
         )
         q = np.array([0.5, 0.0, 0.0])
-        held = Held(rbd.State(robot, q), [phi])
+        held = ConstraintManifold(rbd.State(robot, q), [phi])
         point, tangent = _regular(held, held.at(q), np.random.default_rng(0))
         off = np.sort(np.abs(point.q))
         assert off[0] < 1e-7 < off[1] and tangent.shape == (3, 2)
@@ -338,7 +338,7 @@ class TestFiniteMotionOfSurfaces:
             assert (found.count.value, found.finite) == (0, expected)
 
     def test_a_row_of_rhombi_laid_flat_has_a_way_for_each(self):
-        """N loops lose N ranks; each may fold or stay, N + 1 ways in all, each of one freedom."""
+        """N loops lose N ranks; each may fold or stay, N + 1 ways in all, each of one degree of freedom."""
         for n in (1, 2):
             robot = rbd.mechanism.n_four_bar(n)
             found = mobility(robot.at())

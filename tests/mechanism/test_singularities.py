@@ -70,7 +70,7 @@ class TestFourBar:
         there = [four_bar_pose(a, b, c, d, x, -1.0) for x in angles]
         back = [four_bar_pose(a, b, c, d, x, 1.0) for x in angles[::-1]]
         robot = planar_chain((a, b, c), d)
-        found = singularities_along(robot, np.array(there + back), [pinned()], inputs=["j0"])
+        found = singularities_along(rbd.State(robot, there[0]), [pinned()], path=np.array(there + back), inputs=["j0"])
         output = [s for s in found.found if s.kind == "output"]
         assert len(output) == 1 and 19.0 < output[0].at < 20.0
         assert abs(output[0].q[0] - limit) < 1e-12 and abs(in_line(output[0].q)) < 1e-9
@@ -90,7 +90,9 @@ class TestFourBar:
         robot = planar_chain((1.0, 2.0, 1.0), 2.0)
         angles = np.linspace(-0.4, 3.5, 40)
         path = np.column_stack([angles, -angles, angles - np.pi])
-        found = [s for s in singularities_along(robot, path, [pinned()]).found if s.kind == "configuration"]
+        found = [
+            s for s in singularities_along(rbd.State(robot, path[0]), [pinned()], path=path).found if s.kind == "configuration"
+        ]
         assert len(found) == 2
         np.testing.assert_allclose([s.q[0] for s in found], [0.0, np.pi], atol=1e-6)  # rounding: errors grow with squares here
 
@@ -98,8 +100,8 @@ class TestFourBar:
         """The rocker of a crank-rocker turns back where crank and coupler are in line: twice a turn, by the law of cosines."""
         a, b, c, d = 1.0, 3.0, 2.0, 2.5
         robot = rbd.mechanism.four_bar(a, b, c, d)
-        turn = rbd.mechanism.trace(robot, None, robot.posture("assembled"), "crank_joint", np.linspace(0.0, 6.2, 50))
-        found = singularities_along(robot, turn, inputs=["crank_joint"], outputs=["rocker_joint"])
+        turn = rbd.mechanism.trace(robot.at("assembled"), joint="crank_joint", values=np.linspace(0.0, 6.2, 50))
+        found = singularities_along(robot.at(turn.q[0]), path=turn, inputs=["crank_joint"], outputs=["rocker_joint"])
         assert [s.kind for s in found.found] == ["input", "input"]
         rockers = sorted(rbd.mechanism.link_angles(robot.at(s.q))["rocker"] for s in found.found)
         expected = sorted(np.pi - np.arccos((c * c + d * d - reach**2) / (2.0 * c * d)) for reach in (b - a, b + a))
@@ -111,19 +113,25 @@ class TestDeadCentres:
 
     def test_a_piston_cannot_start_its_crank_at_a_dead_centre(self):
         """Driven by the slider, with crank and rod in line, at 0 and 180 degrees: the crank can move with the slider locked."""
-        robot, angles = slider_crank(), np.linspace(-0.5, 4.0, 60)
+        robot, poses = slider_crank(), slider_crank_poses(np.linspace(-0.5, 4.0, 60))
         pin_here = LoopClosure("wrist", "pivot", "end", kind="planar")
-        found = singularities_along(robot, slider_crank_poses(angles), [pin_here], inputs=["slider"])
+        found = singularities_along(rbd.State(robot, poses[0]), [pin_here], path=poses, inputs=["slider"])
         assert {s.kind for s in found.found} == {"output"}
         np.testing.assert_allclose([s.q[0] for s in found.found], [0.0, np.pi], atol=1e-9)
         assert all(s.joints == ("crank", "rod") for s in found.found)
 
     def test_driven_by_the_crank_the_slider_rests_there(self):
         """The same two poses lose the slider's freedom: type 1."""
-        robot, angles = slider_crank(), np.linspace(-0.5, 4.0, 60)
+        robot, poses = slider_crank(), slider_crank_poses(np.linspace(-0.5, 4.0, 60))
         wrist = [LoopClosure("wrist", "pivot", "end", kind="planar")]
         for outputs in (["slider"], "pivot"):
-            found = singularities_along(robot, slider_crank_poses(angles), wrist, inputs=["crank"], outputs=outputs)
+            found = singularities_along(
+                rbd.State(robot, poses[0]),
+                wrist,
+                path=poses,
+                inputs=["crank"],
+                outputs=outputs,
+            )
             assert {s.kind for s in found.found} == {"input"}
             np.testing.assert_allclose([s.q[0] for s in found.found], [0.0, np.pi], atol=1e-9)
             assert np.abs(found.found[0].velocities[0][2]) < 1e-9
@@ -143,7 +151,7 @@ class TestDeadCentres:
             knee = np.arccos((r * r - 1.0 - 1.44) / 2.4)
             right = np.arctan2(y, x) - np.arctan2(1.2 * np.sin(knee), 1.0 + 1.2 * np.cos(knee))
             path.append([2.0, phi - 2.0, right, knee])
-        found = singularities_along(robot, np.array(path), [pinned()], inputs=["left", "right"])
+        found = singularities_along(rbd.State(robot, path[0]), [pinned()], path=np.array(path), inputs=["left", "right"])
         assert [s.kind for s in found.found] == ["output"]
         q = found.found[0].q
         assert abs(np.sin((q[2] + q[3]) - (q[0] + q[1]))) < 1e-9
@@ -176,9 +184,9 @@ class TestAskedWrongly:
         """Bars too short to close at all."""
         robot = planar_chain((1.0, 1.0), 5.0)
         with pytest.raises(rbd.InputError, match="configuration 0 of the path"):
-            singularities_along(robot, np.array([[0.3, 0.3], [0.2, 0.2]]), [pinned()])
+            singularities_along(rbd.State(robot, np.zeros(2)), [pinned()], path=np.array([[0.3, 0.3], [0.2, 0.2]]))
         with pytest.raises(rbd.InputError, match="expected"):
-            singularities_along(robot, np.zeros(2), [pinned()])
+            singularities_along(rbd.State(robot, np.zeros(2)), [pinned()], path=np.zeros(2))
 
 
 @pytest.mark.parametrize(

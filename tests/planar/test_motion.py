@@ -76,14 +76,14 @@ def test_duartes_two_link_reach():
 def test_the_texts_motion_starts_at_a_singular_pose_and_says_so():
     """(1, 0) to (0.5, 0.5) m: stretched out at t = 0, th2'' -> 1.5 sqrt(10)/sqrt(t); sampled from 0.01 s, as in the text."""
     motion = endpoint_motion(TWO, TEXT)
-    assert len(motion) == 100 and motion.times[0] == 0.01 and motion.unbounded == (0.0,)
+    assert len(motion) == 100 and motion.t[0] == 0.01 and motion.unbounded == (0.0,)
     assert "begins stretched out" in motion.note and "without bound" in motion.note and "t = 0 s" in motion.note
     np.testing.assert_allclose(np.degrees(motion.q[-1]), [0.0, 90.0], atol=1e-10)
     for field in ("x", "v", "a", "j", "q", "qd", "qdd", "qddd"):
         assert np.isfinite(getattr(motion, field)).all()
     early = endpoint_motion(TWO, TEXT, times=[0.001, 0.002])
-    np.testing.assert_allclose(early.qdd[:, 1] * np.sqrt(early.times), 1.5 * np.sqrt(10.0), rtol=1e-2)
-    np.testing.assert_allclose(early.qdd[:, 0] * np.sqrt(early.times), -0.75 * np.sqrt(10.0), rtol=1e-2)
+    np.testing.assert_allclose(early.qdd[:, 1] * np.sqrt(early.t), 1.5 * np.sqrt(10.0), rtol=1e-2)
+    np.testing.assert_allclose(early.qdd[:, 0] * np.sqrt(early.t), -0.75 * np.sqrt(10.0), rtol=1e-2)
     back = endpoint_motion(TWO, minimum_jerk([0.5, 0.5], [1.0, 0.0], 1.0))
     assert back.unbounded == (1.0,) and "ends stretched out" in back.note
     with pytest.raises(SingularPose):
@@ -98,10 +98,10 @@ def test_angles_of_an_end_point_motion_give_it_back(n: int, angles: str):
     path = minimum_jerk([0.7, -0.3], [0.1, 0.6], 1.5)
     motion = endpoint_motion(chain, path, times=path.times(3001))
     k, state = chain.numeric, (motion.q, motion.qd, motion.qdd, motion.qddd)
-    np.testing.assert_allclose(k.position(motion.q), path.displacement(motion.times), atol=1e-13)
-    np.testing.assert_allclose(k.velocity(*state[:2]), path.velocity(motion.times), atol=1e-12)
-    np.testing.assert_allclose(k.acceleration(*state[:3]), path.acceleration(motion.times), atol=1e-11)
-    np.testing.assert_allclose(k.jerk(*state), path.jerk(motion.times), atol=1e-10)
+    np.testing.assert_allclose(k.position(motion.q), path.displacement(motion.t), atol=1e-13)
+    np.testing.assert_allclose(k.velocity(*state[:2]), path.velocity(motion.t), atol=1e-12)
+    np.testing.assert_allclose(k.acceleration(*state[:3]), path.acceleration(motion.t), atol=1e-11)
+    np.testing.assert_allclose(k.jerk(*state), path.jerk(motion.t), atol=1e-10)
     np.testing.assert_allclose(motion.split.total, motion.a, atol=1e-11)
     for low, high in zip(state[:-1], state[1:], strict=True):
         np.testing.assert_allclose(rates(low, 0.0005), high[2:-2], atol=2e-5 * np.abs(high).max())
@@ -146,7 +146,7 @@ def test_one_motion_in_both_spaces():
 def test_a_path_through_the_base_goes_on_without_a_jump():
     """Equal links, straight through the base: the bend passes 180 degrees; only the sample in line is left out."""
     motion = endpoint_motion(TWO, minimum_jerk([0.6, 0.0], [-0.6, 0.0], 1.0))
-    assert len(motion) == 100 and 0.5 not in motion.times and not motion.unbounded and "t = 0.5 s" in motion.note
+    assert len(motion) == 100 and 0.5 not in motion.t and not motion.unbounded and "t = 0.5 s" in motion.note
     assert np.abs(np.diff(motion.q, axis=0)).max() < 0.15 and motion.q[-1, 1] > np.pi
 
 

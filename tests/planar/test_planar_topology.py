@@ -15,7 +15,7 @@ from rbd.planar import Chain, classify, constrained, to_robot
 def test_open_chains_and_their_robots_agree(n: int):
     """N degrees of freedom, mobility n, an end point with at most two, the rest redundancy: by `rbd.mechanism` too."""
     chain = Chain(n, lengths=(0.5,) * n)
-    ours, theirs = classify(chain), mechanism.classify(to_robot(chain, masses=(1.0,) * n), [], end="end")
+    ours, theirs = classify(chain), mechanism.classify(to_robot(chain, masses=(1.0,) * n).at(), [], end="end")
     assert (ours.kind, ours.closed, ours.degrees_of_freedom, ours.mobility) == ("serial", False, n, n)
     assert (theirs.kind, theirs.closed, theirs.degrees_of_freedom, theirs.mobility) == ("serial", False, n, n)
     end = theirs.end_points[0]
@@ -25,7 +25,7 @@ def test_open_chains_and_their_robots_agree(n: int):
 def test_a_pinned_chain_is_a_four_bar():
     """Three links with the end on the ground: closed, parallel, mobility 1, as of the four-bar linkage."""
     ours = classify(Chain(3, lengths=(1, 3, 2)), pinned=(2.5, 0))
-    theirs = mechanism.classify(mechanism.four_bar(1.0, 3.0, 2.0, 2.5))
+    theirs = mechanism.classify(mechanism.four_bar(1.0, 3.0, 2.0, 2.5).at())
     assert (ours.kind, ours.closed, ours.mobility, ours.degrees_of_freedom) == ("parallel", True, 1, 3)
     assert (theirs.kind, theirs.closed, theirs.mobility, theirs.degrees_of_freedom) == ("parallel", True, 1, 3)
     assert ours.end_dof == 0 and ours.redundancy == 1

@@ -86,7 +86,7 @@ def test_a_swinging_pendulum_is_that_of_rbd_simulate():
     moved = rbd.simulate(state, duration=1.0, step=5e-4, integrator=rbd.RungeKutta4(), record_every=200, progress=False)
     exact = solve_ivp(
         lambda t, x: np.concatenate([x[2:], dyn.forward(x[:2], x[2:])]),
-        (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12, t_eval=moved.times,
+        (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12, t_eval=moved.t,
     )  # fmt: skip
     assert np.abs(to.from_robot(moved.q) - exact.y[:2].T).max() < 1e-9
     assert np.abs(to.rates_from_robot(moved.v) - exact.y[2:].T).max() < 1e-9

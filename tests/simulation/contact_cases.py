@@ -62,7 +62,7 @@ class Case:
     def error(self, trajectory: rbd.Trajectory, at: int = -1) -> float:
         """Largest difference from the truth [m, rad, m/s, rad/s], of the last moment, or of another."""
         k = at % len(trajectory)
-        return float(np.abs(self.read(trajectory.state(k)) - self.truth(float(trajectory.times[k]))).max())
+        return float(np.abs(self.read(trajectory.state(k)) - self.truth(float(trajectory.t[k]))).max())
 
 
 # -------------------------------------------------------------------------------------------------------- rods, ladders
@@ -76,7 +76,7 @@ def ladder(*, floor: float = 0.0, wall: float = 0.0, spatial: bool = False) -> C
     robot = free_body(10.0, [1e-3, truth.inertia, truth.inertia]) if spatial else flat_body(10.0, truth.inertia)
     ends = [
         floor_point("floor", (-1.0, 0.0), friction=floor),
-        floor_point("wall", (1.0, 0.0), friction=wall, normal=(1.0, 0.0, 0.0)),
+        floor_point("wall", (1.0, 0.0), friction=wall, on=rbd.Ground(normal=(1.0, 0.0, 0.0))),
     ]
     return Case(flat_state(robot, start[:3], start[3:]), ends, course.at)
 
@@ -135,7 +135,7 @@ def block_on_belt(brick: rbd.Robot, friction: float = 0.25, speed: float = 2.0) 
         return np.array([friction * G * s * s / 2.0 + speed * (t - s), friction * G * s])
 
     corners = [
-        rbd.PointContact(f"c{i}", "box", offset=(x, y, -0.1), friction=friction, velocity=(speed, 0.0, 0.0))
+        rbd.PointContact(f"c{i}", "box", offset=(x, y, -0.1), friction=friction, on=rbd.Ground(velocity=(speed, 0.0, 0.0)))
         for i, (x, y) in enumerate([(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)])
     ]
     return Case(free_state(brick, (0.0, 0.0, 0.1)), corners, truth, lambda s: np.array([s.q[0], s.v[0]]))
@@ -215,7 +215,7 @@ def rimless_wheel(rate: float, feet: int, wheel: RimlessWheel) -> tuple[Case, Co
     robot = flat_body(1.0, wheel.j * wheel.leg**2, gravity=wheel.g)
     legs = [-wheel.leg * (math.cos(a + 2.0 * a * k) * out - math.sin(a + 2.0 * a * k) * along) for k in range(feet)]
     normal = (out[0], 0.0, out[1])
-    points = [floor_point(f"foot{k}", tuple(leg), friction=1.0, normal=normal) for k, leg in enumerate(legs)]
+    points = [floor_point(f"foot{k}", tuple(leg), friction=1.0, on=rbd.Ground(normal=normal)) for k, leg in enumerate(legs)]
     v = rate * wheel.leg * (math.cos(a) * along + math.sin(a) * out)
     state = flat_state(robot, (*hub(-a, 0.0), 0.0), (*v, rate))
     return Case(state, points, truth, lambda s: np.array([*s.q, s.v[2]])), course

@@ -94,7 +94,7 @@ def test_a_trial_that_has_no_acceleration_is_tried_shorter():
     found = _swings_to(0.999, wall, rtol=1e-4, atol=1e-4)
     assert wall.seen > 0
     assert found.q[:, 0].max() < 1.0
-    assert np.abs(found.q[:, 0] + 0.999 * np.cos(found.times)).max() < 1e-3
+    assert np.abs(found.q[:, 0] + 0.999 * np.cos(found.t)).max() < 1e-3
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])

@@ -5,21 +5,20 @@ import pytest
 from flat_bodies import slider
 
 import rbd
-from rbd.constraints.sources import sources_of
-from rbd.problem.parts import parts_of
-from rbd.problem.rows import Rows
+from rbd.constraints.contact_points import sources_of
+from rbd.problem.force_set import at_rest
 from rbd.simulation.contact_points import Points
-from rbd.simulation.velocity_problem import VelocitySolver
-from rbd.solvers.contact_solve import Stillness
+from rbd.simulation.velocity_problem import solve_velocity
+from rbd.solvers.contact_solve import StickingSolver
 
 Array = np.ndarray
 EXACT = 1e-13
 
 
-def corners(mu: float, k: int) -> Stillness:
+def corners(mu: float, k: int) -> StickingSolver:
     """Of k points with friction."""
     cone = rbd.problem.FrictionCone(mu, 4)
-    return Stillness(parts_of([Rows(str(i), np.zeros((3, 1)), np.zeros(3), cone) for i in range(k)]))
+    return StickingSolver(at_rest(*[cone] * k))
 
 
 def four_points(rng: np.random.Generator) -> Array:
@@ -57,7 +56,7 @@ def test_a_step_from_rest_gains_the_acceleration_of_solve_times_its_length(name:
     standing, feet = robot.standing(), robot.feet(0.6)
     points = Points(sources_of(feet, standing))
     at = points.at(standing, 0.0)
-    solver, everything, nothing = VelocitySolver("coulomb"), np.ones(len(at.gap), bool), np.zeros(len(at.velocity))
+    everything, nothing = np.ones(len(at.gap), bool), np.zeros(len(at.velocity))
     hold = rbd.hold(standing, feet).tau
     scale, rng = np.abs(hold).max(), np.random.default_rng(1)
     for _ in range(5):
@@ -66,7 +65,7 @@ def test_a_step_from_rest_gains_the_acceleration_of_solve_times_its_length(name:
         if solution.reason:
             continue  # one of a family of motions
         force = robot.actuation.T @ tau - standing.h
-        answer = solver.solve(at, everything, h * force, nothing, h, nothing)
+        answer = solve_velocity(at, everything, h * force, nothing, h, nothing, law="coulomb")
         assert answer.law < 1e-10
         assert np.abs(answer.v - h * solution.a).max() < 1e-8 * h * max(1.0, np.abs(solution.a).max())
 
@@ -82,8 +81,8 @@ def test_steps_of_a_thousand_lengths_are_each_solved_as_the_first():
     robot = slider(2.0)
     state = rbd.State(robot, np.zeros(1))
     at = Points(sources_of([rbd.JointFriction("rub", "slide", 5.0)], state)).at(state, 0.0)
-    solver, on = VelocitySolver("coulomb"), np.ones(1, bool)
+    on = np.ones(1, bool)
     for h in [*np.linspace(1e-4, 1e-2, 600), 1e-4]:
-        answer = solver.solve(at, on, np.array([7.0 * h]), np.zeros(1), h, np.zeros(1))
+        answer = solve_velocity(at, on, np.array([7.0 * h]), np.zeros(1), h, np.zeros(1), law="coulomb")
         assert answer.v == pytest.approx([2.0 * h / 2.0], rel=1e-9)
         assert answer.impulse == pytest.approx([-5.0 * h], rel=1e-9)

@@ -9,7 +9,7 @@ import scipy.linalg
 
 import rbd
 from rbd.control.posture import HoldPosture
-from rbd.control.torques import TorqueSchedule, ZeroOrderHold
+from rbd.control.schedules import TorqueSchedule, ZeroOrderHold
 from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8

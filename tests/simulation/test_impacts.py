@@ -43,7 +43,7 @@ class TestBounces:
         case = bouncing_ball(0.8)
         trajectory = case.run(4.4, 4e-3)
         last = math.sqrt(2.0 / G) * 1.8 / 0.2
-        after = trajectory.times > last + 4e-3
+        after = trajectory.t > last + 4e-3
         assert after.sum() > 50
         assert np.abs(trajectory.q[after][:, :3] - [0.0, 0.0, 0.1]).max() < 1e-9 and np.abs(trajectory.v[after]).max() < 1e-12
         assert trajectory.forces["ball"][after][:, 2] == pytest.approx(np.full(after.sum(), 2.0 * G))
@@ -75,7 +75,7 @@ class TestTwoBodies:
         robot = chain(joints, names=[f"ball{i}" for i in range(n)], name="row")
         hits = [
             rbd.PointContact(
-                f"hit{i}", f"ball{i}", offset=(0.1, 0.0, 0.0), against=f"ball{i + 1}", normal=(-1.0, 0.0, 0.0),
+                f"hit{i}", f"ball{i}", offset=(0.1, 0.0, 0.0), on=rbd.Body(f"ball{i + 1}", normal=(-1.0, 0.0, 0.0)),
                 anchor=(-0.1, 0.0, 0.0), friction=0.0,
             )
             for i in range(n - 1)
@@ -256,7 +256,7 @@ class TestTheOtherEnd:
         kept = [b.speed / a.speed for a, b in zip(told, told[1:4], strict=False)]
         assert kept == pytest.approx([1.0 - 1.5 * 0.04 / (0.04 + 0.25)] * 3, rel=1e-4)
         assert case.error(trajectory) < 5e-5
-        assert np.abs(trajectory.v[-1]).max() < 1e-10 and trajectory.times[-1] > expected[-1] + 0.1
+        assert np.abs(trajectory.v[-1]).max() < 1e-10 and trajectory.t[-1] > expected[-1] + 0.1
 
 
 class TestStopsOfJoints:
@@ -277,7 +277,7 @@ class TestStopsOfJoints:
         rests = stop > 0.0 and e == 0.0
         assert (trajectory.modes["stop"][-1] == "pushes") == rests
         if rests:
-            assert np.abs(trajectory.v[trajectory.times > expected[0] + 2e-3]).max() < 1e-12
+            assert np.abs(trajectory.v[trajectory.t > expected[0] + 2e-3]).max() < 1e-12
             assert trajectory.forces["stop"][-1] == pytest.approx([G * math.sin(stop)], abs=1e-6)
 
     def test_restitution_is_each_constraints_own(self):
@@ -341,7 +341,7 @@ class TestWhatHolds:
 
     def test_a_floor_that_rises_under_what_is_locked_has_no_motion(self):
         """Both are named."""
-        lift = floor_point("lift", (0.0, -0.1), friction=0.0, velocity=(0.0, 0.0, 0.5), anchor=(0.0, 0.0, -0.1))
+        lift = floor_point("lift", (0.0, -0.1), friction=0.0, on=rbd.Ground(velocity=(0.0, 0.0, 0.5)), anchor=(0.0, 0.0, -0.1))
         state = rbd.State(flat_body(1.0, 0.1), np.zeros(3))
         with pytest.raises(
             rbd.errors.SimulationStopped, match="no velocity satisfies the contact law together with lock, lift: "

@@ -23,7 +23,7 @@ def test_chaplygins_sleigh_turns_to_go_straight(integrator, step):
     c = np.arctanh(v0 / V)
     start = rbd.State(robot, robot.at().q, np.array([v0, 0.0, w0]))
     found = rbd.simulate(start, robot.wheels(), duration=2.0, step=step, integrator=integrator, progress=False)
-    s = k * V * found.times + c
+    s = k * V * found.t + c
     assert np.abs(found.v[:, 0] - V * np.tanh(s)).max() < 1e-8
     assert np.abs(found.v[:, 2] - np.sqrt(k / a) * V / np.cosh(s)).max() < 1e-8
     assert np.abs(found.v[:, 1]).max() < 1e-11
@@ -54,7 +54,7 @@ def test_a_skate_on_an_incline_drifts_sideways(integrator, step):
     start = rbd.State(robot, pin.neutral(robot.model), np.array([0.0, 0.0, w]))
     blade = rbd.KnifeEdge("skate", "body")
     found = rbd.simulate(start, [blade], duration=4.0, step=step, integrator=integrator, progress=False)
-    t, size = found.times, down / (2.0 * w * w)
+    t, size = found.t, down / (2.0 * w * w)
     assert np.abs(found.q[:, 0] - size * np.sin(w * t) ** 2).max() < 1e-8
     assert np.abs(found.q[:, 1] - size * (w * t - 0.5 * np.sin(2.0 * w * t))).max() < 1e-8
 
@@ -64,14 +64,16 @@ def test_a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate(integrator
     """The centre's velocity turns at 2/7 W: a circle, wherever it was set off; it stays on the table."""
     robot = rbd.load_robot(URDF / "ball.urdf", root="free_flyer")
     W, R = 3.0, 0.1
-    table = rbd.RollingBall("ball", "ball", radius=R, velocity=(0.0, 0.0, 0.0, 0.0, 0.0, W))
+    table = rbd.RollingBall(
+        "ball", "ball", radius=R, on=rbd.Ground(point=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0, 0.0, 0.0, W))
+    )
     x, y, u, v = 0.5, 0.2, 0.3, -0.1
     q = np.array([x, y, R, 0.0, 0.0, 0.0, 1.0])
     start = rbd.State(robot, q, np.array([u, v, 0.0, (W * x - v) / R, (u + W * y) / R, 0.0]))
     assert np.abs(table.rows(start).velocity).max() < 1e-12
     found = rbd.simulate(start, [table], duration=1.5, step=0.1 * step, integrator=integrator, progress=False)
     rate = 2.0 / 7.0 * W
-    c, s = np.cos(rate * found.times), np.sin(rate * found.times)
+    c, s = np.cos(rate * found.t), np.sin(rate * found.t)
     true = np.column_stack([x + (u * s - v * (1.0 - c)) / rate, y + (u * (1.0 - c) + v * s) / rate, np.full(len(c), R)])
     assert np.abs(found.q[:, :3] - true).max() < 1e-8
     assert found.residuals["drift"].max() < 1e-11
@@ -94,7 +96,7 @@ def test_a_disk_wobbles_on_its_rim_at_eulers_rate(integrator, step):
     assert np.abs(found.q[:, :3] - q[:3]).max() < 1e-7
     for i in (len(found) // 2, -1):
         e = pin.Quaternion(found.q[i, 3:]).matrix()[:, 1]
-        angle = W * found.times[i]
+        angle = W * found.t[i]
         assert np.abs(e - [np.sin(al) * np.cos(angle), np.sin(al) * np.sin(angle), np.cos(al)]).max() < 1e-6
     assert np.abs(found.energy - found.energy[0]).max() < 1e-7
 

@@ -102,13 +102,13 @@ def test_recorded_forces_are_of_second_order_too():
     for i, step in enumerate((4 * MS, 2 * MS)):
         trajectory = ladder().run(0.4, step)
         for k in range(0, len(trajectory), 10):
-            x, z, angle, vx, vz, w = course.at(float(trajectory.times[k]))
+            x, z, angle, vx, vz, w = course.at(float(trajectory.t[k]))
             turning = truth.fall * np.cos(angle)  # th = angle + pi
             wall = 10.0 * (np.sin(angle) * turning + np.cos(angle) * w * w)
             off[0, i] = max(off[0, i], abs(trajectory.forces["wall"][k, 0] - wall))
         trajectory = rod.run(0.84, step)
         for k in range(0, len(trajectory), 10):
-            expected = body.force(rod_course.at(float(trajectory.times[k])), "sticks")
+            expected = body.force(rod_course.at(float(trajectory.t[k])), "sticks")
             off[1, i] = max(off[1, i], np.abs(trajectory.forces["foot"][k][[0, 2]] - expected).max())
     assert off[:, 0] / off[:, 1] == pytest.approx([4.0, 4.0], rel=0.1)
     assert (off[:, 1] < [1e-3, 2.5e-3]).all()

@@ -145,7 +145,7 @@ def test_a_lock_without_a_position_keeps_the_one_at_the_start(integrator):
     arm = rbd.load_robot("ur5", root="fixed")
     q = np.array([0.3, -1.0, 0.8, 0.2, -0.4, 0.1])
     tiago = rbd.load_robot("tiago", root="fixed")
-    wheel = next(n for n in tiago.joints() if tiago.model.joints[tiago.joint_id(n)].nq == 2)
+    wheel = next(n for n in tiago.joints if tiago.model.joints[tiago.joint_id(n)].nq == 2)
     for start, joint in ((rbd.State(arm, q), "elbow_joint"), (tiago.at(), wheel)):
         lock = rbd.JointLock("lock", joint)
         v = start.v.copy()
@@ -161,11 +161,13 @@ def test_a_lock_without_a_position_keeps_the_one_at_the_start(integrator):
 @pytest.mark.parametrize("anchor", [None, (0.0, 0.0, 0.0)])
 def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
     """A body pinned to a belt at 0.3 m/s: the pin goes 0.3 t, with an anchor or without, and the body swings about it."""
-    belt = rbd.PointContact("belt", "body", offset=(0.0, 0.0, 0.1), friction=None, velocity=(0.3, 0.0, 0.0), anchor=anchor)
+    belt = rbd.PointContact(
+        "belt", "body", offset=(0.0, 0.0, 0.1), friction=None, on=rbd.Ground(velocity=(0.3, 0.0, 0.0)), anchor=anchor
+    )
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]), np.array([0.3 - 0.2, 0.0, 2.0]))
     found = rbd.simulate(start, [belt], duration=1.0, step=2e-3, integrator=integrator, progress=False)
     pins = np.array([found.state(i).frame("body", (0.0, 0.0, 0.1)).X_WF.translation for i in range(0, 501, 50)])
-    assert np.abs(pins[:, 0] - 0.3 * found.times[::50]).max() < 1e-8
+    assert np.abs(pins[:, 0] - 0.3 * found.t[::50]).max() < 1e-8
     assert np.abs(pins[:, 2]).max() < 1e-8
     drive = 2.0 * 9.81 * 0.1 / (0.02 + 2.0 * 0.01)
     swing = solve_ivp(lambda t, y: [y[1], -drive * math.sin(y[0])], (0.0, 1.0), [0.0, 2.0], rtol=1e-11, atol=1e-12).y[:, -1]
@@ -175,7 +177,11 @@ def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
 def test_a_ground_that_accelerates_is_left_to_time_stepping():
     """How it moves later is not known."""
     pin_on = rbd.PointContact(
-        "lift", "body", offset=(0.0, 0.0, 0.1), friction=None, velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 1.0)
+        "lift",
+        "body",
+        offset=(0.0, 0.0, 0.1),
+        friction=None,
+        on=rbd.Ground(velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 1.0)),
     )
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]))
     with pytest.raises(rbd.errors.Unsupported, match="the ground of 'lift' accelerates, and how it moves is known at one"):
@@ -264,7 +270,7 @@ def _phi(n, phi, rate, duration):
 def _flat(robot, n, phi, rate):
     """The N-four-bar with its cranks at phi."""
     q, v = robot.at("assembled").q.copy(), np.zeros(robot.nv)
-    for name in robot.joints():
+    for name in robot.joints:
         joint, sign = robot.model.joints[robot.joint_id(name)], 1.0 if name.startswith("crank") else -1.0
         q[joint.idx_q : joint.idx_q + 2] = np.cos(phi), sign * np.sin(phi)
         v[joint.idx_v] = sign * rate

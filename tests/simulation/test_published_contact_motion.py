@@ -44,8 +44,8 @@ class TestLadder:
         trajectory = case.run(0.6, 1e-3)
         assert told(trajectory, "wall", "leaves") == pytest.approx([0.45966283], abs=5e-6)
         assert not told(trajectory, "floor", "leaves")
-        before = np.flatnonzero(trajectory.times < 0.45966283)[-4:]  # the floor's force has a kink there: from one side
-        t = trajectory.times[before]
+        before = np.flatnonzero(trajectory.t < 0.45966283)[-4:]  # the floor's force has a kink there: from one side
+        t = trajectory.t[before]
         height = np.polyval(np.polyfit(t - 0.45966283, [flat_motion(trajectory.state(k))[1] for k in before], 2), 0.0)
         floor = np.polyval(np.polyfit(t - 0.45966283, trajectory.forces["floor"][before, 2], 2), 0.0)
         assert height == pytest.approx(2.0 / 3.0 * math.sin(math.pi / 3.0), abs=6e-6)
@@ -57,7 +57,7 @@ class TestLadder:
         trajectory = ladder().run(0.6, 4e-3)
         wall = trajectory.forces["wall"][:, 0]
         assert wall.min() >= 0.0 and wall[0] == pytest.approx(0.75 * 10.0 * G * math.sin(math.pi / 3.0) / 2.0, rel=1e-9)
-        assert not wall[trajectory.times > 0.464].any()
+        assert not wall[trajectory.t > 0.464].any()
 
     def test_rough_at_both_ends_it_slides_as_two_equations_say(self):
         """Mu .1 below, .15 at the wall: floor and wall force by hand in the plane; it leaves the wall later."""
@@ -76,7 +76,7 @@ class TestIncline:
         case = block_thrown_up(brick, 0.5)
         trajectory = case.run(1.35, step)
         assert told(trajectory, "sole", "sticks") == pytest.approx([0.3491895] * 4, abs=5e-8)
-        way = np.array([case.read(trajectory.state(k))[0] for k in np.flatnonzero(trajectory.times > 0.35)])
+        way = np.array([case.read(trajectory.state(k))[0] for k in np.flatnonzero(trajectory.t > 0.35)])
         assert way == pytest.approx(np.full(len(way), 0.5237842), abs=5e-8)
         assert np.ptp(way) < 1e-9 and np.abs(trajectory.v[-1]).max() < 1e-12
         assert case.error(trajectory) < 1e-9
@@ -100,7 +100,7 @@ class TestBall:
         trajectory = case.run(0.4, 4e-3)
         rolls = 4.0 / (7.0 * 0.3 * G)
         assert told(trajectory, "ball", "sticks") == pytest.approx([rolls], abs=1e-12)
-        rolling = np.flatnonzero(trajectory.times > rolls + 4e-3)
+        rolling = np.flatnonzero(trajectory.t > rolls + 4e-3)
         assert np.ptp(trajectory.v[rolling, 4]) < 1e-11 and set(trajectory.modes["ball"][rolling]) == {"sticks"}
         X, v, w = free_motion(trajectory.state(-1))
         assert v[0] == pytest.approx(10.0 / 7.0, abs=1e-12) and v[0] == pytest.approx(0.1 * w[1], abs=1e-12)
@@ -112,7 +112,7 @@ class TestBall:
         mu = 2.0 / 7.0 * math.tan(slope) * (1.0 + 1e-3 * sign)
         assert mu == pytest.approx(0.494872, rel=2e-3)
         out, down = np.array([math.sin(slope), 0.0, math.cos(slope)]), np.array([math.cos(slope), 0.0, -math.sin(slope)])
-        touch = rbd.RollingBall("ball", "body", radius=r, friction=mu, normal=out)
+        touch = rbd.RollingBall("ball", "body", radius=r, friction=mu, on=rbd.Ground(normal=out, point=(0.0, 0.0, 0.0)))
         trajectory = rbd.simulate(free_state(ball(2.0, r), r * out), [touch], duration=0.2, step=4e-3, progress=False)
         X, v, w = free_motion(trajectory.state(-1))
         a = 5.0 / 7.0 * G * math.sin(slope) if sign > 0 else G * (math.sin(slope) - mu * math.cos(slope))
@@ -231,7 +231,9 @@ class TestRimlessWheel:
         start = free_state(robot, (hub[0], 0.0, hub[1]), (0.0, slope, 0.0), (rate[0], 0.0, rate[1]), (0.0, rate[2], 0.0))
         out = (math.sin(slope), 0.0, math.cos(slope))
         feet = [
-            floor_point(f"foot{k} {y}", (math.sin(at), y, -math.cos(at)), friction=1.0, frame="wheel", normal=out)
+            floor_point(
+                f"foot{k} {y}", (math.sin(at), y, -math.cos(at)), friction=1.0, frame="wheel", on=rbd.Ground(normal=out)
+            )
             for k, at in enumerate((a, 3.0 * a))
             for y in (0.2, -0.2)
         ]
@@ -289,6 +291,6 @@ class TestFallingRod:
         case, course = rod_on_rough_table(1.0)
         trajectory = case.run(1.04, 2e-3)
         body = OnePoint(10.0, rod_inertia(10.0, 1.0), (-1.0, 0.0), 1.0)
-        for k in np.flatnonzero(trajectory.times > 0.89):
-            expected = body.force(course.at(float(trajectory.times[k])), "slips+")
+        for k in np.flatnonzero(trajectory.t > 0.89):
+            expected = body.force(course.at(float(trajectory.t[k])), "slips+")
             assert trajectory.forces["foot"][k][[0, 2]] == pytest.approx(expected, abs=6e-4)

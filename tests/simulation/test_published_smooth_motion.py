@@ -43,7 +43,7 @@ def test_a_cylinder_without_torque_precesses(joint, integrator, step):
     v = w if robot.nv == 3 else np.r_[0.3, 0.1, -0.2, w]
     start = rbd.State(robot, pin.neutral(robot.model), v)
     found = rbd.simulate(start, duration=2.0, step=step, integrator=integrator, record_every=20, progress=False)
-    s, t = 0.5 * w[2], found.times
+    s, t = 0.5 * w[2], found.t
     c, d = np.cos(s * t), np.sin(s * t)
     true = np.column_stack([w[0] * c + w[1] * d, -w[0] * d + w[1] * c, np.full(len(t), w[2])])
     assert np.abs(found.v[:, -3:] - true).max() < 1e-8

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.control.pushes import Push, Pushes
+from rbd.control.schedules import Push, Pushes
 from rbd.model.dynamics import free_force
 
 

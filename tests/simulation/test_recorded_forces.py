@@ -10,9 +10,9 @@ from contact_cases import sole
 from flat_bodies import flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
-from rbd.constraints.sources import sources_of
+from rbd.constraints.contact_points import sources_of
 from rbd.simulation.contact_points import Points
-from rbd.simulation.recorded_forces import _inside, _settled, _shortest
+from rbd.simulation.recording import _inside, _settled, _shortest
 
 G = 9.81
 STEPPING = pytest.mark.parametrize("integrator", [rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)])

@@ -1,4 +1,4 @@
-"""Loops whose rows repeat each other: order, residuals, forces and cost are those of loops whose rows do not."""
+"""Loops whose rows are linearly dependent: order, residuals, forces and cost are those of loops whose rows are not."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from scipy.special import ellipj, ellipk
 from smooth_models import bricard, chain, off, swinging
 
 import rbd
-from rbd.mechanism.held_rows import HeldRows
+from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism.stage_solver import StageSolver
-from rbd.simulation.velocity_problem import RedundantRows
+from rbd.simulation.velocity_problem import independent_rows
 
 RING = [rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0, 0.0))]
 """Closes Bricard's mechanism: five rows of rank four."""
@@ -40,7 +40,7 @@ def _parallelogram(swing):
     """(robot, state): the benchmark's four-bar with equal lengths (A02, N = 1), its cranks `swing` from hanging, at rest."""
     robot, phi = rbd.mechanism.n_four_bar(1), swing - 0.5 * np.pi
     q = robot.at("assembled").q.copy()
-    for name in robot.joints():
+    for name in robot.joints:
         joint, sign = robot.model.joints[robot.joint_id(name)], 1.0 if name.startswith("crank") else -1.0
         q[joint.idx_q : joint.idx_q + 2] = np.cos(phi), sign * np.sin(phi)
     return robot, rbd.State(robot, q)
@@ -160,7 +160,7 @@ def test_a_loop_that_is_open_is_pulled_together_in_time_stepping():
     found = _last(
         rbd.State(robot, gap), robot.loops(), 1e-3, 0.5, rbd.TimeStepping(), stabilisation=rbd.constraints.Baumgarte(w)
     )
-    true = found.residuals["drift"][0] * (1.0 + w * found.times) * np.exp(-w * found.times)
+    true = found.residuals["drift"][0] * (1.0 + w * found.t) * np.exp(-w * found.t)
     assert found.residuals["drift"][0] > 5e-4
     assert np.abs(found.residuals["drift"] - true).max() < 0.02 * found.residuals["drift"][0]
 
@@ -169,7 +169,7 @@ def test_what_is_known_of_rows_follows_their_norms():
     """Norms that are learned after rows were taken apart: the same answers as of a solver that never knew the old ones."""
     robot, start = _parallelogram(1.0)
     loops = _hinged(robot)
-    held, rhs = HeldRows(start, loops, [False] * len(loops)), -start.h
+    held, rhs = ConstraintManifold.unchecked(start, loops).rows(start), -start.h
     taught = StageSolver()
     taught.learn(held)
     before = taught.spread(held), taught.acceleration(held, rhs, 0.0).a
@@ -178,7 +178,7 @@ def test_what_is_known_of_rows_follows_their_norms():
     fresh = StageSolver()
     for rows in (held, far):
         fresh.learn(rows)
-    again = HeldRows(start, loops, [False] * len(loops))
+    again = ConstraintManifold.unchecked(start, loops).rows(start)
     assert taught.spread(held) == fresh.spread(again)
     assert np.abs(taught.acceleration(held, rhs, 0.0).a - before[1]).max() < 1e-12
     assert np.abs(taught.forces(held, before[1], rhs)[0] - fresh.forces(again, before[1], rhs)[0]).max() < 1e-12
@@ -260,7 +260,7 @@ def test_points_that_come_into_sight_while_a_loop_is_put_right_change_nothing(hi
     alone = _last(start, loops, 0.01, 0.2, rbd.TimeStepping())
     found = _last(start, [*loops, lookout], 0.01, 0.2, rbd.TimeStepping())
     assert min(lookout.seen) > 20
-    close = 1e-11 if hinged else 1e-8  # what comes into sight ends the way back to the loop after one step of Newton's
+    close = 1e-11 if hinged else 1e-8  # what enters the contact set ends the way back to the loop after one step of Newton's
     assert np.abs(found.q - alone.q).max() < close
     assert np.abs(found.v - alone.v).max() < 10.0 * close
     assert found.residuals["drift"].max() < close
@@ -273,13 +273,12 @@ def test_points_that_come_into_sight_while_a_loop_is_put_right_change_nothing(hi
 def test_rows_that_differ_little_but_truly_are_kept(apart):
     """At an angle of 1e-7 they are two rows, though no Cholesky factor tells; at 1e-10 they are one."""
     W, c, held = np.array([[1.0, 1.0], [0.0, apart], [0.0, 0.0]]), np.array([1.0, 2.0]), np.array([0, 1])
-    redundant = RedundantRows()
-    kept_W, kept_c, left_out = redundant.reduced(W, c, held, 0.0)
-    assert kept_W is W and kept_c is c and left_out == 0.0 and not redundant.found
+    kept_W, kept_c, left_out, norms, redundant = independent_rows(W, c, held, 0.0)
+    assert kept_W is W and kept_c is c and left_out == 0.0 and not redundant
     W = W.copy()
     W[1, 1] = 1e-10
-    kept_W, kept_c, left_out = redundant.reduced(W, c, held, 0.0)
-    assert redundant.found
+    kept_W, kept_c, left_out, _, redundant = independent_rows(W, c, held, 0.0, norms)
+    assert redundant
     assert np.linalg.matrix_rank(kept_W) == 1
     assert kept_c == pytest.approx([1.5, 1.5])  # what both say together
     assert left_out == pytest.approx(0.5)

@@ -46,11 +46,11 @@ def test_bounces_that_last_less_than_a_step_are_those_of_the_series_too(e, step,
     by = rbd.TimeStepping(extrapolate=extrapolate)
     found = rbd.simulate(start, floor, duration=0.6, step=step, restitution=e, integrator=by, progress=False)
     times = bounces(0.05, e, flights)
-    times = times[times < found.times[-1]]
+    times = times[times < found.t[-1]]
     touched = _touches(found)[: len(times)]
     assert len(times) >= 4
     assert np.abs(np.array([event.t for event in touched]) - times).max() < 1e-9
-    for t, q, v in zip(found.times, found.q[:, 0], found.v[:, 0], strict=True):
+    for t, q, v in zip(found.t, found.q[:, 0], found.v[:, 0], strict=True):
         if t < times[-1]:
             assert np.abs(np.array([q, v]) - bouncing_height(0.05, e, float(t))).max() < 1e-8
 
@@ -62,7 +62,7 @@ def test_what_is_thrown_up_from_the_floor_flies(step, extrapolate):
     start, floor = _falling_mass(0.0, 0.5)
     by = rbd.TimeStepping(extrapolate=extrapolate)
     found = rbd.simulate(start, floor, duration=0.3, step=step, restitution=0.0, integrator=by, progress=False)
-    t = found.times
+    t = found.t
     assert np.abs(found.q[:, 0] - np.maximum(0.5 * t - 0.5 * G * t * t, 0.0)).max() < 1e-9
     (landed,) = [event for event in _touches(found) if event.speed]
     assert abs(landed.t - 2.0 * 0.5 / G) < 1e-9
@@ -82,7 +82,7 @@ def test_a_strike_at_the_very_end_of_a_step_is_one_strike(early, extrapolate):
     (struck,) = _touches(found)
     assert abs(struck.t - t) < 1e-11
     assert abs(struck.speed - G * t) < 1e-9
-    true = np.array([bouncing_height(0.5 * G * t * t, 0.5, float(x)) for x in found.times])
+    true = np.array([bouncing_height(0.5 * G * t * t, 0.5, float(x)) for x in found.t])
     assert np.abs(found.q[:, 0] - true[:, 0]).max() < 1e-8
     assert np.abs(found.v[5:, 0] - true[5:, 1]).max() < 1e-7
 
@@ -183,11 +183,11 @@ def test_extrapolated_steps_are_of_order_two_and_record_the_same_forces(extrapol
             start, edges, duration=0.8, step=step, integrator=rbd.TimeStepping(extrapolate=extrapolate), progress=False,
             external=lambda s, t: np.array([rate * t, 0.0, 0.0]),
         )  # fmt: skip
-        t = np.maximum(found.times - slips, 0.0)
+        t = np.maximum(found.t - slips, 0.0)
         errors.append(np.abs(found.q[:, 0] - rate * t**3 / (6.0 * m)).max())
         friction = sum(found.forces[edge.name][:, 0] for edge in edges)
-        expected = -np.minimum(rate * found.times, mu * m * G)
-        near = np.abs(found.times - slips) > 2.0 * step
+        expected = -np.minimum(rate * found.t, mu * m * G)
+        near = np.abs(found.t - slips) > 2.0 * step
         assert np.abs(friction - expected)[near].max() < 1e-6
         assert np.abs(sum(found.forces[edge.name][:, 2] for edge in edges) - m * G).max() < 1e-6
     assert errors[0] < 0.5 * 0.02**2  # how much depends on where in its step the slip begins

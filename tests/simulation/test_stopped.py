@@ -7,7 +7,7 @@ import pytest
 from smooth_models import chain
 
 import rbd
-from rbd.simulation.events import Moment
+from rbd.simulation.events import Sample
 
 INTEGRATORS = pytest.mark.parametrize(
     "integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]
@@ -65,9 +65,9 @@ def test_an_error_of_a_users_function_keeps_the_motion_so_far(integrator, given,
     kept, whole = stopped.value.trajectory, _run(integrator)
     assert 2 <= len(kept) <= 16
     assert kept.interrupted.startswith("stopped at t = 0.")
-    assert stopped.value.t == kept.times[-1]
+    assert stopped.value.t == kept.t[-1]
     assert np.array_equal(stopped.value.state.q, kept.q[-1])
-    assert np.array_equal(kept.times, whole.times[: len(kept)])
+    assert np.array_equal(kept.t, whole.t[: len(kept)])
     assert np.abs(kept.q - whole.q[: len(kept)]).max() < 1e-9
 
 
@@ -121,7 +121,7 @@ class _ByHand:
     def run(self, motion, state, times):
         for t in times:
             a = np.array([1.0, self.bad if t else 2.0])
-            yield Moment(t, state, a, np.zeros(state.robot.nu), dict)
+            yield Sample.of(t, state, a, np.zeros(state.robot.nu), dict)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])

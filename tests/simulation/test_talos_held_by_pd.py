@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.control.posture import HoldPosture
-from rbd.control.pushes import Push
+from rbd.control.schedules import Push
 
 FEET_DRIFT = 1e-6
 """Over the last five of ten seconds [m]: the promise."""
@@ -24,7 +24,7 @@ def held(robot: rbd.Robot, duration: float, push: Push | None, record_every: int
 
 def wandered(trajectory: rbd.Trajectory, since: float) -> float:
     """How far any point of the feet is, at any time, from where it was at a time [m]."""
-    first = int(np.searchsorted(trajectory.times, since - 1e-9))
+    first = int(np.searchsorted(trajectory.t, since - 1e-9))
     return max(float(np.abs(x[first:] - x[first]).max()) for x in trajectory.points.values())
 
 
@@ -37,7 +37,7 @@ def test_talos_stands_for_ten_seconds(talos, force, exhaustive):
     push = Push("torso_2_link", force, start=0.5, duration=0.1) if any(force) else None
     seconds = 10.0 if exhaustive or push is not None else 5.0
     trajectory = held(talos, seconds, push)
-    assert trajectory.times[-1] == seconds and not trajectory.interrupted
+    assert trajectory.t[-1] == seconds and not trajectory.interrupted
     assert wandered(trajectory, 0.5 * seconds) <= FEET_DRIFT and wandered(trajectory, 0.0) <= FEET_DRIFT
     assert not trajectory.events
     assert all((modes == "sticks").all() for modes in trajectory.modes.values())
@@ -58,7 +58,7 @@ def test_a_push_gives_its_impulse_and_the_feet_take_it_back(talos):
     push = Push("torso_2_link", (0.0, 20.0, 0.0), start=0.05, duration=0.1)
     trajectory = held(talos, 0.4, push, record_every=1)
     friction = sum(force[:, 1] for force in trajectory.forces.values())
-    pushed = np.array([20.0 if push.acts(t) else 0.0 for t in trajectory.times])
+    pushed = np.array([20.0 if push.acts(t) else 0.0 for t in trajectory.t])
     total = np.concatenate([[0.0], np.cumsum((friction + pushed)[:-1] * 1e-3)])
     assert np.abs(trajectory.momentum[:, 1] - total).max() < 0.02 * np.abs(total).max()  # a sum of left ends: order 1
     assert np.abs(total).max() > 1.0

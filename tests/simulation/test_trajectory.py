@@ -12,10 +12,9 @@ from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joint_names import motors, positions, velocities
-from rbd.simulation.events import Touch
+from rbd.simulation.events import ConstraintForce, Sample
 from rbd.simulation.recording import Recording
-from rbd.simulation.trajectory import Sample, Trajectory
+from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import COLUMNS, WORDS
 
 NAMES = ("floor", "stop", ODD_NAME)
@@ -29,8 +28,8 @@ def fall() -> Trajectory:
 
 def test_a_fall_keeps_its_energy_and_gains_momentum(fall: Trajectory):
     """Until it lands, T + V = m g z0 and p = -m g t; after it, V = m g z alone."""
-    falls = fall.times < fall.times[-1] / 2.0
-    t = fall.times[falls]
+    falls = fall.t < fall.t[-1] / 2.0
+    t = fall.t[falls]
     assert fall.energy[falls] == pytest.approx(MASS * GRAVITY * (1.0 + HALF), abs=1e-12 * 100)
     assert fall.kinetic[falls] == pytest.approx(0.5 * MASS * (GRAVITY * t) ** 2, abs=1e-12)
     assert fall.momentum[falls, 2] == pytest.approx(-WEIGHT * t, abs=1e-12) and not fall.momentum[:, [0, 1, 3, 4, 5]].any()
@@ -61,17 +60,21 @@ def test_rows_that_come_and_go_are_padded_with_zeros():
     motion, moments, _ = falling(n=3)
     rows = [np.array([1.0]), np.array([2.0, 3.0]), np.zeros(0)]
     for i, force in enumerate(rows):
-        moments[i] = dataclasses.replace(moments[i], touches=lambda force=force: {"stop": Touch(force, "pushes")})
+        moments[i] = dataclasses.replace(
+            moments[i], constraint_forces=lambda force=force: {"stop": ConstraintForce(force, "pushes")}
+        )
     kept = Trajectory.of(motion, moments)
     np.testing.assert_array_equal(kept.forces["stop"], [[1, 0], [2, 3], [0, 0]])
     assert kept.contacts == () and list(kept.modes["floor"]) == ["open"] * 3
 
 
-def test_touches_are_asked_once_a_moment():
-    """They are dear."""
+def test_forces_are_asked_once_a_sample():
+    """They are expensive."""
     motion, moments, _ = falling(n=4)
     asked = []
-    moments = [dataclasses.replace(m, touches=lambda m=m: asked.append(m.t) or m.touches()) for m in moments]
+    moments = [
+        dataclasses.replace(m, constraint_forces=lambda m=m: asked.append(m.t) or m.constraint_forces()) for m in moments
+    ]
     Trajectory.of(motion, moments)
     assert asked == [m.t for m in moments]
 
@@ -82,7 +85,7 @@ def test_what_is_not_finite_stops_the_recording():
     for bad in (
         {"a": np.full(6, np.nan)},
         {"law": math.nan},
-        {"touches": lambda: {"floor": Touch(np.array([0.0, 0.0, np.inf]), "sticks")}},
+        {"constraint_forces": lambda: {"floor": ConstraintForce(np.array([0.0, 0.0, np.inf]), "sticks")}},
     ):
         recording = Recording(motion)
         recording.add(moments[0])
@@ -96,12 +99,12 @@ def test_what_is_not_finite_stops_the_recording():
 def test_the_culprit_is_named_where_there_is_one():
     """The force of the constraint that is not finite; of forces whose squares only together are too large, none alone."""
     motion, moments, _ = falling(n=2)
-    large = Touch(np.array([0.0, 0.0, 1.2e154]), "sticks")  # 1.44e308 squared; the largest number is 1.80e308
+    large = ConstraintForce(np.array([0.0, 0.0, 1.2e154]), "sticks")  # 1.44e308 squared; the largest number is 1.80e308
     for stop, told in (
-        (Touch(np.array([np.nan]), "pushes"), r"at t = 0 s the force of 'stop' is not finite"),
+        (ConstraintForce(np.array([np.nan]), "pushes"), r"at t = 0 s the force of 'stop' is not finite"),
         (large, "at t = 0 s a number is not finite"),
     ):
-        bad = dataclasses.replace(moments[0], touches=lambda stop=stop: {"floor": large, "stop": stop})
+        bad = dataclasses.replace(moments[0], constraint_forces=lambda stop=stop: {"floor": large, "stop": stop})
         with pytest.raises(rbd.NoSolution, match=told):
             Recording(motion).add(bad)
 
@@ -111,7 +114,7 @@ def test_an_integrator_may_use_its_arrays_again():
     motion, moments, _ = falling(n=2)
     force, a = np.array([0.0, 0.0, 5.0]), np.zeros(6)
     recording = Recording(motion)
-    recording.add(dataclasses.replace(moments[0], a=a, touches=lambda: {"floor": Touch(force, "sticks")}))
+    recording.add(dataclasses.replace(moments[0], a=a, constraint_forces=lambda: {"floor": ConstraintForce(force, "sticks")}))
     force[:], a[:] = 7.0, 7.0
     kept = Trajectory.of(motion, recording)
     assert kept.forces["floor"][0] == pytest.approx([0, 0, 5]) and not kept.a.any()
@@ -121,11 +124,11 @@ def test_indexing_and_slicing(fall: Trajectory):
     """As a list of samples; a slice is a trajectory, with the events between its ends."""
     assert len(fall) == 11 and len(list(fall)) == 11
     last = fall[-1]
-    assert isinstance(last, Sample) and last.t == fall.times[-1] and last.modes["floor"] == "sticks"
+    assert isinstance(last, Sample) and last.t == fall.t[-1] and last.modes["floor"] == "sticks"
     np.testing.assert_array_equal(last.state.q, fall.q[-1])
     part = fall[3:9:2]
     assert isinstance(part, Trajectory) and len(part) == 3 and part.events == fall.events and part.step == fall.step
-    np.testing.assert_array_equal(part.times, fall.times[3:9:2])
+    np.testing.assert_array_equal(part.t, fall.t[3:9:2])
     np.testing.assert_array_equal(part.points["floor"], fall.points["floor"][3:9:2])
     np.testing.assert_array_equal(part.residuals["penetration"], fall.residuals["penetration"][3:9:2])
     assert fall[:3].events == () and part.forces["floor"].base is not None  # no copy
@@ -143,8 +146,8 @@ def test_indexing_and_slicing(fall: Trajectory):
 def test_between_two_samples_it_is_interpolated(fall: Trajectory):
     """Between them q goes along its manifold, v linearly: exact in v in free fall, and in q to 1/8 g dt^2."""
     for i in (0, 4, 10):
-        np.testing.assert_array_equal(fall.at(fall.times[i]).q, fall.q[i])
-    dt = fall.times[1]
+        np.testing.assert_array_equal(fall.at(fall.t[i]).q, fall.q[i])
+    dt = fall.t[1]
     middle = fall.at(1.5 * dt)
     assert middle.v[2] == pytest.approx(-GRAVITY * 1.5 * dt, rel=1e-14)
     exact = 1.0 + HALF - 0.5 * GRAVITY * (1.5 * dt) ** 2
@@ -158,14 +161,14 @@ def test_half_way_of_a_turn_is_half_the_angle():
     """The base turns by 1 rad about z between two samples: half-way it is at 0.5 rad, its quaternion of unit length."""
     motion, moments, _ = falling(n=2)
     turned = np.array([0, 0, HALF, 0, 0, math.sin(0.5), math.cos(0.5)])
-    moments = [moments[0], dataclasses.replace(moments[1], state=rbd.State(motion.robot, turned))]
+    moments = [moments[0], dataclasses.replace(moments[1], q=turned)]
     kept = Trajectory.of(motion, moments)
-    assert kept.at(kept.times[1] / 2.0).q[3:] == pytest.approx([0, 0, math.sin(0.25), math.cos(0.25)], abs=1e-14)
+    assert kept.at(kept.t[1] / 2.0).q[3:] == pytest.approx([0, 0, math.sin(0.25), math.cos(0.25)], abs=1e-14)
 
 
 def test_nobody_writes_into_it(fall: Trajectory):
     """All arrays are read-only, those of slices too; the fields cannot be set."""
-    for array in (fall.q, fall.times, fall.forces["floor"], fall.modes["floor"], fall[2:4].q, fall[2].v, fall.residuals["law"]):
+    for array in (fall.q, fall.t, fall.forces["floor"], fall.modes["floor"], fall[2:4].q, fall[2].v, fall.residuals["law"]):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -175,8 +178,8 @@ def test_nobody_writes_into_it(fall: Trajectory):
 @pytest.mark.parametrize(
     ("field", "value", "told"),
     [
-        ("times", np.zeros(11), "increasing"),
-        ("times", np.zeros(0), "one or more"),
+        ("t", np.zeros(11), "increasing"),
+        ("t", np.zeros(0), "one or more"),
         ("q", np.zeros((11, 6)), r"shape \(11, 6\)"),
         ("a", np.full((11, 6), np.nan), "not finite in sample 0"),
         ("com", None, "expected real numbers"),
@@ -208,13 +211,13 @@ def test_forces_at_points_that_are_not_told_are_left_out():
     motion, moments, _ = falling(n=2)
     here = np.array([[0.2, 0.0, 0.0]])
 
-    def touches() -> dict[str, Touch]:
+    def forces() -> dict[str, ConstraintForce]:
         return {
-            "stop": Touch(np.array([7.0]), "pushes", None, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])),
-            "floor": Touch(np.array([0.0, 0.0, 8.0]), "sticks", here, np.array([[0.0, 0.0, 8.0]])),
+            "stop": ConstraintForce(np.array([7.0]), "pushes", None, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])),
+            "floor": ConstraintForce(np.array([0.0, 0.0, 8.0]), "sticks", here, np.array([[0.0, 0.0, 8.0]])),
         }
 
-    kept = Trajectory.of(motion, [dataclasses.replace(m, touches=touches) for m in moments])
+    kept = Trajectory.of(motion, [dataclasses.replace(m, constraint_forces=forces) for m in moments])
     assert kept.contacts == ("floor",)
     assert kept.forces["stop"].tolist() == [[7.0], [7.0]]
     assert kept.points["floor"].tolist() == [here.tolist()] * 2
@@ -255,19 +258,19 @@ def test_every_field_is_in_the_table_of_fields_or_has_a_form_of_its_own():
     """Files, datasets and checks go by the table: a new field that is not in it would not be saved."""
     names = [f.name for f in dataclasses.fields(Trajectory)]
     known = [*(c.name for c in COLUMNS), *WORDS]
-    own = ["robot", "times", "forces", "points", "point_forces", "modes", "residuals", "events", "step"]
+    own = ["robot", "t", "forces", "points", "point_forces", "modes", "residuals", "events", "step"]
     assert sorted(names) == sorted(known + own)
 
 
 def test_coordinates_have_names_and_units(talos: rbd.Robot):
     """One each for q, v and the motors; one-jointed ones are called like the joint."""
-    q, v, tau = positions(talos), velocities(talos), motors(talos)
+    q, v, tau = talos.joints.positions, talos.joints.velocities, talos.motor_coordinates
     assert (len(q), len(v), len(tau)) == (talos.nq, talos.nv, talos.nu)
     assert [c.name for c in q[:8]] == [*(f"root_joint.{x}" for x in ("x", "y", "z", "qx", "qy", "qz", "qw")), q[7].joint]
     assert [c.unit for c in v[:7]] == ["m"] * 3 + ["rad"] * 4 and tuple(c.name for c in tau) == talos.actuated_names
     planar = rbd.load_robot("tiago", root="planar")
-    assert [c.name for c in positions(planar)[:4]] == [f"root_joint.{x}" for x in ("x", "y", "cos", "sin")]
-    assert len(positions(planar)) == planar.nq and len({c.name for c in velocities(planar)}) == planar.nv
+    assert [c.name for c in planar.joints.positions[:4]] == [f"root_joint.{x}" for x in ("x", "y", "cos", "sin")]
+    assert len(planar.joints.positions) == planar.nq and len({c.name for c in planar.joints.velocities}) == planar.nv
 
 
 def test_joints_of_several_freedoms_name_each_of_them():
@@ -280,14 +283,14 @@ def test_joints_of_several_freedoms_name_each_of_them():
         model.appendBodyToJoint(at, pin.Inertia.Random(), pin.SE3.Identity())
     robot = CheckedModel(model, passive=("wrist",))
     quaternion, turns = [("qx", "1"), ("qy", "1"), ("qz", "1"), ("qw", "1")], [("wx", "rad"), ("wy", "rad"), ("wz", "rad")]
-    assert [(c.name, c.unit) for c in positions(robot)] == [
+    assert [(c.name, c.unit) for c in robot.joints.positions] == [
         *((f"ball.{x}", unit) for x, unit in quaternion),
         *((f"carriage.{x}", "m") for x in "xyz"),
         ("wrist.0.cos", "1"), ("wrist.0.sin", "1"), ("wrist.1", "m"), *((f"wrist.2.{x}", unit) for x, unit in quaternion),
     ]  # fmt: skip
-    assert [(c.name, c.unit) for c in velocities(robot)] == [
+    assert [(c.name, c.unit) for c in robot.joints.velocities] == [
         *((f"ball.{x}", unit) for x, unit in turns),
         *((f"carriage.v{x}", "m") for x in "xyz"),
         ("wrist.0", "rad"), ("wrist.1", "m"), *((f"wrist.2.{x}", unit) for x, unit in turns),
     ]  # fmt: skip
-    assert [c.name for c in motors(robot)] == [c.name for c in velocities(robot)[:6]]
+    assert [c.name for c in robot.motor_coordinates] == [c.name for c in robot.joints.velocities[:6]]

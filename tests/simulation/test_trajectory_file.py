@@ -20,10 +20,10 @@ from scipy.io import netcdf_file
 
 import rbd
 from rbd.simulation import trajectory_file
-from rbd.simulation.events import Moment, Touch
+from rbd.simulation.events import ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
-from rbd.simulation.trajectory_dataset import arrays_of_netcdf
+from rbd.simulation.trajectory_contents import arrays_of_netcdf
 
 URDF = Path(__file__).parents[2] / "urdf"
 ENDINGS = ("npz", "nc")
@@ -41,9 +41,9 @@ def moved(robot: rbd.Robot, n: int = 3) -> Trajectory:
     q, moments = robot.neutral(), []
     for k in range(n):
         state = rbd.State(robot, q, rng.normal(size=robot.nv))
-        touch = Touch(rng.normal(size=6), "holds")
+        touch = ConstraintForce(rng.normal(size=6), "holds")
         a, tau = rng.normal(size=robot.nv), rng.normal(size=robot.nu)
-        moments.append(Moment(0.1 * k, state, a, tau, lambda touch=touch: {"grip": touch}))
+        moments.append(Sample.of(0.1 * k, state, a, tau, lambda touch=touch: {"grip": touch}))
         q = pin.integrate(robot.model, q, 0.1 * state.v)
     return Trajectory.of(Motion(robot, (Force("grip"),)), moments)
 
@@ -53,7 +53,7 @@ def assert_same(one: Trajectory, other: Trajectory) -> None:
     for field in dataclasses.fields(Trajectory):
         x, y = getattr(one, field.name), getattr(other, field.name)
         if field.name == "robot":
-            assert x.joints() == y.joints()
+            assert list(x.joints) == list(y.joints)
         elif isinstance(x, dict):
             assert list(x) == list(y)
             for key in x:
@@ -153,7 +153,7 @@ def test_a_changed_gravity_or_joint_is_told(fall: Trajectory, tmp_path: Path):
     moon.model.gravity.linear = np.array([0.0, 0.0, -1.62])
     with pytest.warns(rbd.errors.ModelWarning, match=r"gravity was \[0.0, 0.0, -9.81\] and is \[0.0, 0.0, -1.62\]"):
         Trajectory.load(tmp_path / "x.npz", moon)
-    name = there.robot.joints()[0]
+    name = list(there.robot.joints)[0]
     renamed = copied(tmp_path, f'joint name="{name}"', 'joint name="lead"')
     (tmp_path / "four_bar.loops.yaml").unlink()
     with pytest.raises(
@@ -292,9 +292,9 @@ def test_an_array_of_another_version_is_refused(fall: Trajectory, tmp_path: Path
     fall.save(path)
     with zipfile.ZipFile(path) as archive:
         members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
-    assert members["times"][:8] == b"\x93NUMPY\x01\x00"
-    npz_with(path, members | {"times": b"\x93NUMPY\x03\x00" + members["times"][8:]})
-    with pytest.raises(rbd.InputError, match=r"no trajectory.*'times.npy' is an array of version \(3, 0\)"):
+    assert members["t"][:8] == b"\x93NUMPY\x01\x00"
+    npz_with(path, members | {"t": b"\x93NUMPY\x03\x00" + members["t"][8:]})
+    with pytest.raises(rbd.InputError, match=r"no trajectory.*'t.npy' is an array of version \(3, 0\)"):
         Trajectory.load(path, fall.robot)
 
 
@@ -333,7 +333,7 @@ def test_a_size_that_lies_takes_no_memory(fall: Trajectory, tmp_path: Path):
     fall.save(path)
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
-    members["times.npy"] = members["times.npy"].replace(b"(7,)", b"(9" + b"9" * 14 + b",)", 1)
+    members["t.npy"] = members["t.npy"].replace(b"(7,)", b"(9" + b"9" * 14 + b",)", 1)
     with zipfile.ZipFile(path, "w") as archive:
         for name, data in members.items():
             archive.writestr(name, data)
@@ -452,15 +452,15 @@ def harmful(folder: Path) -> dict[str, Path]:
     million = 1_000_000
     small = npy_of("<U2", (), "{}".encode("utf-32-le"))
     put("a long header", {"header": npy_of(f"<U{100 * million}", (), text.encode("utf-32-le") + bytes(400 * million - 256))})
-    put("long times", {"header": small, "times": npy_of("<f8", (50 * million,), bytes(400 * million))})
+    put("long times", {"header": small, "t": npy_of("<f8", (50 * million,), bytes(400 * million))})
     put("long words", {"header": small, "mode_x": npy_of(f"<U{50 * million}", (2,), bytes(400 * million))})
     put("what is no part of it", {"header": small, "x": npy_of("<f8", (50 * million,), bytes(400 * million))})
     lists = "[[]" + ",[]" * 3 * million + "]"
     put("many lists", {"header": npy_of(f"<U{len(lists)}", (), lists.encode("utf-32-le"))})
     put("deep lists", {"header": npy_of(f"<U{2 * million}", (), ("[" * 2 * million).encode("utf-32-le"))})
     put("objects", {"header": npy_of("|O", (), b"\x80\x04N.")})
-    put("no such size", {"header": small, "times": npy_of("<f8", (2**62, 2**62), b"")})
-    put("less than none", {"header": small, "times": npy_of("<f8", (-8, -1), bytes(64))})
+    put("no such size", {"header": small, "t": npy_of("<f8", (2**62, 2**62), b"")})
+    put("less than none", {"header": small, "t": npy_of("<f8", (-8, -1), bytes(64))})
     put("many members", {f"x{i}": b"" for i in range(8000)})
     bomb = folder / "two times.npz"
     with zipfile.ZipFile(bomb, "w") as archive, pytest.warns(UserWarning, match="Duplicate name"):
@@ -514,8 +514,8 @@ def test_files_of_others_that_hold_the_same_are_read(fall: Trajectory, tmp_path:
 def test_a_long_rest_may_be_compressed(tmp_path: Path):
     """A motion in which nothing changes packs a hundred times smaller, and is still read."""
     box = rbd.load_robot(URDF / "box.urdf")
-    state, touch = box.at(), Touch(np.zeros(6), "holds")
-    rest = [Moment(0.1 * k, state, np.zeros(6), np.zeros(0), lambda: {"grip": touch}) for k in range(3000)]
+    state, touch = box.at(), ConstraintForce(np.zeros(6), "holds")
+    rest = [Sample.of(0.1 * k, state, np.zeros(6), np.zeros(0), lambda: {"grip": touch}) for k in range(3000)]
     still = Trajectory.of(Motion(box, (Force("grip"),)), rest)
     still.save(tmp_path / "x.npz")
     with np.load(tmp_path / "x.npz") as found:
@@ -536,7 +536,7 @@ def test_odd_paths_and_characters_in_a_header_are_refused_in_words(odd: str, fal
     with np.load(path) as found:
         whole = dict(found)
     header = json.loads(str(whole["header"]))
-    robot = rbd.simulation.trajectory_dataset.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
+    robot = rbd.simulation.trajectory_contents.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
     changes = [
         {"robot": robot | {"file": odd}},
         {"robot": robot | {"file": str(tmp_path / odd) if odd else odd}},

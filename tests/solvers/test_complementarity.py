@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from rbd.solvers.complementarity import Mixed, all_solutions, least_distance
+from rbd.problem.programs import least_distance
+from rbd.solvers.complementarity import Mixed, all_solutions
 
 
 def brute_force(A, b, lower, upper) -> list[np.ndarray]:
@@ -134,9 +135,9 @@ def test_a_linear_program_prunes_what_cannot_be():
 
 def test_the_least_distance_is_that_to_the_corner():
     """|z| least with z1 >= 1 and z1 + z2 >= 3 is (1.5, 1.5); contradictory bounds have none; loose ones give zero."""
-    assert least_distance(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0])) == pytest.approx([1.5, 1.5])
+    assert least_distance(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0]))[0] == pytest.approx([1.5, 1.5])
     assert least_distance(np.array([[1.0], [-1.0]]), np.array([1.0, 0.5])) is None
-    assert least_distance(np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5])) == pytest.approx([0.0])
+    assert least_distance(np.array([[1.0], [-1.0]]), np.array([-1.0, -0.5]))[0] == pytest.approx([0.0])
 
 
 def test_weights_that_repeat_each_other_are_shared_anew_where_a_decided_one_bears_none():
@@ -153,7 +154,7 @@ def test_weights_that_repeat_each_other_are_shared_anew_where_a_decided_one_bear
 
 def test_the_least_distance_without_its_pivots_is_not_found(monkeypatch):
     """At the limit of nonnegative least squares: None, as of what cannot be met."""
-    monkeypatch.setattr("rbd.solvers.complementarity.nonnegative", lambda *_: None)
+    monkeypatch.setattr("rbd.problem.programs.nonnegative", lambda *_: None)
     assert least_distance(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0])) is None
 
 

@@ -82,7 +82,7 @@ def test_the_closed_form_is_lagranges(talos, rng):
     expected = np.linalg.solve(system, np.r_[P.rhs, -P.offset])
     assert np.abs(s.a - expected[: P.nv]).max() < 1e-9 * np.abs(expected).max()
     assert np.abs(s.multipliers - expected[P.nv :]).max() < 1e-9 * np.abs(expected).max()
-    assert s.weights is None and s.law == "bilateral" and s.solver == "KKT"
+    assert s.weights is None and s.law.kind == "bilateral" and s.solver == "KKT"
 
 
 def _corner_points(robot: rbd.Robot, friction=None) -> list[rbd.PointContact]:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
-from rbd.problem.parts import Parts, parts_of
-from rbd.problem.rows import Rows
+from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.admm import de_saxce
 from rbd.solvers.interior_point import solve_interior_point
 from rbd.solvers.newton import _gap, _matrix, order_of, scaled, solve_newton, steps_from, yielding_steps
@@ -20,9 +19,9 @@ MIXED = Product([FrictionCone(0.5), Free(1), BOX, FrictionCone(1.2), NonNegative
 """Every kind of part, cones and others in turn."""
 
 
-def parts(cone) -> Parts:
+def parts(cone) -> ForceSet:
     """The parts of one set, at rest."""
-    return parts_of([Rows("rows", np.zeros((cone.dim, 1)), np.zeros(cone.dim), cone)])
+    return at_rest(cone)
 
 
 def spd(rng, p: int, rank: int | None = None) -> np.ndarray:
@@ -31,8 +30,8 @@ def spd(rng, p: int, rank: int | None = None) -> np.ndarray:
     return A @ A.T
 
 
-def missed(D, y_free, T: Parts, w, *, coulomb: bool) -> float:
-    """How far w is from the law, by `Parts` alone: in its set, its acceleration where it may be, and no work."""
+def missed(D, y_free, T: ForceSet, w, *, coulomb: bool) -> float:
+    """How far w is from the law, by `ForceSet` alone: in its set, its acceleration where it may be, and no work."""
     y = D @ w + y_free
     if coulomb:
         y[T.cone_at + 2] += T.mu * np.hypot(y[T.cone_at], y[T.cone_at + 1])
@@ -180,7 +179,7 @@ def test_what_has_no_answer_ends():
 
 
 def test_the_order_of_columns_is_put_back(rng):
-    """Cones stand last for Newton; weights come back where `Parts` has them."""
+    """Cones stand last for Newton; weights come back where `ForceSet` has them."""
     T = parts(MIXED)
     order = order_of(T)
     assert order.singles == T.size - 9 and sorted(order.columns) == list(range(T.size))

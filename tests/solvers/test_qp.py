@@ -97,13 +97,13 @@ def test_nonnegative_least_squares_beside_proxsuite(rng):
         assert second.x == pytest.approx(first.x, abs=1e-7)
         assert second.z == pytest.approx(first.z, abs=1e-6) and (second.z >= 0.0).all()
         assert A.T @ second.y + C.T @ second.z == pytest.approx(second.x, abs=1e-10)
-        twice = qp._least_distance(np.vstack([A, A]), np.r_[b, b], C, l, 0)
+        twice = qp._nearest_to_zero(np.vstack([A, A]), np.r_[b, b], C, l, 0)
         assert twice is not None and twice.x == pytest.approx(first.x, abs=1e-7)
 
 
 def test_rows_that_cannot_be_met_have_no_nearest_point():
     """X >= 1 and -x >= 1."""
-    assert qp._least_distance(None, None, np.array([[1.0], [-1.0]]), np.ones(2), 0) is None
+    assert qp._nearest_to_zero(None, None, np.array([[1.0], [-1.0]]), np.ones(2), 0) is None
 
 
 def test_settings_end_with_their_work(rng):
@@ -122,7 +122,7 @@ def test_no_rows_are_never_violated():
 
 def test_the_nearest_point_without_its_pivots_is_not_found(monkeypatch):
     """At least 1 of one coordinate: 1 with a push of 1; at the limit of nonnegative least squares, None."""
-    found = qp._least_distance(None, None, np.ones((1, 1)), np.ones(1), 0)
+    found = qp._nearest_to_zero(None, None, np.ones((1, 1)), np.ones(1), 0)
     assert found is not None and found.x == pytest.approx([1.0]) and found.z == pytest.approx([1.0])
-    monkeypatch.setattr("rbd.solvers.qp.nonnegative", lambda *_: None)
-    assert qp._least_distance(None, None, np.ones((1, 1)), np.ones(1), 0) is None
+    monkeypatch.setattr("rbd.problem.programs.nonnegative", lambda *_: None)
+    assert qp._nearest_to_zero(None, None, np.ones((1, 1)), np.ones(1), 0) is None

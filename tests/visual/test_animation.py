@@ -36,7 +36,7 @@ class Motion:
     """As much of a trajectory as pictures read."""
 
     robot: rbd.Robot
-    times: np.ndarray
+    t: np.ndarray
     q: np.ndarray
     v: np.ndarray
     points: dict = field(default_factory=dict)
@@ -138,7 +138,7 @@ def test_there_are_as_many_frames_as_asked_for(motion, tmp_path, fps, speed, exp
 
 def test_frames_are_samples_where_those_are_near(motion):
     """No interpolated configuration stands for one that was computed 1 ms away."""
-    assert np.isin(frames_of(motion, [1], fps=30).times, motion.times).all()
+    assert np.isin(frames_of(motion, [1], fps=30).times, motion.t).all()
 
 
 def test_between_coarse_samples_a_body_turns_evenly(box):
@@ -162,7 +162,7 @@ def test_what_turns_fast_has_more_frames(box):
 def test_forces_of_a_frame_are_those_of_its_sample(motion, page):
     """Points and forces in the rows, in order; NaN where a point is not; the colours of the plots."""
     score, rows, codes = score_of(page)
-    at = np.searchsorted(motion.times, np.array(score["times"]) - 1e-9)
+    at = np.searchsorted(motion.t, np.array(score["times"]) - 1e-9)
     k = 7 * score["bodies"] + 3
     feet = rows[:, k : k + 12].reshape(-1, 2, 6)
     assert np.abs(feet[:, :, :3] - motion.points["feet"][at]).max() < SINGLE
@@ -186,7 +186,7 @@ def test_a_push_is_there_while_it_acts(motion, tmp_path):
 
 def test_constraints_without_points_are_told_by_their_mode(motion, tmp_path):
     """A joint's stop has no arrow, but a line in the legend."""
-    stops = replace(motion, modes={**motion.modes, "stop": np.where(motion.times > 0.5, "pushes", "open")})
+    stops = replace(motion, modes={**motion.modes, "stop": np.where(motion.t > 0.5, "pushes", "open")})
     score, _, codes = score_of(export_motion(stops, tmp_path / "x.html"))
     assert score["others"] == ["stop"] and "pushes" in score["words"]
     assert [score["words"][codes[i, 2]] for i in (0, -1)] == ["open", "pushes"]
@@ -232,7 +232,7 @@ def test_events_are_marks_with_their_words(motion, page, tmp_path):
 
 def test_what_happens_after_the_end_is_no_mark(motion, tmp_path):
     """A shortened motion keeps the events of the whole one; the bar has those of its own time."""
-    late = replace(motion, events=(*motion.events, replace(motion.events[0], t=motion.times[-1] + 1.0)))
+    late = replace(motion, events=(*motion.events, replace(motion.events[0], t=motion.t[-1] + 1.0)))
     marks = [score_of(export_motion(each, tmp_path / "x.html"))[0]["events"] for each in (late, motion)]
     assert len(motion.events) > 0 and marks[0] == marks[1]
 
@@ -286,7 +286,7 @@ def test_wrong_uses_are_refused_in_words(motion, tmp_path):
 
     def cut(n):
         some = {k: {c: x[:n] for c, x in getattr(motion, k).items()} for k in ("points", "point_forces", "modes")}
-        return replace(motion, times=motion.times[:n], q=motion.q[:n], v=motion.v[:n], **some)
+        return replace(motion, t=motion.t[:n], q=motion.q[:n], v=motion.v[:n], **some)
 
     bare = CheckedModel(motion.robot.model)
     broken = motion.q.copy()
@@ -296,7 +296,7 @@ def test_wrong_uses_are_refused_in_words(motion, tmp_path):
         (InputError, "one sample only.*Scene", (cut(1), out), {}),
         (InputError, "no trajectory; expected what rbd.simulate", (motion.robot, out), {}),
         (InputError, r"q is not finite at 0\.014 s.*\[:7\]", (replace(motion, q=broken), out), {}),
-        (InputError, "times.*do not increase", (replace(motion, times=0 * motion.times), out), {}),
+        (InputError, "times.*do not increase", (replace(motion, t=0 * motion.t), out), {}),
         (InputError, "fps is 0", (motion, out), {"fps": 0}),
         (InputError, "speed is -1", (motion, out), {"speed": -1}),
         (InputError, "speed is 0.0001; expected at least 0.001", (motion, out), {"speed": 1e-4}),
@@ -436,17 +436,32 @@ def moments(scene):
     return told
 
 
-def test_a_replay_keeps_time_and_ends_at_the_end(motion, box):
+class Clock:
+    """Time that passes in `sleep` alone."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def monotonic(self):
+        """As `time.monotonic`."""
+        return self.now
+
+    def sleep(self, seconds):
+        """As `time.sleep`, at once."""
+        self.now += seconds
+
+
+def test_a_replay_keeps_time_and_ends_at_the_end(motion, box, monkeypatch):
     """Half a second of playback takes half a second; the moments come in order, the first and the last among them."""
+    clock = Clock()
+    monkeypatch.setattr("rbd.visual.animation.time", clock)
     with Scene(box) as scene:
         scene.show(rbd.State(box, motion.q[0]))
         told = moments(scene)
-        began = time.monotonic()
         replay(motion, speed=2.0, scene=scene)
-        took = time.monotonic() - began
     times = [m["moment"]["t"] for m in told if m["moment"]]
     assert times[0] == 0.0 and times[-1] == 1.0 and (np.diff(times) > 0.0).all() and len(times) <= 16
-    assert 0.5 <= took < 3.0
+    assert clock.now - 100.0 == pytest.approx(0.5, rel=1e-9)
     row = np.frombuffer(base64.b64decode(told[-1]["moment"]["row"]), "<f4")
     assert np.abs(row[:3] - motion.q[-1, :3]).max() < SINGLE
 

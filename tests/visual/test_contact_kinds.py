@@ -25,7 +25,7 @@ def stack() -> tuple[rbd.robots.RobotPair, rbd.State, rbd.Solution]:
     small = {"half_lengths": (0.05, 0.05), "placement": BELOW, "friction": 0.5}
     contacts = [
         rbd.SurfaceContact("floor", "lower_box", half_lengths=(0.2, 0.2), placement=BELOW, friction=0.5),
-        rbd.SurfaceContact("between", "upper_box", against="lower_box", **small),
+        rbd.SurfaceContact("between", "upper_box", on=rbd.Body("lower_box"), **small),
     ]
     return pair, state, rbd.solve(state, np.zeros(0), contacts)
 

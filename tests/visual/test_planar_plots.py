@@ -96,7 +96,7 @@ def test_paths_in_both_spaces(name: str, request):
     across, up = (
         (np.degrees(motion.q[:, 0]), np.degrees(motion.q[:, 1]))
         if motion.chain.n > 1
-        else (motion.times, np.degrees(motion.q[:, 0]))
+        else (motion.t, np.degrees(motion.q[:, 0]))
     )
     np.testing.assert_array_equal(drawn[4].get_xydata(), np.stack([across, up], axis=1))
 

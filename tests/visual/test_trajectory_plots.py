@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import rbd
-from rbd.simulation.events import Event, Moment, Touch
+from rbd.simulation.events import ConstraintForce, Event, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory import Trajectory
 from rbd.testing import box
@@ -38,15 +38,15 @@ def sliding() -> Trajectory:
     robot = box(10.0)
     state = rbd.State(robot, np.array([0.0, 0, 0.1, 0, 0, 0, 1]))
 
-    def touches(k: int) -> dict[str, Touch]:
+    def touches(k: int) -> dict[str, ConstraintForce]:
         mode = "sticks" if k < LOW else "slips" if k < HIGH else "open"
         force = np.zeros(3) if k >= HIGH else np.array([3.0, 4.0, 49.05])
         points = np.zeros((0 if k >= HIGH else 1, 3))
-        both = {name: Touch(force, mode, points, np.tile(force, (len(points), 1))) for name in ("left", "right")}
-        return both | {"gear": Touch(np.array([1.0, 2.0, 3.0]) * k, "holds")}
+        both = {name: ConstraintForce(force, mode, points, np.tile(force, (len(points), 1))) for name in ("left", "right")}
+        return both | {"gear": ConstraintForce(np.array([1.0, 2.0, 3.0]) * k, "holds")}
 
     motion = Motion(robot, (Named("left"), Named("gear"), Named("right")))
-    moments = [Moment(0.01 * k, state, np.zeros(6), np.zeros(0), lambda k=k: touches(k)) for k in range(N)]
+    moments = [Sample.of(0.01 * k, state, np.zeros(6), np.zeros(0), lambda k=k: touches(k)) for k in range(N)]
     events = [Event(0.4, "left", "slips"), Event(0.6, "left", "leaves"), Event(0.6, "right", "leaves")]
     return Trajectory.of(motion, moments, events)
 
@@ -144,7 +144,7 @@ def swing(talos: rbd.Robot) -> Trajectory:
     for k in range(11):
         q, v, tau = q0.copy(), np.zeros(talos.nv), np.zeros(talos.nu)
         q[at.idx_q], v[at.idx_v], tau[motor] = 0.9 + 0.02 * k, 0.2, -20.0 * k
-        moments.append(Moment(0.1 * k, rbd.State(talos, q, v), np.zeros(talos.nv), tau, dict))
+        moments.append(Sample.of(0.1 * k, rbd.State(talos, q, v), np.zeros(talos.nv), tau, dict))
     return Trajectory.of(Motion(talos, ()), moments)
 
 
@@ -175,13 +175,13 @@ def test_several_joints_and_one_coordinate(swing: Trajectory):
 def test_a_continuous_joint_goes_on_beyond_a_turn():
     """Cosine and sine become an angle: two turns are 4 pi."""
     robot = rbd.load_robot("tiago", root="planar")
-    wheel = next(n for n in robot.joints() if n.startswith("wheel"))
+    wheel = next(n for n in robot.joints if n.startswith("wheel"))
     at = robot.model.joints[robot.joint_id(wheel)].idx_q
     moments = []
     for k in range(41):
         q = robot.neutral()
         q[at : at + 2] = math.cos(0.1 * math.pi * k), math.sin(0.1 * math.pi * k)
-        moments.append(Moment(0.1 * k, robot.at(q), np.zeros(robot.nv), np.zeros(robot.nu), dict))
+        moments.append(Sample.of(0.1 * k, robot.at(q), np.zeros(robot.nv), np.zeros(robot.nu), dict))
     line = plot_joint(axes(), Trajectory.of(Motion(robot, ()), moments), wheel)[0]
     assert line.get_ydata()[-1] == pytest.approx(4.0 * math.pi)
 

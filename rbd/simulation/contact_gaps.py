@@ -1,9 +1,9 @@
-"""Detection of touching points between two states, and position correction after a step.
+"""Gaps of contact points: what counts as contact, when a gap becomes zero within a step, and correction of positions.
 
-A point that was closed stays closed up to a gap of `loose`: a corner that carries nothing may hover by the error of a step.
-A point that was open touches at `tight`, where its gap is zero to rounding. So nothing strikes early, slow or small as it may
-be. Both are relative to the size of the bodies that move with the point (or to one metre, if they are larger): a motion of
-small bodies is the same as that of large ones, scaled.
+A closed point stays closed up to a gap of `loose`: an unloaded corner may hover by the error of a step. An open point is in
+contact from a gap of `tight` on, which is zero to rounding. So no contact begins early, however slow or small. Both are
+relative to the size of the bodies that move with the point (or to one metre, if they are larger): a motion of small bodies is
+the same as that of large ones, scaled.
 """
 
 from __future__ import annotations
@@ -14,62 +14,70 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, inertia_factor, max_abs
+from rbd.constraints.stabilisation import Baumgarte
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
 from rbd.mechanism.stage_solver import OWED
 from rbd.model.state import State
 from rbd.simulation.contact_points import Layout, Points, Snapshot
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import Stabilisation
 
 LOOSE = 1e-7
 """Over the size: the largest gap of a point that stays closed."""
 TIGHT = 1e-12
-"""Over the size: the largest gap of a point that has come to touch."""
+"""Over the size: the largest gap of a point that comes into contact."""
 CLOSED = 1e-9
-"""Over the size: closed points are left alone up to this gap or depth."""
+"""Over the size: closed points are not corrected up to this gap or depth."""
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class GapTolerances:
     """Tolerances of the points of a layout, each of shape (k,) [m, rad].
 
     Attributes:
+        layout: The points.
         loose: The largest gap of a point that stays closed.
-        tight: The largest gap of a point that has come to touch.
+        tight: The largest gap of a point that comes into contact.
         size: Of what moves with the point, at most 1.
     """
 
+    layout: Layout
     loose: Array
     tight: Array
     size: Array
 
 
-class Nearness:
-    """Tolerances of gaps in one simulation; sizes are those at its start.
+@dataclass(frozen=True, eq=False)
+class BodySizes:
+    """Sizes by which gaps are judged, those at the start of a simulation.
 
-    Args:
-        start: Where it starts.
+    Attributes:
+        sizes: Size of the bodies that move with each coordinate, shape (nv,) [m].
+        prismatic: Which coordinates belong to joints that slide along an axis, shape (nv,).
+        far: Largest coordinate.
     """
 
-    def __init__(self, start: State) -> None:
-        self._sizes, self._slides, self._far = _sizes(start), _sliding(start), max_abs(start.q)
-        self._last: tuple[Layout, Near] | None = None
+    sizes: Array
+    prismatic: Array
+    far: float
 
-    def of(self, at: Snapshot) -> Near:
-        """Of the points of a snapshot; made once for a layout."""
-        if self._last is None or self._last[0] is not at.layout:
-            self._last = at.layout, self._near(at)
-        return self._last[1]
+    @classmethod
+    def of(cls, start: State) -> BodySizes:
+        """Of the robot of a state."""
+        return cls(_sizes(start), _prismatic(start), max_abs(start.q))
 
-    def _near(self, at: Snapshot) -> Near:
+    def tolerances(self, at: Snapshot, known: GapTolerances | None = None) -> GapTolerances:
+        """Of the points of a snapshot: `known`, if that is of the same layout."""
         layout = at.layout
+        if known is not None and known.layout is layout:
+            return known
         moves = at.J[layout.normals] != 0.0
         placed = np.concatenate([np.zeros(0, bool), *[np.full(len(m.gap), m.points is not None) for m in at.sources]])
-        size = np.where(moves, self._sizes, 1.0).min(axis=1, initial=1.0)
-        # What has no place has a gap in metres only where a slider has it to itself; else it may be an angle.
-        size = np.where(placed | ((moves.sum(axis=1) == 1) & (moves & self._slides).any(axis=1)), size, 1.0)
-        tight = TIGHT * size + _ROUNDING * (size + max(self._far, max_abs(at.state.q)))
-        return Near(np.maximum(LOOSE * size, tight), tight, size)
+        size = np.where(moves, self.sizes, 1.0).min(axis=1, initial=1.0)
+        # The gap of what has no place is a length only where a prismatic joint alone moves it; else it may be an angle.
+        size = np.where(placed | ((moves.sum(axis=1) == 1) & (moves & self.prismatic).any(axis=1)), size, 1.0)
+        tight = TIGHT * size + _ROUNDING * (size + max(self.far, max_abs(at.state.q)))
+        return GapTolerances(layout, np.maximum(LOOSE * size, tight), tight, size)
 
 
 def _sizes(start: State) -> Array:
@@ -103,7 +111,7 @@ def _sizes(start: State) -> Array:
     return out
 
 
-def _sliding(start: State) -> Array:
+def _prismatic(start: State) -> Array:
     """Which coordinates belong to joints that slide along an axis, shape (nv,)."""
     model = start.robot.model
     out = np.zeros(model.nv, bool)
@@ -113,46 +121,59 @@ def _sliding(start: State) -> Array:
     return out
 
 
-class Closing:
-    """Puts positions back: of what holds, if that is kept by projection, and of points that are closed or too deep."""
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """How positions are kept: those of closed points by projection, those of bilateral constraints by that or by feedback.
 
-    def __init__(self, motion: Motion, points: Points, nearness: Nearness) -> None:
-        self.points, self.nearness = points, nearness
-        given = motion.stabilisation
-        self.holds = isinstance(given, Projection)
-        self.projection = given if isinstance(given, Projection) else Projection()
+    Attributes:
+        points: The contact points.
+        projection: How they are projected.
+        bilateral: Whether bilateral constraints are projected too.
+        feedback: Baumgarte's feedback of bilateral constraints, if that keeps them.
+    """
 
-    def put_right(self, at: Snapshot, t: float, closed: Array) -> Snapshot:
-        """The snapshot with positions put right.
+    points: Points
+    projection: Projection
+    bilateral: bool
+    feedback: Baumgarte | None
+
+    @classmethod
+    def of(cls, points: Points, given: Stabilisation) -> Correction:
+        """As a motion's `stabilisation` says."""
+        projected, feedback = isinstance(given, Projection), given if isinstance(given, Baumgarte) else None
+        return cls(points, given if isinstance(given, Projection) else Projection(), projected, feedback)
+
+    def positions(self, at: Snapshot, t: float, closed: Array, size: Array) -> Snapshot:
+        """The snapshot with its position projected.
 
         Args:
-            at: Where the step came to.
+            at: Where the step ended.
             t: Its time [s].
             closed: Which points are pulled as well as pushed to their surface, shape (k,).
+            size: Of what moves with each point, shape (k,) [m].
         """
         layout = at.layout
-        held = layout.held if self.holds else np.zeros(len(at.error), bool)
-        size = self.nearness.of(at).size
+        held = layout.held if self.bilateral else np.zeros(len(at.error), bool)
         pressed = layout.pushes & (closed | (at.gap < -CLOSED * size))
         size = size[pressed]
         if max_abs(at.error[held]) <= self.projection.tolerance and max_abs(at.gap[pressed] / size) <= CLOSED:
             return at
         rows = np.concatenate([np.flatnonzero(held), layout.normals[pressed]])
         units = np.concatenate([np.ones(int(held.sum())), size])
-        seen = {id(at.state): at}
+        known = {id(at.state): at}
 
         def equations(state: State) -> tuple[Array, Array]:
-            now = seen[id(state)] = seen.get(id(state)) or self.points.at(state, t)
-            if now.layout is not layout:  # points have come into sight or gone: the rest is the next step's
+            now = known[id(state)] = known.get(id(state)) or self.points.at(state, t)
+            if now.layout is not layout:  # points have entered or left the contact set: the rest is the next step's
                 return at.J[:0], at.error[:0]
             return now.J[rows] / units[:, None], np.concatenate([now.error[held], now.gap[pressed]]) / units
 
-        return seen[id(project_position(at.state, equations, self.projection))]
+        return known[id(project_position(at.state, equations, self.projection))]
 
-    def stilled(self, at: Snapshot, t: float) -> Snapshot:
-        """The snapshot with the velocity that is nearest, in the inertia metric, to its own and that what holds allows.
+    def velocities(self, at: Snapshot, t: float) -> Snapshot:
+        """The snapshot with the nearest velocity, in the inertia metric, that its bilateral constraints allow.
 
-        A step leaves J v off by O(h^2). Where rows repeat each other, their J_dot v then contradict each other by as much.
+        A step leaves J v off by O(h^2). Where rows are linearly dependent, their J_dot v then contradict each other by as much.
         """
         held = at.layout.held
         rate = at.velocity[held]
@@ -161,6 +182,18 @@ class Closing:
         state, zero = at.state, max(ZERO, OWED * at.drift)
         less = correction(inertia_factor(state.M), at.J[held], rate, zero=zero)
         return self.points.at(state.with_velocity(state.v - less), t)
+
+    def wanted(self, layout: Layout, u: Array, error: Array, h: float) -> Array | float:
+        """Velocities of bilateral rows after a time h, shape (p,), as Baumgarte's feedback wants them; 0.0 without it.
+
+        It is one implicit Euler step of error'' + 2 zeta w error' + w^2 error = 0 from (error, u), stable at any h. u is the
+        velocity that the step before was to have: that of the state differs from it by O(h^2), and these differences must not
+        add up.
+        """
+        if self.feedback is None:
+            return 0.0
+        w, zeta = float(self.feedback.frequency), float(self.feedback.damping_ratio)
+        return np.where(layout.held, (u - h * w * w * error) / (1.0 + 2.0 * zeta * w * h + (w * h) ** 2), 0.0)
 
 
 def first_crossing(gap: Array, rate: Array, gap_end: Array, rate_end: Array, h: float) -> float:

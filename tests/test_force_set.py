@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.problem.cones import LineCone, WrenchCone
-from rbd.problem.parts import REST_SPEED, bounded_weights, parts_of, project_cones
+from rbd.problem.cones import LineCone, WrenchCone, project_cones
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import ForceSet
 from rbd.testing import box
 
 FAST = 10 * REST_SPEED
@@ -34,16 +37,16 @@ class TestAtRest:
         cone = rbd.problem.Product(
             [rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0]), rbd.problem.FrictionCone(0.5)]
         )
-        T = parts_of([rows_with(cone)])
+        T = ForceSet.of([rows_with(cone)])
         assert T.G == pytest.approx(np.eye(6)) and T.H is T.G
         assert T.lower.tolist() == [-np.inf, 0.0, -1.0, -np.inf, -np.inf, -np.inf]
         assert T.upper.tolist() == [np.inf, np.inf, 2.0, np.inf, np.inf, np.inf]
         assert T.cone_at.tolist() == [3] and T.mu.tolist() == [0.5] and T.slices == (slice(0, 6),)
-        assert not T.offset.any() and T.sliding == () and T.opening == () and T.impact == ""
+        assert not T.offset.any() and T.sliding == () and T.openings == () and T.impact == ""
 
     def test_constraints_stand_one_after_the_other(self):
         """Block-diagonal G; each constraint has its columns, and a sole with friction twelve."""
-        T = parts_of(
+        T = ForceSet.of(
             [
                 rows_with(rbd.problem.Free(2), name="held"),
                 rows_with(square(), name="sole"),
@@ -57,13 +60,13 @@ class TestAtRest:
 
     def test_without_friction_a_cone_is_its_normal(self):
         """FrictionCone(0), a sole with friction 0: one half-line a point, along the normal."""
-        T = parts_of([rows_with(rbd.problem.FrictionCone(0.0), name="point"), rows_with(square(0.0), name="sole")])
+        T = ForceSet.of([rows_with(rbd.problem.FrictionCone(0.0), name="point"), rows_with(square(0.0), name="sole")])
         assert T.size == 5 and not len(T.mu) and (T.lower == 0.0).all()
         assert T.G[:3, 0] == pytest.approx([0, 0, 1]) and T.G[3:, 1:] == pytest.approx(square().corner_map[:, 2::3])
 
     def test_no_rows_have_no_columns(self):
         """And nothing breaks on them."""
-        T = parts_of([])
+        T = ForceSet.of([])
         assert T.size == 0 and T.project(np.zeros(0)).shape == (0,) and T.accelerations(np.zeros(0), coulomb=True).shape == (0,)
 
     def test_speeds_up_to_the_limit_are_rest(self):
@@ -72,8 +75,8 @@ class TestAtRest:
             rows_with(rbd.problem.FrictionCone(0.5)),
             rows_with(rbd.problem.FrictionCone(0.5), [REST_SPEED, 0.0, -REST_SPEED]),
         )
-        T = parts_of([slow])
-        assert parts_of([still]) is T
+        T = ForceSet.of([slow])
+        assert ForceSet.of([still]) is T
         with pytest.raises(ValueError, match="read-only"):
             T.G[0, 0] = 2.0
 
@@ -85,7 +88,7 @@ class TestMoving:
     def test_a_sliding_point_is_one_column_against_its_motion(self, angle):
         """G = (-mu t, 1), H = normal, weight >= 0."""
         t = np.array([np.cos(angle), np.sin(angle)])
-        T = parts_of([rows_with(rbd.problem.FrictionCone(0.7), [*(3.0 * t), 0.0], "toe")])
+        T = ForceSet.of([rows_with(rbd.problem.FrictionCone(0.7), [*(3.0 * t), 0.0], "toe")])
         assert T.G == pytest.approx(np.r_[-0.7 * t, 1.0][:, None]) and T.H == pytest.approx(np.array([[0, 0, 1.0]]).T)
         (s,) = T.sliding
         assert (s.rows, s.corner, s.column, s.mu) == ("toe", 0, 0, 0.7)
@@ -96,44 +99,49 @@ class TestMoving:
     def test_a_point_that_leaves_carries_nothing(self):
         """Bounds [0, 0], whatever its tangential velocity; its name is told."""
         for tangential in (0.0, 2.0):
-            T = parts_of([rows_with(rbd.problem.FrictionCone(0.7), [tangential, 0.0, FAST], "toe")])
-            assert T.opening == ("toe",) and T.lower.tolist() == T.upper.tolist() == [0.0] and not T.sliding and not T.impact
+            T = ForceSet.of([rows_with(rbd.problem.FrictionCone(0.7), [tangential, 0.0, FAST], "toe")])
+            assert (
+                [o.rows for o in T.openings] == ["toe"]
+                and T.lower.tolist() == T.upper.tolist() == [0.0]
+                and not T.sliding
+                and not T.impact
+            )
 
     def test_a_point_that_comes_in_is_an_impact(self):
         """In words, with its name and speed; the first of several."""
-        T = parts_of(
+        T = ForceSet.of(
             [
                 rows_with(rbd.problem.FrictionCone(0.7), [0, 0, -0.25], "toe"),
                 rows_with(rbd.problem.NonNegative(1), [-9.0], "stop"),
             ]
         )
         assert "'toe' approaches at 0.25 m/s" in T.impact
-        assert "'stop' approaches at 9 m/s" in parts_of([rows_with(rbd.problem.NonNegative(1), [-9.0], "stop")]).impact
+        assert "'stop' approaches at 9 m/s" in ForceSet.of([rows_with(rbd.problem.NonNegative(1), [-9.0], "stop")]).impact
 
     def test_a_stop_that_is_left_carries_nothing(self):
         """NonNegative rows one by one: the second moves away, the first keeps its half-line."""
-        T = parts_of([rows_with(rbd.problem.NonNegative(2), [0.0, 1.0])])
-        assert T.upper.tolist() == [np.inf, 0.0] and T.opening == ("rows",)
+        T = ForceSet.of([rows_with(rbd.problem.NonNegative(2), [0.0, 1.0])])
+        assert T.upper.tolist() == [np.inf, 0.0] and [o.rows for o in T.openings] == ["rows"]
 
     def test_a_smooth_point_may_slide(self):
         """Without friction the tangential velocity decides nothing."""
-        T = parts_of([rows_with(rbd.problem.FrictionCone(0.0), [3.0, 0.0, 0.0])])
+        T = ForceSet.of([rows_with(rbd.problem.FrictionCone(0.0), [3.0, 0.0, 0.0])])
         assert not T.sliding and T.G == pytest.approx(np.array([[0, 0, 1.0]]).T) and T.upper[0] == np.inf
 
     @pytest.mark.parametrize(("velocity", "bound"), [(2.0, -3.0), (-2.0, 5.0)])
     def test_dry_friction_stands_at_the_bound_against_the_motion(self, velocity, bound):
         """Box(-3, 5): all of -3 against a positive rate, all of 5 against a negative one."""
-        T = parts_of([rows_with(rbd.problem.Box([-3.0], [5.0]), [velocity])])
+        T = ForceSet.of([rows_with(rbd.problem.Box([-3.0], [5.0]), [velocity])])
         assert T.lower.tolist() == T.upper.tolist() == [bound]
 
     def test_an_interval_without_that_bound_keeps_its_choice(self):
         """Nothing finite stands against the motion."""
-        T = parts_of([rows_with(rbd.problem.Box([-np.inf], [5.0]), [2.0])])
+        T = ForceSet.of([rows_with(rbd.problem.Box([-np.inf], [5.0]), [2.0])])
         assert T.lower[0] == -np.inf and T.upper[0] == 5.0
 
     def test_rows_that_hold_do_not_mind_moving(self):
         """Free rows at any velocity: lines."""
-        T = parts_of([rows_with(rbd.problem.Free(3), [1.0, -2.0, 3.0])])
+        T = ForceSet.of([rows_with(rbd.problem.Free(3), [1.0, -2.0, 3.0])])
         assert np.isinf(T.lower).all() and np.isinf(T.upper).all() and T.G == pytest.approx(np.eye(3))
 
     def test_others_are_not_touched_by_one_that_moves(self):
@@ -143,7 +151,7 @@ class TestMoving:
             rows_with(rbd.problem.FrictionCone(0.6), [0, 1.0, 0], "slides"),
             rows_with(rbd.problem.Free(1), [5.0], "held"),
         ]
-        T = parts_of(rows)
+        T = ForceSet.of(rows)
         assert T.slices == (slice(0, 3), slice(3, 4), slice(4, 5)) and T.cone_at.tolist() == [0] and T.mu.tolist() == [0.4]
         assert T.G[:, :3] == pytest.approx(np.eye(7)[:, :3]) and T.G[:, 4] == pytest.approx(np.eye(7)[6])
         assert T.G[3:6, 3] == pytest.approx([0, -0.6, 1]) and T.H[3:6, 3] == pytest.approx([0, 0, 1])
@@ -155,7 +163,7 @@ class TestMovingSole:
     def test_corners_of_a_turning_sole_slide_each_in_its_own_direction(self):
         """The velocity of corner p is v + w x p; friction is against it."""
         v, w, cone = np.array([0.3, -0.1, 0.0]), np.array([0.0, 0.0, 2.0]), square()
-        T = parts_of([rows_with(cone, [*v, *w], "sole")])
+        T = ForceSet.of([rows_with(cone, [*v, *w], "sole")])
         assert [s.corner for s in T.sliding] == [0, 1, 2, 3]
         for i, s in enumerate(T.sliding):
             u = v + np.cross(w, cone.corners[i])
@@ -169,8 +177,8 @@ class TestMovingSole:
     def test_a_tipping_sole_stands_on_its_edge(self):
         """Turning about the edge x = .2: its two corners are cones at rest, the others carry nothing."""
         w, edge = np.array([0.0, 0.5, 0.0]), np.array([0.2, 0.0, 0.0])
-        T = parts_of([rows_with(square(), [*-np.cross(w, edge), *w], "sole")])
-        assert T.opening == ("sole",) and T.cone_at.tolist() == [0, 3] and T.size == 8 and not T.sliding
+        T = ForceSet.of([rows_with(square(), [*-np.cross(w, edge), *w], "sole")])
+        assert {o.rows for o in T.openings} == {"sole"} and T.cone_at.tolist() == [0, 3] and T.size == 8 and not T.sliding
         assert T.upper[6:].tolist() == [0.0, 0.0]
         # corners of the edge move towards the centre's side with w^2 L, here -x
         assert T.offset[:6] == pytest.approx(np.tile([-0.25 * 0.2, 0, 0], 2))
@@ -184,7 +192,7 @@ class TestMovingSole:
         q, v, a = pin.neutral(robot.model), rng.normal(size=6), rng.normal(size=6)
         rows = sole.rows(rbd.State(robot, q, v))
         # upwards at every corner, so that all of them open, whatever they do along the ground
-        T = parts_of([rbd.Rows("sole", rows.J, rows.bias, rows.cone, velocity=rows.velocity + [0, 0, 50.0, 0, 0, 0])])
+        T = ForceSet.of([rbd.Rows("sole", rows.J, rows.bias, rows.cone, velocity=rows.velocity + [0, 0, 50.0, 0, 0, 0])])
         y = T.accelerations(rows.J @ a + rows.bias, coulomb=False)
         h = 1e-3
 
@@ -197,14 +205,14 @@ class TestMovingSole:
 
     def test_at_rest_corners_have_no_centripetal_part(self):
         """A sole that translates: the offset is zero."""
-        assert not parts_of([rows_with(square(), [0.3, 0, 0, 0, 0, 0])]).offset.any()
+        assert not ForceSet.of([rows_with(square(), [0.3, 0, 0, 0, 0, 0])]).offset.any()
 
     def test_a_lines_ends_move_as_a_soles_corners_on_that_line(self):
         """A line of half length .2 turning about its normal, and a sole's corners at the same places: the same columns."""
         line = LineCone(0.2, 0.5)
         ends = WrenchCone(np.array([[0.2, 0, 0], [-0.2, 0, 0]]), 0.5)
         v, w = np.array([0.3, 0.1, 0.0]), np.array([0.0, 0.0, 1.5])
-        T, S = parts_of([rows_with(line, [*v, *w[1:]])]), parts_of([rows_with(ends, [*v, *w])])
+        T, S = ForceSet.of([rows_with(line, [*v, *w[1:]])]), ForceSet.of([rows_with(ends, [*v, *w])])
         five = [0, 1, 2, 4, 5]
         assert T.G == pytest.approx(S.G[five]) and T.H == pytest.approx(S.H[five]) and T.offset == pytest.approx(S.offset)
         assert [s.direction for s in T.sliding] == [s.direction for s in S.sliding]
@@ -212,8 +220,8 @@ class TestMovingSole:
     def test_a_product_of_soles_turns_each_by_its_own_rate(self):
         """Two soles in one constraint: the offsets are those of the soles by themselves."""
         one, two = [0.1, 0, 0, 0, 0, 1.0], [0, 0.2, 0, 0, 0, -3.0]
-        both = parts_of([rows_with(rbd.problem.Product([square(), square(0.3)]), [*one, *two])])
-        apart = [parts_of([rows_with(square(mu), u)]) for mu, u in ((0.5, one), (0.3, two))]
+        both = ForceSet.of([rows_with(rbd.problem.Product([square(), square(0.3)]), [*one, *two])])
+        apart = [ForceSet.of([rows_with(square(mu), u)]) for mu, u in ((0.5, one), (0.3, two))]
         assert both.offset == pytest.approx(np.concatenate([T.offset for T in apart]))
         assert both.G[:6, :4] == pytest.approx(apart[0].G) and both.G[6:, 4:] == pytest.approx(apart[1].G)
         assert [s.corner for s in both.sliding] == list(range(8))
@@ -222,7 +230,7 @@ class TestMovingSole:
 class TestWeights:
     """Projection, distances, products, forces."""
 
-    parts = parts_of(
+    parts = ForceSet.of(
         [
             rows_with(
                 rbd.problem.Product([rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0])]),
@@ -269,14 +277,14 @@ class TestWeights:
     def test_de_saxces_term_makes_slipping_complementary(self):
         """The force (-mu, 0, 1) against a slip of 2 along x: with mu |y_t| on the normal their product is zero, else not."""
         w, c = np.array([-0.5, 0.0, 1.0]), np.array([2.0, 0.0, 0.0])
-        T = parts_of([rows_with(rbd.problem.FrictionCone(0.5))])
+        T = ForceSet.of([rows_with(rbd.problem.FrictionCone(0.5))])
         assert T.accelerations(c, coulomb=True) == pytest.approx([2.0, 0.0, 1.0])
         assert T.slack(w, T.accelerations(c, coulomb=True))[2] == pytest.approx(0.0, abs=1e-15)
         assert T.slack(w, T.accelerations(c, coulomb=False))[2] == pytest.approx(1.0) and c.tolist() == [2.0, 0.0, 0.0]
 
     def test_fixed_weights_answer_to_nothing(self):
         """What opens, and dry friction that rubs: no gap and no slack, whatever the acceleration."""
-        T = parts_of(
+        T = ForceSet.of(
             [rows_with(rbd.problem.FrictionCone(0.5), [0, 0, 1.0]), rows_with(rbd.problem.Box([-3.0], [5.0]), [1.0], "joint")]
         )
         for y in (np.array([-4.0, 2.0]), np.array([4.0, -2.0])):
@@ -287,21 +295,26 @@ class TestWeights:
         """Of a sole whose edge rests while the rest opens, and of one that slides: the corner map of them is G w."""
         rng, cone = np.random.default_rng(9), square()
         for velocity in ([0.0] * 6, [0.3, 0, 0, 0, 0, 1.0], [0, 0, 0.1, 0, 0.5, 0]):
-            T = parts_of([rows_with(rbd.problem.Free(2), name="held"), rows_with(cone, velocity, "sole")])
+            T = ForceSet.of([rows_with(rbd.problem.Free(2), name="held"), rows_with(cone, velocity, "sole")])
             w = T.project(rng.uniform(0.5, 2.0, T.size))
-            forces = T.at_points(w, T.slices[1])
+            forces = T.at_points(w, 1)
             assert forces.shape == (4, 3) and cone.corner_map @ forces.ravel() == pytest.approx((T.G @ w)[2:])
 
     @pytest.mark.parametrize("velocity", [[0.0] * 6, [0.3, 0.1, 0, 0, 0, 1.0]])
     def test_weights_are_found_from_forces(self, velocity):
         """Any weights in the sets that make the force, of corners at rest and of sliding ones."""
         rng = np.random.default_rng(12)
-        T = parts_of([rows_with(square(), velocity)])
+        T = ForceSet.of([rows_with(square(), velocity)])
         f = T.G @ T.project(rng.uniform(0.5, 2.0, T.size) * 10.0)
         w = T.weights_of(f)
         assert T.G @ w == pytest.approx(f, abs=1e-6) and T.project(w) == pytest.approx(w, abs=1e-12)
 
     def test_weights_with_equal_bounds_are_left_where_they_are(self):
         """Two columns of which one is fixed at 3: the other makes up the rest, within its own bounds."""
-        w = bounded_weights(np.ones((1, 2)), np.array([5.0]), np.array([3.0, 0.0]), np.array([3.0, 1.5]))
-        assert w == pytest.approx([3.0, 1.5]) and bounded_weights(np.ones((1, 1)), np.ones(1), np.ones(1), np.ones(1)) == [1.0]
+
+        def weights(lower, upper, force):
+            """Of boxes that push on one row together."""
+            T = replace(ForceSet.of([rows_with(rbd.problem.Box(lower, upper))]), G=np.ones((1, len(lower))))
+            return T.weights_of(np.array([force]))
+
+        assert weights([3.0, 0.0], [3.0, 1.5], 5.0) == pytest.approx([3.0, 1.5]) and weights([1.0], [1.0], 1.0) == [1.0]

@@ -1,0 +1,279 @@
+"""Constraints as contact points: Jacobian, velocity, J_dot v and gap of each point that a motion's constraints have at a state.
+
+A point has a set of impulses (a cone, a half-line, an interval, or all there are), rows J, the velocity of those rows, their
+J_dot v, and a gap: how far it is from touching. Bilateral constraints and joint friction have a gap of -infinity: they always
+act. A sole is its corners here, each with the ground's normal, so that it may tip.
+
+A kind says this itself, by `points(state, t)`; of any other its rows say it, with their `error` for the gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint, anchored, member, rows_of
+from rbd.errors import InputError
+from rbd.model.state import State
+from rbd.problem.cones import Box, Cone, Free, FrictionCone, HalfLine, Interval, Line, NonNegative, SecondOrderCone
+from rbd.problem.contact_motion import centripetal
+from rbd.problem.rows import Rows
+
+ALWAYS = -np.inf
+"""The gap of what always acts."""
+MARGIN = 0.05
+"""Margin of contacts that come and go [m]: what is nearer is watched."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """k points with p rows in all: where a constraint touches, or comes near, and how it moves there.
+
+    Attributes:
+        names: Label of each point, which stays with it over time: "left_sole_link_0:3" is corner 3 of that shape.
+        positions: In W, shape (k, 3) [m].
+        axes: R_WC (tangent, tangent, normal), shape (3, 3), or (k, 3, 3) of each; the normal pushes the (first) body away.
+        gaps: Distance along the normal, shape (k,) [m]; negative where shapes overlap, -inf of what always acts.
+        J: Jacobian of the points' rows, a point's normal row last, shape (p, nv).
+        velocity: J v less the surface's velocity, shape (p,) [m/s].
+        bias: J_dot v less the surface's acceleration, shape (p,) [m/s2].
+        cones: Set of each point's forces, whose dimensions are the numbers of its rows.
+        resultant: Takes the p row forces to the force (r = 3) or wrench (r = 6) on the robot in world axes, shape (r, p); None:
+            the sum of the points' forces.
+    """
+
+    names: tuple[str, ...]
+    positions: Array
+    axes: Array
+    gaps: Array
+    J: Array
+    velocity: Array
+    bias: Array
+    cones: tuple[Cone, ...]
+    resultant: Array | None = None
+
+    @classmethod
+    def of(cls, measured: Measured) -> ContactPoints:
+        """Those of a source, as it measured them at a state."""
+        points, axes, of = measured.points, measured.axes, measured.structure
+        assert points is not None and axes is not None
+        names = tuple(f"{owner}:{number}" for owner, number in zip(of.owners, of.numbers, strict=True))
+        resultant = measured.to_world
+        if resultant is None:
+            each = np.broadcast_to(axes, (len(points), 3, 3))
+            resultant = np.concatenate([R[:, 3 - w :] for R, w in zip(each, of.widths, strict=True)], axis=1)
+            if measured.arms is not None:
+                moments = np.cross(np.repeat(measured.arms, of.widths, axis=0), resultant.T).T
+                resultant = np.concatenate([resultant, moments])
+        return cls(names, points, axes, measured.gap, measured.J, measured.velocity, measured.bias, of.cones, resultant)
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """The points of a source: what does not change with the state.
+
+    Attributes:
+        owners: Name of the constraint of each point.
+        numbers: Number of each point among those of its constraint.
+        cones: Set of each point's forces.
+        widths: Number of rows of each point, shape (k,).
+        normals: The row that has each point's normal, shape (k,); its last.
+    """
+
+    owners: tuple[str, ...]
+    numbers: tuple[int, ...]
+    cones: tuple[Cone, ...]
+    widths: Array = field(init=False)
+    normals: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        widths = np.array([c.dim for c in self.cones], int)
+        object.__setattr__(self, "widths", widths)
+        object.__setattr__(self, "normals", np.cumsum(widths) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A source at a state: k points with p rows in all.
+
+    Attributes:
+        structure: The points.
+        J: Shape (p, nv).
+        velocity: J v less the surface's velocity, shape (p,).
+        bias: J_dot v less the surface's acceleration, shape (p,).
+        gap: Shape (k,) [m, rad]; -inf of what always acts.
+        error: Position errors of bilateral rows, shape (p,); zero elsewhere.
+        to_world: Takes the p row forces to the resultant on the robot in world axes, shape (r, p); None: row forces themselves,
+            or the sum of the points' forces, with their moments where there are arms.
+        arms: From its contact's centre to each point in W, shape (k, 3) [m]; None where the resultant is a force alone.
+        points: Where the points are in W, shape (k, 3) [m]; None of what is no contact.
+        axes: R_WC of the contact axes; (3, 3), or (k, 3, 3); None of what is no contact.
+    """
+
+    structure: Structure
+    J: Array
+    velocity: Array
+    bias: Array
+    gap: Array
+    error: Array
+    to_world: Array | None = None
+    arms: Array | None = None
+    points: Array | None = None
+    axes: Array | None = None
+
+
+class Source(Protocol):
+    """What gives points at a state."""
+
+    @property
+    def group(self) -> Hashable:
+        """Sources of one group, of whichever constraints, can be measured together; None: of no group."""
+
+    def together(self, sources: Sequence[Any], start: State) -> Source:
+        """All sources of its group as one, which is faster."""
+
+    def at(self, state: State, t: float) -> Measured:
+        """Its points at a state and a time [s]."""
+
+    def gaps(self, state: State, t: float) -> Array:
+        """How far they are from touching, shape (k,) [m, rad]: `at(state, t).gap` to rounding, and cheap where it can be."""
+
+
+def sources_of(constraints: Sequence[Constraint], start: State) -> list[Source]:
+    """The sources of a motion's constraints, in their order; those of one group stand where the first of them does."""
+    out = [_source(constraint, start) for constraint in constraints]
+    for group in dict.fromkeys(source.group for source in out if source.group is not None):
+        alike = [source for source in out if source.group == group]
+        if len(alike) > 1:
+            together = alike[0].together(alike, start)
+            out = [together if s is alike[0] else s for s in out if s is alike[0] or s not in alike]
+    return out
+
+
+def _source(constraint: Constraint, start: State) -> Source:
+    """What gives the points of one constraint: it says so itself; or its points do; or its rows."""
+    prepared = member(constraint, "source")
+    source = prepared(start) if callable(prepared) else None
+    if source is not None:
+        return source
+    with_margin = member(constraint, "with_margin")
+    if callable(with_margin):  # points that come and go, within a margin
+        constraint = with_margin(MARGIN)
+    points = member(constraint, "points")
+    if callable(points) and points(start, 0.0) is not None:
+        return FromPoints(constraint.name, points)
+    (rows,) = rows_of(start, (constraint,))
+    return FromRows(anchored(constraint, rows, start))
+
+
+class _Alone:
+    """A source of no group."""
+
+    group = None
+
+    def together(self, sources: Sequence[Any], start: State) -> Source:
+        raise NotImplementedError
+
+    def at(self, state: State, t: float) -> Measured:
+        raise NotImplementedError
+
+    def gaps(self, state: State, t: float) -> Array:
+        """What `at` says."""
+        return self.at(state, t).gap
+
+
+class FromPoints(_Alone):
+    """A constraint by its `points`; each keeps its number while the motion lasts, though points come and go."""
+
+    def __init__(self, name: str, points: Callable[[State, float], ContactPoints]) -> None:
+        self.name, self._points = name, points
+        self._numbers: dict[tuple[str, int], int] = {}
+        self._seen: dict[tuple[tuple[str, ...], tuple[Cone, ...]], Structure] = {}
+
+    def at(self, state: State, t: float) -> Measured:
+        """Its points."""
+        found = self._points(state, t)
+        if not isinstance(found, ContactPoints):
+            raise InputError(
+                f"points of {self.name!r:.80} gave a {type(found).__name__} in place of rbd.constraints.ContactPoints."
+            )
+        structure = self._numbered(tuple(found.names), found.cones)
+        return Measured(
+            structure, found.J, found.velocity, found.bias, found.gaps, np.zeros(len(found.J)), found.resultant, None,
+            found.positions, found.axes,
+        )  # fmt: skip
+
+    def _numbered(self, labels: tuple[str, ...], cones: tuple[Cone, ...]) -> Structure:
+        """The points under the numbers that their labels had when they were first seen; the same points, the same object."""
+        known = self._seen.get((labels, cones))  # the sets may change with the state, e.g. friction
+        if known is None:
+            times = [labels[:i].count(label) for i, label in enumerate(labels)]  # two points may bear one label
+            numbers = tuple(self._numbers.setdefault(one, len(self._numbers)) for one in zip(labels, times, strict=True))
+            known = self._seen[labels, cones] = Structure((self.name,) * len(labels), numbers, cones)
+        return known
+
+
+class FromRows(_Alone):
+    """A constraint by its rows, those of patches at their corners."""
+
+    def __init__(self, constraint: Constraint) -> None:
+        self.constraint = constraint
+
+    def at(self, state: State, t: float) -> Measured:
+        """Its rows."""
+        (rows,) = rows_of(state, (self.constraint,))
+        local, structure = _structure(rows.name, rows.cone)
+        error = np.zeros(len(rows)) if rows.error is None else rows.error
+        J, velocity, bias = rows.J, rows.velocity, rows.bias
+        to_world = rows.resultant
+        if local is not None:
+            bias = local.T @ bias + centripetal(rows.cone, velocity)
+            J, velocity, error = local.T @ J, local.T @ velocity, local.T @ error
+            to_world = None if to_world is None else to_world @ local
+        if not len(rows):
+            return Measured(structure, J, velocity, bias, np.zeros(0), error, to_world)
+        pushes = _pushes(structure)
+        gap = np.where(pushes, error[structure.normals] if rows.error is not None else 0.0, ALWAYS)
+        kept = np.repeat(~pushes, structure.widths)
+        points, axes = _places(rows, len(gap))
+        return Measured(structure, J, velocity, bias, gap, np.where(kept, error, 0.0), to_world, None, points, axes)
+
+
+def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None]:
+    """(points (k, 3), axes (3, 3)) of a patch."""
+    if rows.patch is None:
+        return None, None
+    corners = rows.patch.corners if len(rows.patch.corners) == k else np.zeros((k, 3))
+    return rows.patch.point + corners @ rows.patch.axes.T, rows.patch.axes
+
+
+@lru_cache(maxsize=512)
+def _structure(name: str, cone: Cone) -> tuple[Array | None, Structure]:
+    """(G where rows are not the points' own, the points) of a set."""
+    G, parts = cone.generators()
+    if all(isinstance(part, Line) for part in parts):
+        return None, Structure((name,), (0,), (Free(cone.dim),)) if cone.dim else Structure((), (), ())
+    cones = tuple(_single(part) for part in parts)
+    same = G.shape[0] == G.shape[1] and np.array_equal(G, np.eye(len(G)))
+    return None if same else G, Structure((name,) * len(cones), tuple(range(len(cones))), cones)
+
+
+def _single(part: object) -> Cone:
+    if isinstance(part, SecondOrderCone):
+        return FrictionCone(part.mu, part.facets)
+    if isinstance(part, HalfLine):
+        return NonNegative(1)
+    if isinstance(part, Interval):
+        return Box(np.array([part.lo]), np.array([part.hi]))
+    return Free(1)
+
+
+@lru_cache(maxsize=512)
+def _pushes(structure: Structure) -> Array:
+    """Which points push and may part, shape (k,)."""
+    return np.array([not isinstance(c, Free | Box) for c in structure.cones], bool)

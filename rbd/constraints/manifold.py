@@ -1,0 +1,393 @@
+"""The manifold of bilateral constraints: their rows stacked and scaled, rank, null space, and projection onto them.
+
+Ranks and singular values are without units. A velocity is v = D z, with D the robot's own length for coordinates that slide and
+one for those that turn; a row is divided by the largest norm that it has near the start. So they do not depend on the unit of
+length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import blas, lapack
+
+from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
+from rbd.constraints.constraint import Constraint, anchored, listed, rows_of
+from rbd.errors import DuplicateName, InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.problem.cones import Free, Line
+from rbd.problem.rows import Rows
+
+RANK = 1e-8
+"""A singular value counts as zero at this fraction of the largest one (or of one, where all are small)."""
+
+CLOSED = 1e-9
+"""How far a configuration may be from the constraints [m, rad, over the rows' lengths] and still count as assembled."""
+
+ITERATIONS = 100
+
+RowName = tuple[str, int]
+"""(constraint, its row, from 0)."""
+
+
+class StackedRows:
+    """Rows of several constraints at one state, as one.
+
+    Args:
+        state: Where.
+        rows: Of each constraint.
+        carried: Which constraints are on a ground that moves, and so have no place to be; none if not given.
+        manifold: Whose rows they are, for `elsewhere`.
+
+    Attributes:
+        state: Where.
+        rows: Of each constraint.
+        J: Shape (m, nv).
+        offset: J_dot v, and feedback, shape (m,).
+        velocity: J v less the velocity of what is touched, shape (m,).
+        error: Position errors, shape (m,); zero in rows that have none.
+        placed: Which rows have one, shape (m,), bool; None for all.
+    """
+
+    def __init__(
+        self,
+        state: State,
+        rows: Sequence[Rows],
+        carried: Sequence[bool] | None = None,
+        manifold: ConstraintManifold | None = None,
+    ) -> None:
+        self.state, self.rows, self._manifold = state, rows, manifold
+        carried = carried or [False] * len(rows)
+        if len(rows) == 1:
+            self.J, self.offset, self.velocity = rows[0].J, rows[0].bias, velocity_of(rows[0], state)
+        elif rows:
+            self.J = np.concatenate([r.J for r in rows])
+            self.offset = np.concatenate([r.bias for r in rows])
+            self.velocity = np.concatenate([velocity_of(r, state) for r in rows])
+        else:
+            self.J, self.offset, self.velocity = np.zeros((0, len(state.v))), zeros(0), zeros(0)
+        if any([r.stabilised for r in rows]):
+            self.offset = self.offset + np.concatenate([r.feedback for r in rows])
+        masks = [_placed(r, state, c) for r, c in zip(rows, carried, strict=True)]
+        if all([mask is None for mask in masks]):
+            self.placed = None
+            self.error = np.concatenate([r.error for r in rows]) if rows else zeros(0)
+        else:
+            self.placed = np.concatenate([np.ones(len(r), bool) if p is None else p for r, p in zip(rows, masks, strict=True)])
+            errors = np.concatenate([zeros(len(r)) if r.error is None else r.error for r in rows])
+            self.error = np.where(self.placed, errors, 0.0)
+
+    def elsewhere(self, q: Array, v: Array) -> StackedRows:
+        """The same constraints at another state."""
+        assert self._manifold is not None
+        return self._manifold.rows(State(self.state.robot, q, v))
+
+    @property
+    def drift(self) -> float:
+        """Largest position error [m, rad]."""
+        return max_abs(self.error)
+
+    @property
+    def drift_rate(self) -> float:
+        """Largest velocity error [m/s, rad/s]."""
+        return max_abs(self.velocity)
+
+    @property
+    def names(self) -> list[RowName]:
+        """(constraint, row) of each row."""
+        return [(r.name, i) for r in self.rows for i in range(len(r))]
+
+    def name_of(self, row: int) -> str:
+        """The constraint of a row of the stack."""
+        return self.names[row][0]
+
+    @property
+    def bias(self) -> Array:
+        """J_dot v alone, shape (m,)."""
+        return np.concatenate([zeros(0), *(r.bias for r in self.rows)])
+
+    @lazy
+    def L(self) -> Array:
+        """Lower factor of M."""
+        return inertia_factor(self.state.M)
+
+    @lazy
+    def W(self) -> Array:
+        """L^-1 J^T, shape (nv, m)."""
+        return blas.dtrsm(1.0, self.L, self.J.T, lower=1)
+
+    @lazy
+    def delassus(self) -> Array:
+        """W^T W, shape (m, m)."""
+        return self.W.T @ self.W
+
+    @lazy
+    def cholesky(self) -> Array | None:
+        """Upper R with R^T R = W^T W; None where it is not positive definite."""
+        R, info = lapack.dpotrf(self.delassus, lower=0, clean=1)
+        return R if info == 0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """What the constraints say at one configuration, without units.
+
+    Attributes:
+        q: The configuration.
+        J: Shape (m, nv), of z.
+        error: Position errors, shape (m,); zero in rows that constrain velocity alone.
+    """
+
+    q: Array
+    J: Array
+    error: Array
+
+
+class ConstraintManifold:
+    """Bilateral constraints on a robot: the configurations that satisfy them, and the velocities that they allow.
+
+    Args:
+        state: Where contacts without an anchor are anchored, and about which rows are measured; its velocity plays no part.
+        constraints: Those that hold; None for the loops and wheels of the robot's file.
+        tolerance: How far off the constraints a configuration may be [m, rad, over the rows' norms]; above `CLOSED` for files
+            whose lengths are rounded, and then singular values count as zero below ten times that.
+
+    Attributes:
+        robot: The robot.
+        constraints: Those that have rows.
+        q: The configuration of the state.
+        n: Number of velocities.
+        length: The robot's own length [m].
+        scale: D, shape (nv,).
+        zero: Singular values count as zero at this fraction of the largest.
+
+    Raises:
+        InputError: no constraint, one that can break or slip, or one that moves by itself.
+        DuplicateName: two under one name.
+    """
+
+    def __init__(self, state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED) -> None:
+        if not isinstance(state, State):
+            raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q).")
+        at_rest = state.with_velocity(state.robot.zero_v)
+        given = own_or(state.robot, constraints)
+        rows = rows_of(at_rest, given)
+        kept = [anchored(c, r, at_rest) if is_bilateral(r) else c for c, r in zip(given, rows, strict=True) if len(r)]
+        self._set(at_rest, kept, tolerance)
+        _check(self._start.rows)
+
+    @classmethod
+    def unchecked(
+        cls, state: State, constraints: Sequence[Constraint], carried: Sequence[bool] | None = None
+    ) -> ConstraintManifold:
+        """The manifold of constraints as they are: known to hold, on the way of each step of a simulation.
+
+        Args:
+            state: Of the robot.
+            constraints: In order; they may have no rows.
+            carried: Which of them are on a ground that moves.
+        """
+        out = cls.__new__(cls)
+        out._set(state, constraints, CLOSED, carried)
+        return out
+
+    def _set(
+        self, state: State, constraints: Sequence[Constraint], tolerance: float, carried: Sequence[bool] | None = None
+    ) -> None:
+        self.robot: CheckedModel = state.robot
+        self.q, self.constraints, self._carried = state.q, tuple(constraints), carried
+        self.tolerance, self.zero = tolerance, max(RANK, 10.0 * tolerance)
+        self._state, self.n = state, state.robot.nv
+        self.length, self.scale = state.robot.joints.length, state.robot.joints.scale
+
+    def rows(self, state: State) -> StackedRows:
+        """The rows at a state, in their own units."""
+        return StackedRows(state, rows_of(state, self.constraints), self._carried, self)
+
+    @lazy
+    def _start(self) -> StackedRows:
+        return self.rows(self._state)
+
+    @lazy
+    def _sizes(self) -> list[int]:
+        return [len(r) for r in self._start.rows]
+
+    @lazy
+    def names(self) -> tuple[RowName, ...]:
+        """(constraint, row) of each row."""
+        return tuple(self._start.names)
+
+    @lazy
+    def placed(self) -> Array:
+        """Which rows have a position error, shape (m,), bool."""
+        placed = self._start.placed
+        return np.ones(self.m, bool) if placed is None else placed
+
+    @property
+    def m(self) -> int:
+        """Number of rows."""
+        return len(self._start.J)
+
+    @lazy
+    def weights(self) -> Array:
+        """What rows are multiplied with, shape (m,): one over the largest norm here and at three configurations nearby."""
+        norms = np.linalg.norm(self._start.J * self.scale, axis=1)
+        for q in poses_nearby(self.robot, self.q, self.scale):
+            try:
+                there = self._scaled(q, np.ones(self.m))
+            except InputError:  # a constraint that is not defined there
+                continue
+            norms = np.maximum(norms, np.linalg.norm(there.J, axis=1))
+        most = float(norms.max(initial=0.0))
+        # A row of rounding alone stays one: divided by itself it would count.
+        return 1.0 / np.maximum(norms, 1e-6 * most) if most > 0.0 else np.ones(self.m)
+
+    def at(self, q: Array) -> Linearised:
+        """J and errors at a configuration, without units.
+
+        Raises:
+            InputError: if the number of rows has changed: a limit that was reached, say.
+        """
+        return self._scaled(q, self.weights)
+
+    def _scaled(self, q: Array, weights: Array) -> Linearised:
+        found = self.rows(State(self.robot, q))
+        if [len(r) for r in found.rows] != self._sizes:
+            raise InputError(f"constraints of {self.robot.name} change their rows near the state (there {self._sizes}).")
+        return Linearised(found.state.q, (found.J * self.scale) * weights[:, None], found.error * weights)
+
+    def move(self, q: Array, z: Array) -> Array:
+        """The configuration reached from q by the displacement z, shape (nv,), without units."""
+        return pin.normalize(self.robot.model, pin.integrate(self.robot.model, q, self.scale * z))
+
+    def displacement(self, start: Array, end: Array) -> Array:
+        """The displacement z from one configuration to another, shape (nv,), without units."""
+        return pin.difference(self.robot.model, start, end) / self.scale
+
+    def rank(self, J: Array, zero: float | None = None) -> int:
+        """Rank of a Jacobian without units; singular values count as zero at a fraction of the largest."""
+        return self.n - null_space(J, self.zero if zero is None else zero)[0].shape[1]
+
+    def project(self, q: Array, *, iterations: int = ITERATIONS, within: float = 1e-14) -> Linearised:
+        """The nearest point of the constraints that Levenberg's and Marquardt's steps reach; look at its `error`.
+
+        The damping is |error|^2: quadratic convergence where the errors grow with the distance, also where rows repeat
+        each other and where their rank changes [YamashitaFukushima2001]; slower where they only grow with its square.
+        """
+        at = self.at(q)
+        here = self.placed
+        cut = 1e-12 if self.tolerance <= CLOSED else self.zero
+        for _ in range(iterations):
+            size = max_abs(at.error)
+            if size <= within:
+                break
+            U, s, Vt = np.linalg.svd(at.J[here], full_matrices=False)
+            s = np.where(s > cut * max(1.0, float(s.max(initial=0.0))), s, 0.0)
+            z = -(Vt.T * (s / (s * s + max(size * size, 1e-28)))) @ (U.T @ at.error[here])
+            step = float(np.linalg.norm(z))
+            try:
+                nearer = self.at(self.move(at.q, z if step <= 0.5 else z * (0.5 / step)))
+            except InputError:  # a constraint that is not defined there
+                break
+            if max_abs(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
+                break
+            at = nearer
+        return at
+
+    def check_assembled(self) -> Linearised:
+        """What the constraints say at the state.
+
+        Raises:
+            InputError: if it is off the constraints, with the worst row and its distance.
+        """
+        at = self.at(self.q)
+        if max_abs(at.error) > self.tolerance:
+            worst = int(np.argmax(np.abs(at.error)))
+            name, row = self.names[worst]
+            off = abs(float(at.error[worst])) / float(self.weights[worst])
+            raise InputError(
+                f"{self.robot.name} is not assembled: row {row} of {name!r:.80} is off by {off:.3g} (m or rad). "
+                "Close it first, with rbd.mechanism.assemble."
+            )
+        return at
+
+
+def own_or(robot: CheckedModel, constraints: Sequence[Constraint] | None) -> tuple[Constraint, ...]:
+    """The constraints given, as a tuple; where none are, the loops and wheels that the robot's file states.
+
+    Raises:
+        InputError: if it is no list.
+    """
+    if constraints is None:
+        return (*robot.loops(), *robot.wheels())
+    return listed(constraints)
+
+
+def null_space(J: Array, zero: float = RANK) -> tuple[Array, Array]:
+    """(orthonormal basis of the null space, shape (n, d); all singular values, shape (min(m, n),))."""
+    if not len(J):
+        return np.eye(J.shape[1]), np.zeros(0)
+    _, s, Vt = np.linalg.svd(J)
+    return Vt[rank_of(s, zero) :].T, s
+
+
+def rank_of(singular_values: Array, zero: float = RANK, *, least: float = 1.0) -> int:
+    """How many singular values are above a fraction of the largest, or of `least` where all are smaller."""
+    return int((singular_values > zero * max(least, float(singular_values.max(initial=0.0)))).sum())
+
+
+def poses_nearby(robot: CheckedModel, q: Array, scale: Array | float = 1.0) -> Iterator[Array]:
+    """Three configurations half a radian away, the same each time: what a row is at one pose alone says little of its size.
+
+    Args:
+        robot: The robot.
+        q: Where.
+        scale: Unit of each velocity, shape (nv,).
+    """
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        z = rng.normal(size=robot.nv)
+        yield pin.normalize(robot.model, pin.integrate(robot.model, q, scale * (0.5 * z / np.linalg.norm(z))))
+
+
+def is_bilateral(rows: Rows) -> bool:
+    """Whether all forces are allowed: none is bounded, and none comes and goes (a stop that is not reached has no rows)."""
+    parts = rows.cone.generators()[1]
+    return all(isinstance(part, Line) for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
+
+
+def velocity_of(rows: Rows, state: State) -> Array:
+    """J v less the velocity of what is touched; rows that give none get J v."""
+    silent = rows.velocity is zeros(len(rows))
+    return rows.J @ state.v if silent else rows.velocity
+
+
+def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
+    """Which rows have a place to be; None for all."""
+    if rows.error is None:
+        return np.zeros(len(rows), bool)
+    if not carried:
+        return rows.holonomic
+    if rows.holonomic is None:
+        return np.zeros(len(rows), bool)
+    surface = rows.J @ state.v - rows.velocity
+    return rows.holonomic & (np.abs(surface) <= 1e-12 * max(1.0, max_abs(surface)))
+
+
+def _check(rows: Sequence[Rows]) -> None:
+    seen: set[str] = set()
+    for r in rows:
+        if r.name in seen:
+            raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
+        seen.add(r.name)
+        if not is_bilateral(r):
+            raise InputError(
+                f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}); mobility is that of "
+                "constraints that hold. Leave it out, or give it friction=None."
+            )
+        if max_abs(r.velocity) > 1e-12:
+            raise InputError(f"{r.name!r:.80} moves by itself; mobility wants constraints at rest.")

@@ -1,0 +1,395 @@
+"""The joint table: where each joint's coordinates stand in q and v, their names, units and limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, block_diagonal, lazy
+from rbd.errors import InputError, JointNotFound, nearest
+from rbd.model.joint_errors import UNIT_TOLERANCE, position_error
+
+LENGTH, ANGLE, PURE = "m", "rad", "1"
+FORCE_OF = {LENGTH: "N", ANGLE: "N m"}
+"""Unit of the force that goes with a velocity."""
+
+UNLIMITED = 1e100
+"""Files that state no limit read as +-DBL_MAX."""
+
+_SIZES = {"number": (1, 1), "circle": (2, 1), "sphere": (4, 3), "plane": (4, 3), "space": (7, 6)}
+_BODY_V = [("vx", LENGTH), ("vy", LENGTH), ("vz", LENGTH), ("wx", ANGLE), ("wy", ANGLE), ("wz", ANGLE)]
+_TURN = [("qx", PURE), ("qy", PURE), ("qz", PURE), ("qw", PURE)]
+_CIRCLE = [("cos", PURE), ("sin", PURE)]
+_PLACE = [("x", LENGTH), ("y", LENGTH), ("z", LENGTH)]
+
+_Labels = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One entry of q or of v.
+
+    Attributes:
+        name: The joint's name, with ".vx" or the like behind it where the joint has several; of no other entry.
+        joint: The joint's name.
+        unit: "m", "rad" or "1", of q; of v per second.
+    """
+
+    name: str
+    joint: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Coordinates of a joint that belong together.
+
+    Attributes:
+        kind: "number" (q' = v), "circle" (cos, sin), "sphere" (quaternion), "plane" (x, y, cos, sin) or "space" (position,
+            quaternion).
+        q: Where they begin in q.
+        v: Where they begin in v.
+        periodic: Whether it is an angle kept as a plain number: q and q + 2 pi are one pose.
+    """
+
+    kind: str
+    q: int
+    v: int
+    periodic: bool = False
+
+    @property
+    def nq(self) -> int:
+        """Their number in q."""
+        return _SIZES[self.kind][0]
+
+    @property
+    def nv(self) -> int:
+        """Their number in v."""
+        return _SIZES[self.kind][1]
+
+    @property
+    def unit(self) -> slice:
+        """Which of their q must have norm one."""
+        begin = {"number": 1, "plane": 2, "space": 3}.get(self.kind, 0)
+        return slice(begin, self.nq)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Joint:
+    """A joint of a robot: where its coordinates stand, in what units, within what limits.
+
+    Attributes:
+        name: Its name.
+        id: Its number in the Pinocchio model.
+        kind: Pinocchio's word for it: "RZ", "PX", "RevoluteUnaligned", "FreeFlyer", ...
+        q: Its part of q.
+        v: Its part of v, and of accelerations and generalised forces.
+        pieces: What it is made of; more than one for joints in series at one place.
+        positions: A name and a unit for each of its entries in q.
+        velocities: Likewise in v.
+    """
+
+    name: str
+    id: int
+    kind: str
+    q: slice
+    v: slice
+    pieces: tuple[Piece, ...]
+    positions: tuple[Coordinate, ...]
+    velocities: tuple[Coordinate, ...]
+    _model: pin.Model = field(repr=False)
+
+    @property
+    def nq(self) -> int:
+        """How many coordinates it has in q."""
+        return len(self.positions)
+
+    @property
+    def nv(self) -> int:
+        """How many degrees of freedom it has."""
+        return len(self.velocities)
+
+    @property
+    def unit(self) -> str:
+        """Of what it moves by: "rad", "m", or "m, rad" where it slides and turns."""
+        return ", ".join(dict.fromkeys(c.unit for c in self.velocities))
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether all its velocities are angular; a screw's is."""
+        return self.unit == ANGLE
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether it is an angle without end, known up to full turns; in q it stands as (cos, sin)."""
+        return self.pieces[0].kind == "circle"
+
+    @property
+    def lower(self) -> float:
+        """Lower limit [rad or m]; -inf where there is none, of continuous joints and those with several degrees of freedom."""
+        return self._limit(self._model.lowerPositionLimit, -math.inf)
+
+    @property
+    def upper(self) -> float:
+        """Upper limit [rad or m]; inf where there is none, of continuous joints and those with several degrees of freedom."""
+        return self._limit(self._model.upperPositionLimit, math.inf)
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of the robot's file [rad/s or m/s]; inf where it states none, or for several degrees of freedom."""
+        return self._positive(self._model.velocityLimit)
+
+    @property
+    def effort(self) -> float:
+        """Largest torque or force of the file [N m or N]; inf where it states none, or for several degrees of freedom."""
+        return self._positive(self._model.effortLimit)
+
+    @property
+    def friction(self) -> float:
+        """Dry friction of the robot's file [N m or N]; zero where it states none, or for several degrees of freedom."""
+        return float(self._model.upperDryFrictionLimit[self.v.start]) if self.nv == 1 else 0.0
+
+    def coordinate(self, q: Array) -> float:
+        """Angle [rad] or displacement [m] of a joint with one degree of freedom; a continuous joint's in (-pi, pi]."""
+        at = self.q.start
+        return math.atan2(q[at + 1], q[at]) if self.is_continuous else float(q[at])
+
+    def target(self, name: str, position: Array) -> Array:
+        """A position of this joint as its part of q, shape (nq of the joint,); a continuous joint's may be an angle.
+
+        Raises:
+            InputError: of the wrong size, or with a quaternion off the unit sphere by more than 1e-6.
+        """
+        if self.is_continuous and position.shape == (1,):
+            return np.array([math.cos(position[0]), math.sin(position[0])])
+        nq, at = self.nq, 0
+        if position.shape != (nq,):
+            expected = "an angle" if self.is_continuous else f"{nq} numbers, its part of q" if nq > 1 else "one number"
+            raise InputError(f"position of {name!r:.80} has {len(position)} numbers; expected {expected}.")
+        out = position.copy()
+        for piece in self.pieces:
+            block = out[at : at + piece.nq][piece.unit]
+            at += piece.nq
+            norm = float(np.linalg.norm(block)) if len(block) else 1.0
+            if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+                what = "quaternion (x, y, z, w)" if len(block) == 4 else "unit circle (cos, sin)"
+                raise InputError(f"position of {name!r:.80}: its {what} has norm {norm:.9g}; expected 1 to {UNIT_TOLERANCE:g}.")
+            block /= norm
+        return out
+
+    @property
+    def period(self) -> Array | None:
+        """Up to which multiples `difference` knows its error, shape (nv,): full turns of angles; None where it knows all."""
+        turns = [2.0 * math.pi * (p.kind in ("circle", "plane") and i == p.nv - 1) for p in self.pieces for i in range(p.nv)]
+        return np.array(turns) if any(turns) else None
+
+    def difference(self, target: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """(error, J, J_dot v) of the joint at q from its target, J with respect to its own velocities, shape (nv, nv)."""
+        errors, blocks, biases, at = [], [], [], 0
+        for piece in self.pieces:
+            own_q, own_v = q[piece.q : piece.q + piece.nq], v[piece.v : piece.v + piece.nv]
+            e, J, bias = position_error(piece.kind, target[at : at + piece.nq], own_q, own_v)
+            at += piece.nq
+            errors.append(e)
+            blocks.append(J)
+            biases.append(bias)
+        return np.concatenate(errors), block_diagonal(blocks), np.concatenate(biases)
+
+    def _limit(self, limits: Array, none: float) -> float:
+        if self.nq != 1:
+            return none
+        limit = float(limits[self.q.start])
+        return limit if abs(limit) <= UNLIMITED else none
+
+    def _positive(self, limits: Array) -> float:
+        """Zero, missing and +-DBL_MAX all mean that the file states no limit."""
+        limit = float(limits[self.v.start]) if self.nv == 1 else math.inf
+        return limit if 0.0 < limit <= UNLIMITED else math.inf
+
+    def __repr__(self) -> str:
+        return f"Joint({self.name!r}, {', '.join(filter(None, self._cells()[1:]))})"
+
+    def _cells(self) -> tuple[str, ...]:
+        """What is printed of it: name, kind, places, unit, limits."""
+        places = [f"{what}[{p.start}]" if n == 1 else f"{what}[{p.start}:{p.stop}]" for what, p, n in (
+            ("q", self.q, self.nq), ("v", self.v, self.nv)
+        )]  # fmt: skip
+        bounded = math.isfinite(self.lower) or math.isfinite(self.upper)
+        bounds = f"{self.lower:.4g} to {self.upper:.4g}" if bounded else ""
+        effort = f"at most {self.effort:.4g} {FORCE_OF[self.unit]}" if math.isfinite(self.effort) else ""
+        return self.name, self.kind, *places, self.unit, bounds, effort
+
+
+class Joints(Mapping[str, Joint]):
+    """The joints of a robot by name, in the order of its model: `robot.joints["knee"].v`.
+
+    Args:
+        model: The Pinocchio model.
+        robot: The robot's name, for messages.
+    """
+
+    def __init__(self, model: pin.Model, robot: str) -> None:
+        self._model, self._robot = model, robot
+        self._joints = {name: _joint(model, i, name) for i, name in enumerate(model.names) if i > 0}
+
+    def __getitem__(self, name: str) -> Joint:
+        """The joint of this name.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        try:
+            return self._joints[name]
+        except (KeyError, TypeError):
+            raise JointNotFound(f"no joint {name!r:.80} in {self._robot}; {nearest(name, self)}. See robot.joints.") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._joints)
+
+    def __len__(self) -> int:
+        return len(self._joints)
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name in self._joints
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The joint of this name, or what is given in its place."""
+        return self[name] if name in self else default
+
+    def __repr__(self) -> str:
+        rows = [joint._cells() for joint in self.values()]
+        widths = [max(len(row[k]) for row in rows) for k in range(7)] if rows else []
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+        return "\n".join([f"{len(self)} joint{'s' * (len(self) != 1)} of {self._robot}", *(f"  {line}" for line in lines)])
+
+    def with_one_freedom(self, name: str, asked_by: str) -> Joint:
+        """The joint of this name, which must have one degree of freedom.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: it has several; names who asked.
+        """
+        joint = self[name]
+        if joint.nv != 1:
+            what = f"{asked_by!r:.80}: joint {name!r:.80}"
+            raise InputError(f"{what} has {joint.nv} degrees of freedom; expected a joint with one.")
+        return joint
+
+    @lazy
+    def pieces(self) -> tuple[Piece, ...]:
+        """Of all joints, in order."""
+        return tuple(piece for joint in self.values() for piece in joint.pieces)
+
+    @lazy
+    def positions(self) -> tuple[Coordinate, ...]:
+        """The entries of q, in order: of a floating base x, y, z, then the quaternion."""
+        return tuple(c for joint in self.values() for c in joint.positions)
+
+    @lazy
+    def velocities(self) -> tuple[Coordinate, ...]:
+        """The entries of v, in order, as they are of a, of h and of generalised forces."""
+        return tuple(c for joint in self.values() for c in joint.velocities)
+
+    @lazy
+    def angular(self) -> Array:
+        """Which velocities are angular, shape (nv,), bool; those of screws are."""
+        return np.array([c.unit == ANGLE for c in self.velocities], bool)
+
+    @lazy
+    def periodic(self) -> Array:
+        """Which velocities belong to an angle kept as a plain number, shape (nv,), bool: q and q + 2 pi are one pose."""
+        return np.array([p.periodic for p in self.pieces for _ in range(p.nv)], bool)
+
+    @lazy
+    def length(self) -> float:
+        """Characteristic length: the largest distance from a joint to the next, or to a frame on it [m]; 1 if all are zero."""
+        model = self._model
+        joints = [np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints) if model.parents[j]]
+        frames = [np.linalg.norm(f.placement.translation) for f in model.frames if f.parentJoint]
+        most = float(max([*joints, *frames], default=0.0))
+        return most if most > 1e-9 else 1.0
+
+    @lazy
+    def reach(self) -> float:
+        """How far the robot could stretch: all its bodies in a row, by joints and frames [m]; 1 if they have no length."""
+        longest = np.zeros(self._model.njoints)
+        for frame in self._model.frames:
+            longest[frame.parentJoint] = max(longest[frame.parentJoint], np.linalg.norm(frame.placement.translation))
+        total = sum(float(np.linalg.norm(X.translation)) for X in self._model.jointPlacements) + float(longest.sum())
+        return total if total > 0.0 else 1.0
+
+    @lazy
+    def scale(self) -> Array:
+        """Unit of each velocity, shape (nv,): one where it turns, the robot's length where it slides."""
+        return np.where(self.angular, 1.0, self.length)
+
+    def velocity(self, name: str) -> slice:
+        """Where a velocity stands in v: all of a joint, by its name, or one of its entries, by that of `velocities`.
+
+        Raises:
+            JointNotFound: with the nearest names.
+        """
+        found = self._joints.get(name) if isinstance(name, str) else None
+        if found is not None:
+            return found.v
+        names = [c.name for c in self.velocities]
+        if name in names:
+            at = names.index(name)
+            return slice(at, at + 1)
+        raise JointNotFound(
+            f"no joint {name!r:.80} in {self._robot}; {nearest(name, dict.fromkeys([*self, *names]))}. See robot.joints."
+        )
+
+
+def _joint(model: pin.Model, i: int, name: str) -> Joint:
+    made = model.joints[i]
+    positions, velocities = (
+        tuple(Coordinate(f"{name}.{label}" if len(labels) > 1 else name, name, unit) for label, unit in labels)
+        for labels in _labels(made)
+    )
+    q, v = slice(made.idx_q, made.idx_q + made.nq), slice(made.idx_v, made.idx_v + made.nv)
+    kind = made.shortname().removeprefix("JointModel")
+    return Joint(name, i, kind, q, v, tuple(_pieces(made)), positions, velocities, model)
+
+
+def _pieces(joint: pin.JointModel) -> list[Piece]:
+    kind = joint.shortname()
+    if kind == "JointModelComposite":
+        return [piece for part in joint.extract().joints for piece in _pieces(part)]
+    whole = {"JointModelFreeFlyer": "space", "JointModelSpherical": "sphere", "JointModelPlanar": "plane"}
+    if kind in whole:
+        return [Piece(whole[kind], joint.idx_q, joint.idx_v)]
+    if joint.nq == 2 and joint.nv == 1:
+        return [Piece("circle", joint.idx_q, joint.idx_v)]
+    turns = kind in ("JointModelSphericalZYX", "JointModelUniversal") or kind.startswith("JointModelR") and joint.nq == 1
+    return [Piece("number", joint.idx_q + i, joint.idx_v + i, turns) for i in range(joint.nv)]
+
+
+def _labels(joint: pin.JointModel) -> tuple[_Labels, _Labels]:
+    """(label, unit) of a joint's entries in q and in v."""
+    kind = joint.shortname()
+    if kind == "JointModelComposite":
+        parts = [_labels(part) for part in joint.extract().joints]
+        return tuple(
+            [(f"{k}.{label}" if label else f"{k}", unit) for k, part in enumerate(parts) for label, unit in part[i]]
+            for i in (0, 1)
+        )  # type: ignore[return-value]  # of two
+    if kind == "JointModelFreeFlyer":
+        return _PLACE + _TURN, _BODY_V
+    if kind == "JointModelSpherical":
+        return _TURN, _BODY_V[3:]
+    if kind == "JointModelPlanar":
+        return _PLACE[:2] + _CIRCLE, _BODY_V[:2] + _BODY_V[5:]
+    if kind == "JointModelTranslation":
+        return _PLACE, _BODY_V[:3]
+    if joint.nq == 2 and joint.nv == 1:
+        return _CIRCLE, [("", ANGLE)]
+    slides = kind.startswith("JointModelP") and joint.nv == 1
+    unit = LENGTH if slides else ANGLE
+    single = [("", unit)] if joint.nv == 1 else [(str(k), unit) for k in range(joint.nv)]
+    return single, single

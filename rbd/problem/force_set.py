@@ -1,0 +1,400 @@
+"""`ForceSet`: the sets of a problem's forces as weights on columns, with what velocities already decide.
+
+Forces are f = G w with weights w in a product of simple sets (lines, half-lines, intervals, circular cones); each weight
+answers to one entry of y = H^T c + offset, the acceleration of its point. G and H are the same for contacts at rest; what
+choice is left to a contact that moves, `rbd.problem.contact_motion` says. At rest, w and y obey the law: y in K* (convex), or
+y + mu |y_t| n in K* (coulomb), complementary to w.
+
+With pyramids in place of circular cones (`ForceSet.pyramids`) every weight has bounds of its own. The n-facet pyramid
+*circumscribes* the friction cone, its first facet across the contact's x axis (n = 4 reads |fx|, |fy| <= mu fz): rays at
+(2k + 1) pi / n with tangential radius mu / cos(pi / n). The *inscribed* one has radius mu.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from rbd.arrays import Array, block_diagonal, lazy
+from rbd.problem.cones import Cone, Part, SecondOrderCone, project_cones, project_dual_cones, pyramid
+from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding, centripetal
+from rbd.problem.programs import between
+from rbd.problem.rows import Rows
+
+_TURNS = 1e-11
+"""Centripetal accelerations up to this are rounding [m/s2]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """One simple set: a row, or a point.
+
+    Attributes:
+        rows: Number of its constraint.
+        number: Its number among the elements of its constraint.
+        shape: The set, all contacts at rest.
+        columns: Its columns in the force set.
+        source: Its columns among the generators of all constraints.
+        facets: Rays of the pyramid that stands for its cone; 0 where none does.
+    """
+
+    rows: int
+    number: int
+    shape: Part
+    columns: slice
+    source: slice
+    facets: int = 0
+
+    @property
+    def mu(self) -> float:
+        """Friction coefficient; zero without friction."""
+        return self.shape.mu if isinstance(self.shape, SecondOrderCone) else 0.0
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return int(self.columns.stop - self.columns.start)
+
+    @property
+    def is_cone(self) -> bool:
+        """Whether its columns are those of a circular cone: tangent, tangent, normal."""
+        return not self.facets and self.size == 3
+
+
+@dataclass(frozen=True, eq=False)
+class ForceSet:
+    """Stacked sets of forces as weights on columns, p in all.
+
+    Attributes:
+        G: Forces of unit weights, shape (m, p).
+        H: What measures the accelerations, y = H^T c + offset, shape (m, p); G itself where nothing slides.
+        offset: Centripetal part of y, shape (p,): corners of a turning patch; zero else.
+        lower: Bounds of the weights, shape (p,): -inf for lines and for the columns of circular cones.
+        upper: Likewise.
+        cone_at: First columns of the circular cones (tangent, tangent, normal), shape (k,).
+        mu: Their friction coefficients, shape (k,).
+        push: Force of a unit weight on its point, in contact axes (tangent, tangent, normal), shape (p, 3).
+        elements: The simple sets, in the order of their columns.
+        slices: The columns of each constraint, in the order of the rows.
+        sliding: Points whose friction follows their motion.
+        openings: Points that move away: their forces are zero.
+        impact: Why no acceleration can answer, in words; empty where nothing approaches.
+    """
+
+    G: Array
+    H: Array
+    offset: Array
+    lower: Array
+    upper: Array
+    cone_at: Array
+    mu: Array
+    push: Array
+    elements: tuple[Element, ...]
+    slices: tuple[slice, ...]
+    sliding: tuple[Sliding, ...] = ()
+    openings: tuple[Opening, ...] = ()
+    impact: str = ""
+
+    @classmethod
+    def of(cls, rows: Sequence[Rows], rest_speed: float = REST_SPEED) -> ForceSet:
+        """The sets of stacked rows, circular cones as they are, their velocities regarded.
+
+        Args:
+            rows: The rows.
+            rest_speed: What moves no faster is at rest [m/s, rad/s].
+        """
+        resting = at_rest(*[r.cone for r in rows])
+        if resting.bilateral:
+            return resting
+        # What is at rest is at rest whatever else moves: the same rows have the same columns in every company. The norm comes
+        # first, a tenth of `speed`.
+        moves = [not np.vdot(r.velocity, r.velocity) <= rest_speed**2 and not r.speed <= rest_speed for r in rows]
+        if not any(moves):
+            return resting
+        velocities = [r.velocity if fast else None for r, fast in zip(rows, moves, strict=True)]
+        return _stacked([r.cone for r in rows], [r.name for r in rows], velocities, rest_speed)
+
+    @property
+    def size(self) -> int:
+        """Number of columns p."""
+        return int(self.G.shape[1])
+
+    @lazy
+    def facets(self) -> tuple[int, ...]:
+        """Facets of the pyramids that replace the cones, ascending."""
+        return tuple(sorted({e.shape.facets for e in self.elements if isinstance(e.shape, SecondOrderCone)}))
+
+    @lazy
+    def pyramids(self) -> ForceSet:
+        """The same with circumscribed pyramids in place of circular cones; itself where there are none."""
+        return self.with_pyramids() if len(self.mu) else self
+
+    def with_pyramids(self, *, inscribed: bool = False) -> ForceSet:
+        """The same with each circular cone replaced by a pyramid.
+
+        Args:
+            inscribed: Take the pyramid inside the cone (tangential radius mu) in place of the one around it
+                (mu / cos(pi / n)).
+        """
+        rays, elements, new = [], [], {}
+        firsts: list[int] = []
+        for e in self.elements:
+            first, facets = e.columns.start, e.shape.facets if isinstance(e.shape, SecondOrderCone) and e.is_cone else 0
+            rays.append(_rays(e.mu, facets, inscribed=inscribed) if facets else _ONE)
+            new[first] = at = len(firsts)
+            firsts += [first] * (facets or 1)
+            elements.append(Element(e.rows, e.number, e.shape, slice(at, len(firsts)), e.source, facets))
+        E = block_diagonal(rays)
+        G = _locked(self.G @ E)
+        return ForceSet(
+            G,
+            G if self.H is self.G else _locked(self.H @ E),
+            _locked(self.offset @ E),
+            _locked(np.where(np.isin(firsts, self.cone_at), 0.0, self.lower[firsts])),
+            _locked(self.upper[firsts]),
+            np.zeros(0, int),
+            np.zeros(0),
+            _locked(E.T @ self.push),
+            tuple(elements),
+            _slices(elements, len(self.slices)),
+            tuple([replace(s, column=new[s.column]) for s in self.sliding]),
+            self.openings,
+            self.impact,
+        )
+
+    @lazy
+    def is_line(self) -> Array:
+        """Which weights are free, or of a circular cone, shape (p,)."""
+        return ~self.below & ~self.above
+
+    @lazy
+    def bilateral(self) -> bool:
+        """Whether every weight is free: all constraints hold, whatever force that takes."""
+        return not len(self.mu) and bool(self.is_line.all())
+
+    @lazy
+    def has_lines(self) -> bool:
+        """Whether some weight is free; without circular cones."""
+        return bool(self.is_line.any())
+
+    @lazy
+    def has_intervals(self) -> bool:
+        """Whether some weight has a finite bound other than zero from below."""
+        return bool((self.above | (self.below & (self.lower != 0.0))).any())
+
+    @lazy
+    def below(self) -> Array:
+        """Which weights have a lower bound, shape (p,)."""
+        return np.isfinite(self.lower)
+
+    @lazy
+    def above(self) -> Array:
+        """Which weights have an upper bound, shape (p,)."""
+        return np.isfinite(self.upper)
+
+    @lazy
+    def finite_lower(self) -> Array:
+        """Lower bounds, zero where there is none, shape (p,)."""
+        return np.where(self.below, self.lower, 0.0)
+
+    @lazy
+    def finite_upper(self) -> Array:
+        """Upper bounds, zero where there is none, shape (p,)."""
+        return np.where(self.above, self.upper, 0.0)
+
+    @lazy
+    def bound_size(self) -> Array:
+        """Sum of the finite bounds' absolute values, shape (p,)."""
+        return np.abs(self.finite_lower) + np.abs(self.finite_upper)
+
+    @lazy
+    def cone_columns(self) -> Array:
+        """Columns of the circular cones, shape (k, 3)."""
+        return self.cone_at[:, None] + np.arange(3)
+
+    @lazy
+    def only_cones(self) -> bool:
+        """Whether every column is one of a circular cone."""
+        return 3 * len(self.mu) == self.size
+
+    @lazy
+    def starts(self) -> Array:
+        """First columns of the elements, shape (e,)."""
+        return np.array([e.columns.start for e in self.elements], int)
+
+    @lazy
+    def widths(self) -> Array:
+        """Numbers of columns of the elements, shape (e,)."""
+        return np.diff(self.starts, append=self.size)
+
+    @lazy
+    def element_at(self) -> Array:
+        """Number of each column's element, shape (p,)."""
+        return np.repeat(np.arange(len(self.elements)), self.widths)
+
+    @lazy
+    def normal_share(self) -> Array:
+        """Shares of the columns in their element's normal, shape (p,): of a cone its third, of a pyramid all alike."""
+        out = 1.0 / self.widths[self.element_at]
+        out[self.cone_columns] = 0.0, 0.0, 1.0
+        return out
+
+    def sums(self, columns: Array) -> Array:
+        """Sums over the columns of each element, shape (..., e), of an array of shape (..., p)."""
+        return np.asarray(np.add.reduceat(columns, self.starts, axis=-1)) if self.size else columns
+
+    @lazy
+    def normals(self) -> Array:
+        """Columns of the elements' normals, shape (m, e)."""
+        return self.sums(self.G * self.normal_share)
+
+    @lazy
+    def reach(self) -> float:
+        """Smallest sum of absolute entries of a column of H, 1 at most."""
+        return float(np.abs(self.H).sum(axis=0).min(initial=1.0))
+
+    @lazy
+    def slipping(self) -> tuple[int, ...]:
+        """Numbers of the constraints with points that slide, or corners of a patch that turns."""
+        slides, turns = {s.column for s in self.sliding}, (np.abs(self.offset) > _TURNS) & (self.lower < self.upper)
+        told = {e.rows for e in self.elements if e.columns.start in slides or turns[e.columns].any()}
+        return tuple(sorted(told))
+
+    def accelerations(self, c: Array, *, coulomb: bool = False) -> Array:
+        """What the weights answer to, shape (p,): H^T c + offset; with mu |y_t| added along normals if `coulomb`."""
+        y = self.H.T @ c + self.offset
+        if coulomb and len(self.mu):
+            y[self.cone_at + 2] += self.mu * np.hypot(y[self.cone_at], y[self.cone_at + 1])
+        return np.asarray(y)
+
+    def project(self, w: Array) -> Array:
+        """The nearest weights in the product of the sets."""
+        out = np.minimum(np.maximum(w, self.lower), self.upper)
+        if len(self.mu):
+            out[self.cone_columns] = project_cones(w[self.cone_columns], self.mu)
+        return out
+
+    def at_points(self, w: Array, constraint: int) -> Array:
+        """Forces, of weights, or accelerations, of y, at the points of one contact that pushes, shape (k, 3), in its axes.
+
+        Args:
+            w: Weights or accelerations, shape (p,).
+            constraint: Its number.
+        """
+        out = [w[e.columns] @ self.push[e.columns] for e in self.elements if e.rows == constraint]
+        return np.array(out).reshape(-1, 3)
+
+    def weights_of(self, f: Array) -> Array:
+        """Weights within the sets that make the row forces f as nearly as can be, shape (p,).
+
+        Where circular cones share rows (corners of a patch) projected gradients are slow and near, not exact.
+        """
+        if not len(self.mu):
+            w, free = self.lower.copy(), self.lower < self.upper
+            if free.any():
+                left = f - self.G[:, ~free] @ self.lower[~free]
+                w[free] = between(self.G[:, free], left, self.lower[free], self.upper[free])
+            return w
+        step = 1.0 / max(float(np.linalg.norm(self.G, 2)) ** 2, 1e-300)
+        w = ahead = self.project(np.linalg.lstsq(self.G, f, rcond=None)[0])
+        for i in range(2000):
+            new = self.project(ahead - step * (self.G.T @ (self.G @ ahead - f)))
+            if np.abs(new - w).max() <= 1e-15 * max(1.0, np.abs(w).max()):
+                break
+            w, ahead = new, new + i / (i + 3.0) * (new - w)
+        return w
+
+    def gap(self, y: Array) -> Array:
+        """How far each acceleration is from where its set allows, whatever the weight, shape (p,).
+
+        A line must keep still, a half-line may open; a circular cone's distance to its dual stands at its normal.
+        """
+        out = np.where(self.below, 0.0, np.maximum(y, 0.0)) + np.where(self.above, 0.0, np.maximum(-y, 0.0))
+        if len(self.mu):
+            Y = y[self.cone_columns]
+            # K* is the cone about the normal with slope 1/mu: |y_t| <= y_n / mu.
+            dual = project_dual_cones(Y, self.mu)
+            out[self.cone_columns] = 0.0
+            out[self.cone_at + 2] = np.linalg.norm(Y - dual, axis=1)
+        return out
+
+    def slack(self, w: Array, y: Array) -> Array:
+        """|weight x acceleration| of each column, for weights in their sets, shape (p,); zero where complementary.
+
+        Of a circular cone it stands at its normal.
+        """
+        out = (w - self.finite_lower) * self.below * np.maximum(y, 0.0)
+        out += (self.finite_upper - w) * self.above * np.maximum(-y, 0.0)
+        if len(self.mu):
+            out[self.cone_columns] = 0.0
+            out[self.cone_at + 2] = np.abs((w[self.cone_columns] * y[self.cone_columns]).sum(axis=1))
+        return out
+
+
+@lru_cache(maxsize=512)  # contacts keep one set for life: computed once
+def at_rest(*cones: Cone) -> ForceSet:
+    """The sets of several constraints side by side, all contacts at rest."""
+    return _stacked(cones, [""] * len(cones), [None] * len(cones), REST_SPEED)
+
+
+def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[Array | None], rest_speed: float) -> ForceSet:
+    """The sets of several constraints side by side, whose rows have velocities, or none where they are at rest."""
+    sources = [cone.generators() for cone in cones]
+    B = block_diagonal([local for local, _ in sources])
+    u, inward = np.zeros(B.shape[1]), np.zeros(B.shape[1])
+    judge, at = MotionJudge(rest_speed), 0
+    elements: list[Element] = []
+    bounds: list[tuple[float, float]] = []
+    push, pull, blocks = [_NO_POINTS], [np.zeros((0, 0))], [np.zeros((0, 0))]
+    for i, (cone, (local, shapes), velocity) in enumerate(zip(cones, sources, velocities, strict=True)):
+        if velocity is not None:
+            own = slice(at, at + local.shape[1])
+            u[own], inward[own] = local.T @ velocity, centripetal(cone, velocity)
+        for number, shape in enumerate(shapes):
+            source, first = slice(at, at + shape.dim), len(bounds)
+            given, felt, lower, upper = judge.judge((names[i], number, len(shapes)), shape, u[source], first)
+            elements.append(Element(i, number, shape, slice(first, first + len(given)), source))
+            bounds += [(lower, upper)] * len(given)
+            push.append(given)
+            blocks.append(given[:, 3 - shape.dim :].T)
+            pull.append(felt[:, 3 - shape.dim :].T)
+            at = source.stop
+    E = block_diagonal(pull)  # of the accelerations; of the forces it is another where points slide
+    H = _locked(B @ E)
+    lower_all, upper_all = np.array(bounds).reshape(-1, 2).T
+    round_ones = [e for e in elements if e.is_cone]
+    return ForceSet(
+        _locked(B @ block_diagonal(blocks)) if judge.sliding else H,
+        H,
+        _locked(inward @ E),
+        _locked(lower_all.copy()),
+        _locked(upper_all.copy()),
+        _locked(np.array([e.columns.start for e in round_ones], int)),
+        _locked(np.array([e.mu for e in round_ones])),
+        _locked(np.vstack(push)),
+        tuple(elements),
+        _slices(elements, len(cones)),
+        tuple(judge.sliding),
+        tuple(judge.openings),
+        judge.impact,
+    )
+
+
+_rays, _ONE, _NO_POINTS = lru_cache(maxsize=64)(pyramid), np.ones((1, 1)), np.zeros((0, 3))
+
+
+def _slices(elements: Sequence[Element], count: int) -> tuple[slice, ...]:
+    """The columns of each of so many constraints."""
+    widths = [0] * count
+    for e in elements:
+        widths[e.rows] += e.size
+    return tuple([slice(i, j) for i, j in pairwise(accumulate(widths, initial=0))])
+
+
+def _locked(array: Array) -> Array:
+    array.flags.writeable = False  # kept for the next problem
+    return array

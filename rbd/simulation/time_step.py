@@ -1,0 +1,396 @@
+"""The time step of contact motion, a function of where it begins and of its length.
+
+A step of length h from (q, v), with the points that are in contact at q:
+
+    1   M(q) v_h = M v + h/2 (S^T tau + tau_ext - h(q, v)) + J(q)^T p           u(v_h) obeys the law
+    2   q_m = q (+) h/2 v
+    3   M(q_m) v+ = M v + h (S^T tau + tau_ext - h(q_m, v_h)) + J(q_m)^T p      u(v+) obeys the law
+    4   q+ = q_m (+) h/2 v+,    projected onto the positions of bilateral constraints and of closed points
+
+(velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.chart`)
+
+u is the velocity of the points at the end of the (half) step, J v + h/2 J_dot v. For a free conservative system 2 to 4 are
+Verlet's scheme. Friction is directed against the velocity in the middle of the step where a point slides throughout. 1 also
+gives the accelerations and forces that are recorded: those at the step's beginning.
+
+Where a point would penetrate its surface, the step is divided there, and an impact follows:
+
+    M v+ = M v- + J^T p,        u+ = J v+ + e u_n-  along normals that approach           (Newton's restitution e)
+
+and the law is Coulomb's between impulses and u+. Points already closed may lift. Source: [Moreau1988], [Stewart2000].
+
+`StepSystem` has no state that changes: `half_step` and `step` give the same for the same `Instant`, in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.contact_points import sources_of
+from rbd.model.chart import Bases
+from rbd.model.state import State
+from rbd.simulation.contact_gaps import BodySizes, Correction, GapTolerances, first_crossing
+from rbd.simulation.contact_points import SLIDES, Layout, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.events import ImpactRecord, StepRecord
+from rbd.simulation.motion import Motion
+from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
+
+_AT_REST = 1e-7
+"""A point that arrives slower than this [m/s, rad/s] needs no impulse."""
+Passed: TypeAlias = list[StepRecord | ImpactRecord]
+"""Steps and impacts, in order of time."""
+
+
+class PreviousStep(NamedTuple):
+    """The step before: its points at its beginning, which were active, its length and its impulses."""
+
+    at: Snapshot
+    active: Array
+    h: float
+    impulse: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """Where a step begins, with what the steps before leave to it.
+
+    Attributes:
+        t: Time [s].
+        at: State and contact points.
+        gaps: Tolerances of the points' gaps.
+        closed: Which points were in contact in the step before, shape (k,).
+        leaves: Which points touch and move away, after an impact or at the start: inactive in this step, shape (k,).
+        force: Row forces to start from, shape (p,).
+        norms: Of bilateral rows; see `VelocityAnswer`.
+        velocity: The points' velocities as the contact law of the step before has them, shape (p,); None: J v.
+        previous: The step before; None where contact or friction has changed.
+    """
+
+    t: float
+    at: Snapshot
+    gaps: GapTolerances
+    closed: Array
+    leaves: Array
+    force: Array
+    norms: Array | None = None
+    velocity: Array | None = None
+    previous: PreviousStep | None = None
+
+    @property
+    def touching(self) -> Array:
+        """Which points are in contact, shape (k,): those without a gap, and closed ones with a small gap.
+
+        Not those that leave after an impact: at its end the step would hold down what is on its way back by then.
+        """
+        gap = self.at.gap
+        touching: Array = ((gap <= self.gaps.tight) | (self.closed & (gap <= self.gaps.loose))) & ~self.leaves
+        return touching
+
+    def rates(self, active: Array) -> Array:
+        """Velocities of the points, shape (p,): of the active ones as the law of the step before has them.
+
+        By that law closed points are at rest; J v is so to O(h^2) only, which half a step would make O(h) of a force.
+        """
+        at, known = self.at, self.velocity
+        return at.velocity if known is None else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
+
+    def change(self, h: float) -> Array | None:
+        """How the points' velocities change in a time h, as they did in the step before; None where that is unknown."""
+        before = self.previous
+        if before is None or before.at.layout is not self.at.layout:
+            return None
+        change: Array = (self.at.velocity - before.at.velocity) * (h / before.h)
+        return change
+
+
+@dataclass(frozen=True, eq=False)
+class HalfStep:
+    """The first half of a step.
+
+    Attributes:
+        start: Where the step begins.
+        active: Which of its points are active.
+        tau: Motor torques; None where the half step was extrapolated.
+        answer: Velocity and impulses.
+        h: Length of the whole step [s].
+        u: The points' velocities at its beginning.
+    """
+
+    start: Instant
+    active: Array
+    tau: Array | None
+    answer: VelocityAnswer
+    h: float
+    u: Array
+
+    def points_in(self, layout: Layout) -> PointsAtStart:
+        """What is known of the points, in another layout."""
+        at = self.start.at
+        if layout is at.layout:
+            return PointsAtStart(self.active, self.u, at.error, self.answer)
+        match, answer = PointMatching(at.layout, layout), self.answer
+        answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+        return PointsAtStart(match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer)
+
+
+class PointsAtStart(NamedTuple):
+    """Points at a step's beginning: the active ones, velocities and position errors, and the answer of the half step."""
+
+    active: Array
+    velocity: Array
+    error: Array
+    answer: VelocityAnswer
+
+
+class WholeStep(NamedTuple):
+    """A step before positions are corrected: its length, its end, its answer, its middle."""
+
+    h: float
+    end: Snapshot
+    answer: VelocityAnswer
+    middle: Snapshot
+
+
+class Step(NamedTuple):
+    """Where a step ended, and the steps and impacts that it was divided into."""
+
+    end: Instant
+    passed: Passed
+
+
+class StepSystem:
+    """What time steps do not change: a motion that starts at a state, and the settings of `TimeStepping`."""
+
+    def __init__(self, motion: Motion, start: State, *, impact_speed: float, impacts: int, extrapolate: bool) -> None:
+        self.motion, self.robot = motion, start.robot
+        self.impact_speed, self.impacts, self.extrapolate = impact_speed, impacts, extrapolate
+        self.points = Points(sources_of(motion.constraints, start))
+        self.bases, self.sizes = Bases(start.robot), BodySizes.of(start)
+        self.correction = Correction.of(self.points, motion.stabilisation)
+        self.restitution: Mapping[str, float] = dict(motion.restitution or {})
+
+    def begin(self, start: State, t: float) -> Step:
+        """The first instant; points that approach where they touch have an impact."""
+        at = self.points.at(start, t)
+        gaps, passed = self.sizes.tolerances(at), Passed()
+        now = Instant(t, at, gaps, at.gap <= gaps.loose, np.zeros(len(at.gap), bool), np.zeros(len(at.velocity)))
+        return Step(self._after_impact(now, passed, first=True), passed)
+
+    def half_step(self, start: Instant, h: float) -> HalfStep:
+        """The first half of a step of length h: solved, or extrapolated from the step before."""
+        at, before = start.at, start.previous
+        if not self.extrapolate or before is None or not np.array_equal(start.touching, before.active):
+            return self.solved(start, h)
+        part = 0.5 * h / before.h
+        v, u = at.state.v, start.rates(before.active)
+        v_h = v + part * (v - before.at.state.v) + 0.5 * h * self.bases.spin(v)
+        u_h = u + part * (at.velocity - before.at.velocity)
+        answer = VelocityAnswer(v_h, part * before.impulse, u_h, 0.0, norms=start.norms)
+        return HalfStep(start, before.active, None, answer, h, u)
+
+    def solved(self, start: Instant, h: float, more: Array | None = None) -> HalfStep:
+        """The first half of a step, solved; points in `more` are active besides those that touch."""
+        at, half = start.at, 0.5 * h
+        active = start.touching if more is None else start.touching | more
+        tau, force = self.motion.forces(at.state, start.t)
+        v, spin = at.state.v, self.bases.spin(at.state.v)
+        u = start.rates(active)
+        turned = v + half * spin
+        offset = u - at.J @ turned + half * at.bias
+        rhs = at.state.M @ turned + half * force
+        change, guess, wanted = start.change(half), half * start.force, self.correction.wanted(at.layout, u, at.error, half)
+        offset, law = offset - wanted, self.motion.law
+        shift = None if change is None else turned_back(at.layout, active, u, change, guess)
+        answer = solve_velocity(at, active, rhs, offset, half, guess, law=law, shift=shift, norms=start.norms)
+        if change is None:
+            shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
+            if shift is not None:
+                guess = answer.impulse
+                answer = solve_velocity(at, active, rhs, offset, half, guess, law=law, shift=shift, norms=answer.norms)
+        return HalfStep(start, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+
+    def step(self, half: HalfStep, t_end: float) -> Step:
+        """From a half step to the end of the step, through the impacts on the way."""
+        passed = Passed()
+        end = self._advanced(half, t_end, passed)
+        return Step(end if end.t == t_end else replace(end, t=t_end), passed)  # sums of parts are off by rounding
+
+    def _advanced(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
+        t = half.start.t
+        step = t_end - t
+        for _ in range(self.impacts):
+            h = t_end - t
+            whole = self._finish(half, h)
+            through = self._through(half, whole.end).any()
+            stop = 0.0
+            if not through and whole.middle.layout is half.start.at.layout:
+                stop = self._sliding_end(half, whole.answer, h)
+            if stop:
+                h = stop
+                whole = self._finish(half, h)
+                through = self._through(half, whole.end).any()
+            if through:
+                whole = self._located(half, whole)
+            now = self._accept(half, whole, passed)
+            if not through and not stop:
+                return now
+            t += whole.h
+            now = replace(now, previous=None)  # friction, or the contact set, has changed
+            if t_end - t <= 1e-9 * step:
+                return now
+            half = self.solved(now, t_end - t)
+        return self._plastic(half, t_end, passed)
+
+    def _finish(self, half: HalfStep, h: float) -> WholeStep:
+        """The step of length h before positions are corrected."""
+        bases, start = self.bases, half.start
+        t, q, v = start.t, start.at.state.q, start.at.state.v
+        v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
+        q_m = bases.moved(q, v, 0.5 * h)
+        v, v_h = bases.carried((v, v_h), q, q_m)
+        spin = bases.spin(v_h)
+        middle = self.points.at(State(self.robot, q_m, v_h), t + 0.5 * h)
+        _, force = self.motion.forces(middle.state, t + 0.5 * h)
+        offset = middle.velocity - middle.J @ (v_h + 0.5 * h * spin) + 0.5 * h * middle.bias
+        rhs = middle.state.M @ (v + h * spin) + h * force
+        active, u0, error, before = half.points_in(middle.layout)
+        guess = before.impulse * (2.0 * h / half.h)
+        shift = turned_back(middle.layout, active, u0, before.velocity - u0, guess)
+        wanted = self.correction.wanted(middle.layout, u0, error, h)
+        answer = solve_velocity(
+            middle, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=before.norms
+        )
+        answer = replace(answer, velocity=answer.velocity + wanted)
+        q_end = bases.moved(q_m, answer.v, 0.5 * h)
+        (v_end,) = bases.carried((answer.v,), q_m, q_end)
+        return WholeStep(h, self.points.at(State(self.robot, q_end, v_end), t + h), answer, middle)
+
+    def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
+        """The rest of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
+        start, h = half.start, t_end - half.start.t
+        more = np.zeros(len(half.active), bool)
+        while True:
+            whole = self._finish(half, h)
+            through = PointMatching(whole.end.layout, start.at.layout).points(self._through(half, whole.end), False) & ~more
+            if not through.any():
+                return self._accept(half, whole, passed)
+            more = more | through
+            half = self.solved(start, h, more)
+
+    def _through(self, half: HalfStep, end: Snapshot) -> Array:
+        """Which points have penetrated their surface without being active, shape (k,) of the end's layout.
+
+        One that enters the contact set below the surface and moves away, as another corner of a hull may, has not.
+        """
+        start = half.start
+        deep: Array = ~half.points_in(end.layout).active & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
+        if end.layout is not start.at.layout and deep.any():
+            deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
+        return deep
+
+    def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
+        """When within the step a sliding point stops, or turns back, and friction jumps; zero if none does."""
+        layout = half.start.at.layout
+        stops = stopping(layout, half.u, answer.velocity, half.answer.impulse)
+        if stops is None:
+            return 0.0
+        rows, kept = layout.sliding_rows[stops], layout.sliding_kept[stops]
+        first = self.solved(half.start, 1e-3 * h)
+        u0 = first.u[rows] * kept
+        rate = (first.answer.velocity[rows] * kept - u0) / (0.5 * first.h)
+        s = -(u0 * rate).sum(axis=1) / np.maximum((rate * rate).sum(axis=1), 1e-300)
+        left = np.hypot(*(u0 + s[:, None] * rate).T)
+        s = s[(s > 1e-3 * h) & (s < (1.0 - 1e-3) * h) & (left < 0.1 * np.hypot(*u0.T))]
+        return float(s.min(initial=h)) % h
+
+    def _located(self, half: HalfStep, whole: WholeStep) -> WholeStep:
+        """A shorter step, to where the first point touches."""
+        h, low, high, at_low, at_high = whole.h, 0.0, whole.h, half.start.at, whole.end
+        for _ in range(30):
+            through = self._through(half, at_high)
+            match, n = PointMatching(at_low.layout, at_high.layout), at_high.layout.normals[through]
+            gap, rate = match.points(at_low.gap, np.inf)[through], match.rows(at_low.velocity)[n]
+            unseen = ~np.isfinite(gap)  # it was beyond the margin: by a straight line back from where it is
+            rate[unseen] = at_high.velocity[n][unseen]
+            least = 2.0 * self.sizes.tolerances(at_high, half.start.gaps).tight[through]
+            gap[unseen] = np.maximum(at_high.gap[through] - rate * (high - low), least)[unseen]
+            s = low + first_crossing(gap, rate, at_high.gap[through], at_high.velocity[n], high - low)
+            whole = self._finish(half, s)
+            found = whole.end
+            apart = (found.gap / self.sizes.tolerances(found, half.start.gaps).tight)[~half.points_in(found.layout).active]
+            deepest = float(apart.min(initial=np.inf))
+            if abs(deepest) <= 1.0 or high - low < 1e-12 * h:
+                break
+            if deepest > 0.0:
+                low, at_low = s, found
+            else:
+                high, at_high = s, found
+        return whole
+
+    def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed) -> Instant:
+        """The instant at the end of a step: positions corrected, after the impact of arriving points; extends `passed`."""
+        start, (h, end, answer, middle) = half.start, whole
+        t, layout = start.t + h, end.layout
+        active, velocity, _, _ = half.points_in(layout)
+        if middle.layout is not layout:
+            match = PointMatching(middle.layout, layout)
+            answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+        gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
+        if len(force):
+            # A corner that carries nothing, as the others match all, and stays where it is has not left.
+            closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
+            passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
+            end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
+            if answer.redundant and self.correction.bilateral:
+                end = self.correction.velocities(end, t)
+                if end.layout is layout:
+                    answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
+        norms, by_law, previous = answer.norms, answer.velocity, None
+        if end.layout is not layout:
+            match, norms = PointMatching(layout, end.layout), None
+            by_law = np.where(np.repeat(match.known, end.layout.widths), match.rows(by_law), end.velocity)
+            force, active, gaps = match.rows(force), match.points(active, False), self.sizes.tolerances(end)
+        if start.at.layout is end.layout:
+            previous = PreviousStep(start.at, half.active, h, answer.impulse)
+        none = np.zeros(len(end.gap), bool)
+        return self._after_impact(Instant(t, end, gaps, active, none, force, norms, by_law, previous), passed)
+
+    def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
+        """The instant after the impact of points that touch and approach: if not closed before, however slowly they approach.
+
+        Args:
+            now: Before it.
+            passed: The impact is appended to it.
+            first: At the start of a motion all points count as not closed, and those that move away leave.
+        """
+        at, layout = now.at, now.at.layout
+        touches, approach = now.touching, at.approach
+        slow = -self.impact_speed
+        limit = -_AT_REST if first else np.where(now.closed, slow, -_AT_REST)
+        arrives = touches & layout.pushes & (approach < limit)
+        if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
+            return replace(now, leaves=self._leaves(at)) if first else now
+        if arrives.any():  # points as near as closed ones may be take part in the impact
+            touches = touches | (at.gap <= now.gaps.loose)
+            arrives = touches & layout.pushes & (approach < limit)
+        offset = at.velocity - at.J @ at.state.v
+        n = layout.normals[arrives]
+        e = np.array([self.restitution.get(layout.owners[i], 0.0) for i in np.flatnonzero(arrives)])
+        offset[n] += np.where(approach[arrives] < slow, e * approach[arrives], 0.0)
+        M, guess = at.state.M, np.zeros(len(offset))
+        answer = solve_velocity(at, touches, M @ at.state.v, offset, 0.0, guess, law=self.motion.law, norms=now.norms)
+        after = self.points.at(at.state.with_velocity(answer.v), now.t)
+        leaves = self._leaves(after)
+        passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
+        gaps = self.sizes.tolerances(after, now.gaps)
+        return Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms)
+
+    def _leaves(self, at: Snapshot) -> Array:
+        """Which points move away from their surface, faster than what comes to rest, shape (k,)."""
+        leaves: Array = at.layout.pushes & (at.approach > self.impact_speed)
+        return leaves

@@ -1,0 +1,390 @@
+"""What a trajectory file holds: a header with the robot's source, named arrays, and all of it as an xarray.Dataset.
+
+A robot is written as where it came from, with its inertias and placements, so that a changed robot is noticed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, as_float
+from rbd.errors import InputError, ModelError, ModelWarning, RbdError
+from rbd.installation import VERSION
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joints import FORCE_OF
+from rbd.model.xml import FileLimits
+from rbd.robots import catalogue
+from rbd.robots.loop_file import beside
+from rbd.robots.robot import Robot, load_robot
+from rbd.simulation.events import Event
+from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Column, Fields
+from rbd.simulation.trajectory_file import checksum, listed_in, words_in, xarray_or_error
+
+if TYPE_CHECKING:
+    import xarray
+
+AXES = ["x", "y", "z"]
+SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
+NUMBERS = "robot_numbers"
+
+_COLUMN_OF = {c.name: c for c in COLUMNS} | {f"residual_{c.name}": c for c in RESIDUALS}
+_COLUMN_OF["energy"] = Column("energy", "", "J", "kinetic and potential energy")
+_COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
+"""What `robot_numbers` has of each joint and its body."""
+_RELATIVE, _ABSOLUTE = 1e-9, 1e-12
+"""Two readings of one file, on two machines, differ by less."""
+
+
+def keys(names: tuple[str, ...]) -> dict[str, str]:
+    """{constraint: the word that stands for it in names of variables}: itself, where netCDF takes it."""
+    plain = re.compile(r"(?!constraint_)[A-Za-z]\w*", re.ASCII)
+    return {name: name if plain.fullmatch(name) else f"constraint_{i}" for i, name in enumerate(names)}
+
+
+def header_of(fields: Fields) -> dict[str, Any]:
+    """All that is not arrays."""
+    return {
+        "rbd": VERSION,
+        "robot": recipe(fields["robot"]),
+        "constraints": list(fields["forces"]),
+        "contacts": list(fields["points"]),
+        "step": float(fields["step"]),
+        **{word: fields[word] for word in WORDS},
+        "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
+    }
+
+
+def arrays_of(fields: Fields) -> dict[str, Array]:
+    """{variable: array}, one row a sample, and the robot's numbers."""
+    out = {"t": fields["t"], **{c.name: fields[c.name] for c in COLUMNS}}
+    out |= {f"residual_{name}": x for name, x in fields["residuals"].items()}
+    for name, key in keys(tuple(fields["forces"])).items():
+        out[f"force_{key}"], out[f"mode_{key}"] = fields["forces"][name], fields["modes"][name]
+        if name in fields["points"]:
+            out[f"points_{key}"], out[f"point_forces_{key}"] = fields["points"][name], fields["point_forces"][name]
+    return out | {NUMBERS: robot_numbers(fields["robot"])}
+
+
+def fields_of(
+    header: Mapping[str, Any], arrays: Mapping[str, Array], folder: Path, robot: CheckedModel | None
+) -> dict[str, Any]:
+    """Fields of a `Trajectory` from a header and arrays that a file holds; sizes are checked where it is made.
+
+    Raises:
+        InputError: something is missing, or not what it should be.
+        ModelError: the robot's file is gone, or has changed.
+    """
+    names, contacts = words_in(header, "constraints"), words_in(header, "contacts")
+    key = keys(names)
+    if not set(contacts) <= set(names) or not isinstance(header.get("robot"), dict):
+        raise InputError("its header names contacts that are no constraints, or no robot")
+
+    def found(name: str, kind: str = "f") -> Array:
+        if name not in arrays:
+            raise InputError(f"it holds no {name!r:.80}")
+        if arrays[name].dtype.kind != kind:
+            raise InputError(f"{name!r:.80} is of type {arrays[name].dtype}; expected {'numbers' if kind == 'f' else 'words'}")
+        return arrays[name].astype(float) if kind == "f" else arrays[name]
+
+    return {
+        "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
+        "t": found("t"),
+        **{c.name: found(c.name) for c in COLUMNS},
+        "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
+        "forces": {name: found(f"force_{key[name]}") for name in names},
+        "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
+        "points": {name: found(f"points_{key[name]}") for name in contacts},
+        "point_forces": {name: found(f"point_forces_{key[name]}") for name in contacts},
+        "events": tuple(_event(given) for given in listed_in(header, "events")),
+        "step": as_float(header.get("step")),
+        **{word: header.get(word) for word in WORDS},
+    }
+
+
+def dataset_of(fields: Fields) -> xarray.Dataset:
+    """The trajectory with named dimensions, labels and units; see `Trajectory.to_xarray`."""
+    xr, arrays = xarray_or_error(), arrays_of(fields)
+    del arrays[NUMBERS]
+    arrays["energy"] = arrays["kinetic"] + arrays["potential"]
+    coords: dict[str, Any] = {"time": ("time", arrays.pop("t"), {"units": "s"}), **_labels(fields["robot"])}
+    dims = {c.name: [c.axis] for c in COLUMNS if c.axis}
+    units = {name: c.unit for name, c in _COLUMN_OF.items() if c.unit}
+    meanings = {name: c.meaning for name, c in _COLUMN_OF.items()}
+    for name, word in keys(tuple(fields["forces"])).items():
+        contact, m = name in fields["points"], fields["forces"][name].shape[1]
+        dims[f"force_{word}"] = [f"{word}_row"]
+        coords[f"{word}_row"] = SPATIAL[:m] if contact and m in (3, 6) else np.arange(m).astype(str)
+        units[f"force_{word}"] = "N, then N m" if m == 6 else "N" if contact else "N or N m"
+        meanings[f"force_{word}"] = f"what {name} does to the robot" + (", world axes" if contact else ", by rows")
+        meanings[f"mode_{word}"] = f"mode of {name}"
+        if contact:
+            dims[f"points_{word}"] = dims[f"point_forces_{word}"] = [f"{word}_point", "axis"]
+            units[f"points_{word}"], units[f"point_forces_{word}"] = "m", "N"
+            meanings[f"points_{word}"] = f"points of {name} in W; NaN where one is not there"
+            meanings[f"point_forces_{word}"] = f"force at each point of {name}, world axes"
+    variables: dict[str, Any] = {}
+    for name, x in arrays.items():
+        attrs = {"long_name": meanings[name]} | ({"units": units[name]} if name in units else {})
+        variables[name] = (["time", *dims.get(name, [])], x, attrs)
+    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
+    about |= {word: fields[word] for word in WORDS}
+    about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
+    return xr.Dataset(variables | _event_variables(fields["events"]), coords, about)
+
+
+def _labels(robot: CheckedModel) -> dict[str, Any]:
+    """Names along the dimensions, with a unit each where units differ."""
+    q, v, tau = robot.joints.positions, robot.joints.velocities, robot.motor_coordinates
+    return {
+        "position": [c.name for c in q],
+        "velocity": [c.name for c in v],
+        "motor": np.array([c.name for c in tau], str),
+        "axis": AXES,
+        "spatial": SPATIAL,
+        "position_unit": ("position", [c.unit for c in q]),
+        "velocity_unit": ("velocity", [f"{c.unit}/s" for c in v]),
+        "motor_unit": ("motor", np.array([FORCE_OF[c.unit] for c in tau], str)),
+    }
+
+
+def _event_variables(events: tuple[Event, ...]) -> dict[str, Any]:
+    return {
+        "event_time": ("event", np.array([e.t for e in events], float), {"units": "s"}),
+        "event_constraint": ("event", np.array([e.name for e in events], str)),
+        "event_kind": ("event", np.array([e.kind for e in events], str)),
+        "event_point": ("event", np.array([e.point for e in events], int)),
+        "event_speed": ("event", np.array([e.speed for e in events], float), {"units": "m/s or rad/s"}),
+        "event_impulse": ("event", np.array([e.impulse for e in events], float), {"units": "N s or N m s"}),
+    }
+
+
+def for_netcdf(fields: Fields) -> tuple[dict[str, Any], xarray.Dataset]:
+    """Header and dataset that netCDF 3 can hold: no arrays without entries, and modes as numbers with a key (CF's flags)."""
+    header, dataset = header_of(fields), dataset_of(fields)
+    dataset[NUMBERS] = (("joint", "number"), robot_numbers(fields["robot"]))
+    words = sorted({str(word) for modes in fields["modes"].values() for word in np.unique(modes)})
+    for name in [name for name in dataset.data_vars if str(name).startswith("mode_")]:
+        codes = np.searchsorted(words, dataset[name].values).astype(np.int8)
+        meanings = " ".join(w.replace(" ", "_") for w in words)
+        attrs = {"flag_values": np.arange(len(words), dtype=np.int8), "flag_meanings": meanings}
+        dataset[name] = ("time", codes, {**dataset[name].attrs, **attrs})
+    empty = [name for name, x in dataset.variables.items() if not x.size]
+    arrays = arrays_of(fields)
+    header |= {"arrays": sorted(arrays), "modes": words, "empty": {str(x): list(dataset[x].shape) for x in empty}}
+    dataset = dataset.drop_vars(empty)
+    for variable in dataset.variables.values():
+        variable.encoding["_FillValue"] = None
+    return header | {"sha256": checksum(header, arrays)}, dataset
+
+
+def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict[str, Array]:
+    """What `arrays_of` gave, from what `for_netcdf` made of it.
+
+    Raises:
+        InputError: numbers of modes that have no word, shapes that are none, or a checksum that differs.
+    """
+    words, empty, wanted = words_in(header, "modes"), header.get("empty"), words_in(header, "arrays")
+    found = {"t" if name == "time" else str(name): variable.values for name, variable in dataset.variables.items()}
+    out = {name: found[name] for name in wanted if name in found and found[name].dtype.kind in "fi"}
+    for name in [name for name in out if name.startswith("mode_")]:
+        codes = out[name]
+        if codes.dtype.kind != "i" or codes.ndim != 1 or codes.size and not 0 <= codes.min() <= codes.max() < len(words):
+            raise InputError(f"{name!r:.80} holds numbers for which it gives no mode")
+        out[name] = np.array([words[code] for code in codes])
+    for name, shape in empty.items() if isinstance(empty, dict) else ():
+        if not isinstance(shape, list) or not all(type(k) is int and 0 <= k < 2**31 for k in shape) or 0 not in shape:
+            raise InputError(f"its header gives {name!r:.80} the shape {shape!r:.80}")
+        if name in wanted:
+            try:
+                out[name] = np.zeros(shape)
+            except ValueError:  # too many dimensions, or lengths whose product no computer can count
+                raise InputError(f"its header gives {name!r:.80} the shape {shape!r:.80}") from None
+    rest = {key: value for key, value in header.items() if key not in ("sha256", "format", "version")}
+    if checksum(rest, out) != header.get("sha256"):
+        raise InputError("its numbers are not those that were written (their checksum differs)")
+    return out
+
+
+def _event(given: object) -> Event:
+    kinds = (float, str, str, int, float, float)
+    if not isinstance(given, list) or [type(x) for x in given] != list(kinds):
+        raise InputError(f"an event in its header is {given!r:.80}; expected time, name, kind, point, speed, impulse")
+    return Event(*given)
+
+
+def recipe(robot: CheckedModel) -> dict[str, Any]:
+    """Where a robot came from, as plain data; "file" is empty where only the hand that built it knows."""
+    out: dict[str, Any] = {
+        "name": robot.name,
+        "file": "",
+        "joints": list(robot.joints),
+        "kinds": [f"JointModel{joint.kind}" for joint in robot.joints.values()],
+        "sizes": [robot.nq, robot.nv, robot.nu],
+        "motors": list(robot.actuated_names),
+    }
+    if not isinstance(robot, Robot) or not os.path.isfile(robot.urdf):
+        return out
+    loops = _loops(robot)
+    if loops is None:
+        return out
+    name = robot.source.name
+    by_name = robot.source.known and _found(name) == robot.urdf
+    return out | {
+        "file": name if by_name else str(robot.urdf.resolve()),
+        "root": robot.root,
+        "passive": sorted(robot.passive),
+        "loops": loops,
+        "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
+        "limits": asdict(robot.limits),
+        "leave_out": sorted(robot.leave_out),
+    }
+
+
+def robot_numbers(robot: CheckedModel) -> Array:
+    """Placement, inertia, axis and rotor inertia of every joint, shape (joints + 1, 29); gravity in the last row."""
+    model = robot.model
+    rows = np.zeros((model.njoints, sum(_COLUMNS.values())))
+    q = pin.neutral(model)
+    for i in range(1, model.njoints):
+        joint, inertia, axis = model.joints[i], model.inertias[i], np.zeros(6)
+        if joint.nv == 1:  # others move along the axes of their frame
+            data = joint.createData()
+            joint.calc(data, q)
+            axis = np.asarray(data.S, float).reshape(-1)
+        rows[i - 1] = np.concatenate(
+            [
+                model.jointPlacements[i].homogeneous[:3].reshape(-1),
+                [inertia.mass],
+                inertia.lever,
+                inertia.inertia[np.triu_indices(3)],
+                axis,
+                [model.armature[joint.idx_v]],
+            ]
+        )
+    rows[-1, :3] = robot.gravity
+    return rows
+
+
+def robot_of(given: Mapping[str, Any], numbers: Array, folder: Path, robot: CheckedModel | None) -> CheckedModel:
+    """The robot of a recipe, compared with the numbers that were written with it.
+
+    Args:
+        given: A `recipe`, from a file: nothing about it is trusted.
+        numbers: Its `robot_numbers`.
+        folder: Of the file; a model file that is no more where it was is looked for here, by its name.
+        robot: The robot, if the user gives it.
+
+    Raises:
+        InputError: no robot where one must be given, another robot than that of the recipe, a recipe that is none.
+        ModelError: its file is gone, or has changed since.
+    """
+    if robot is not None:
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"robot is {robot!r:.80}; expected a robot: rbd.load_robot(name).")
+        _check_same(given, robot, InputError, "robot")
+        if change := next(_changes(robot, numbers), ""):
+            warnings.warn(
+                f"{robot.name} is not as it was when this motion was computed: {change}. States are those of the robot given.",
+                ModelWarning,
+                stacklevel=4,
+            )
+        return robot
+    loaded = _loaded(given, folder)
+    remedy = "Give the robot as it was: Trajectory.load(path, robot=...)."
+    _check_same(given, loaded, ModelError, remedy)
+    if change := next(_changes(loaded, numbers), ""):
+        raise ModelError(f"the file of {loaded.name} has changed since this motion was computed: {change}. {remedy}")
+    return loaded
+
+
+def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
+    file = given.get("file")
+    if not isinstance(file, str) or not file:
+        raise InputError(
+            f"{given.get('name')!r:.80} was built by hand, so no file of it can be read again. "
+            "Build it once more and give it: Trajectory.load(path, robot=...)."
+        )
+    path = Path(file)
+    loops = given.get("loops", True)
+    if path.is_absolute() and not os.path.isfile(path) and os.path.isfile(folder / path.name):
+        file = str(folder / path.name)
+        if isinstance(loops, str):
+            loops = str(folder / Path(loops).name)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
+            return load_robot(
+                file,
+                root=given.get("root"),
+                passive=given.get("passive", ()),
+                package_dirs=given.get("package_dirs", ()),
+                limits=FileLimits(**given.get("limits", {})),
+                loops=loops,
+                leave_out=given.get("leave_out", ()),
+            )
+    except (RbdError, TypeError) as error:
+        raise ModelError(
+            f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."
+        ) from error
+
+
+def _check_same(given: Mapping[str, Any], robot: CheckedModel, kind: type[RbdError], remedy: str) -> None:
+    """Refuse a robot with other joints, sizes or motors."""
+    there = recipe(robot)
+    for what in ("joints", "kinds", "sizes", "motors"):
+        if given.get(what) != there[what]:
+            was, now = given.get(what), there[what]
+            if isinstance(was, list) and len(was) == len(now):
+                was, now = next((pair for pair in zip(was, now, strict=True) if pair[0] != pair[1]), (was, now))
+            raise kind(
+                f"this motion is of {given.get('name')!r:.80} with {what} {str(was)[:120]}; {robot.name} has {str(now)[:120]}. "
+                + ("Give the robot that was simulated." if remedy == "robot" else remedy)
+            )
+
+
+def _changes(robot: CheckedModel, numbers: Array) -> Iterator[str]:
+    """What differs between a robot and the numbers of the one that was simulated, in words."""
+    now = robot_numbers(robot)
+    if numbers.shape != now.shape:
+        raise InputError(f"the numbers of {robot.name} in the file have shape {numbers.shape}; expected {now.shape}.")
+    same = np.isclose(now, numbers, rtol=_RELATIVE, atol=_ABSOLUTE)
+    for i, name in enumerate(robot.joints):
+        at = 0
+        for what, width in _COLUMNS.items():
+            part = slice(at, at + width)
+            at += width
+            if not same[i, part].all():
+                k = at - width + int(np.argmin(same[i, part]))
+                yield f"the {what} at joint {name!r} was {numbers[i, k]:.9g} and is {now[i, k]:.9g}"
+    if not same[-1].all():
+        yield f"gravity was {numbers[-1, :3].tolist()} and is {now[-1, :3].tolist()}"
+
+
+def _loops(robot: Robot) -> str | bool | None:
+    """What `load_robot` must be told to close the same loops; None where that is not known.
+
+    A `Robot` keeps what its loop file said and its name, not its folder.
+    """
+    own, name = beside(robot.urdf), robot.mechanism.file.name
+    if not name:
+        return own is None and bool(robot.mechanism.equalities)
+    if own is not None and own.name == name:
+        return True
+    other = robot.urdf.parent / name
+    return os.fspath(other.resolve()) if os.path.isfile(other) else None
+
+
+def _found(name: str) -> Path | None:
+    try:
+        return catalogue.find(name).urdf
+    except RbdError:
+        return None
