@@ -199,6 +199,15 @@ def test_warnings_speak_of_commands_too():
     assert "rbd.doctor" not in told and "robot.standing()" not in told
 
 
+def test_the_issues_of_a_model_speak_of_commands(tmp_path: Path):
+    """A loop that is open in every posture: the command that closes it, not the function."""
+    text = (URDF / "four_bar.loops.yaml").read_text()
+    (tmp_path / "four_bar.loops.yaml").write_text(text.split("postures:")[0])
+    (tmp_path / "four_bar.urdf").write_bytes((URDF / "four_bar.urdf").read_bytes())
+    code, out, _ = run("info", str(tmp_path / "four_bar.urdf"))
+    assert code == 0 and "open in every posture" in out and "`rbd mechanism` closes it" in out
+
+
 def test_the_address_of_a_replay_is_told(monkeypatch: pytest.MonkeyPatch):
     """Where no browser opens by itself, its address must be known before the motion is over."""
     opened = []

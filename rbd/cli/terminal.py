@@ -45,6 +45,7 @@ _PYTHON = {
     "rbd.robots.catalogue.names()": "`rbd robots`",
     "rbd.doctor(robot)": "`rbd info`",
     "robot.frames()": "`rbd info`",
+    "rbd.mechanism.assemble closes it": "`rbd mechanism` closes it",
     "(joint_motion)": "(--space joint)",
     ", or None for a contact that holds": "",
 }
@@ -167,10 +168,16 @@ def answering(command: Command | None = None) -> Iterator[None]:
                 _complain("warning", "yellow", message)
 
 
+def in_commands(text: str) -> str:
+    """A text with commands in place of calls of Python."""
+    for python, ours in _PYTHON.items():
+        text = text.replace(python, ours)
+    return text
+
+
 def in_options(message: str, command: Command | None = None) -> str:
     """A message in terms of the command line: arguments are options of the command, and advice in Python is left out."""
-    for python, ours in _PYTHON.items():
-        message = message.replace(python, ours)
+    message = in_commands(message)
     options = {} if command is None else _options(command)
     first, *more = re.split(r"(?<=\.)\s+(?=[A-Z`])", message)
     name, is_, rest = first.partition(" is ")
