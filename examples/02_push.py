@@ -26,7 +26,7 @@ class Result:
     reason: str
     rigid_N: float
     limp: rbd.Solution
-    ice: rbd.Solution
+    ice: list[np.ndarray]
 
 
 def main(show: bool = True) -> Result:
@@ -43,23 +43,23 @@ def main(show: bool = True) -> Result:
     tips_at_N, reason = last_push(brace)
     push_N = np.append(np.arange(0.0, tips_at_N, 20.0), tips_at_N)
     braced = [brace(force_N) for force_N in push_N]
-    # A rigid robot turns about the outer edge of its near foot: push times height = weight times distance to the edge.
-    patch = soles[0].rows(state).patch
+    patch = soles[0].rows(state).patch  # a rigid robot turns about its outer edge: push x height = weight x distance to it
     edge_m = (patch.point + patch.corners @ patch.axes.T)[:, 1].max() - state.com[1]
     rigid_N = talos.mass * GRAVITY * edge_m / state.frame(TORSO).X_WF.translation[2]
 
-    ice = rbd.solve(state, brace(80.0).tau, talos.soles(friction=ICE), external=push(80.0))
+    on_ice = state, brace(80.0).tau, talos.soles(friction=ICE)
+    ice = [rbd.solve(*on_ice, external=push(80.0), solver=s).accelerations[NEAR] for s in (None, rbd.ProxQP())]
     result = Result(push_N, braced, tips_at_N, reason, rigid_N, limp, ice)
 
-    print("Limp, pushed with 80 N (torques of standing):")
-    print(f"  far foot {limp.contacts[FAR].normal:.0f} N, near foot {limp.contacts[NEAR].normal:.0f} N")
+    far, near = limp.contacts[FAR].normal, limp.contacts[NEAR].normal
+    print(f"Limp, pushed with 80 N (torques of standing):\n  far foot {far:.0f} N, near foot {near:.0f} N")
     print(f"Braced:{'far foot':>16}{'near foot':>12}{'friction used':>16}{'largest torque':>17}")
     for force_N, hold in zip(push_N, braced, strict=True):
         far, near, top = hold.contacts[FAR].normal, hold.contacts[NEAR].normal, 1.0 - hold.margins.torque.min()
         print(f"{force_N:5.0f} N{far:14.0f} N{near:10.0f} N{100 * friction_used(hold):14.1f} %{100 * top:15.1f} %")
     print(f"It tips at {tips_at_N:.2f} N; a rigid robot of this weight and these feet, at {rigid_N:.2f} N.")
-    slide, lift = ice.accelerations[NEAR][1:3]
-    print(f"On ice (mu = {ICE}), 80 N: the near foot slides at {slide:.2f} m/s2, and lifts at {lift:.3f} m/s2.")
+    print(f"On ice (mu = {ICE}), 80 N: the near foot slides at {ice[0][1]:.2f} m/s2, and stays on the ground;")
+    print(f"under the convex law, with pyramids, it slides at {ice[1][1]:.2f} m/s2, and lifts at {ice[1][2]:.3f} m/s2.")
 
     if show:
         from matplotlib.figure import Figure  # in the extra `plot`
@@ -104,15 +104,15 @@ def plot_push(ax, result: Result) -> list:
 
 
 def check(result: Result) -> None:
-    """Statics of a rigid body, and what the convex law does to a foot that slides."""
+    """Statics of a rigid body, and what each law does to a foot that slides."""
     assert abs(result.tips_at_N - result.rigid_N) < 0.01, "it tips where the weight's moment about the edge is used up"
     assert "no forces" in result.reason, "neither friction nor a motor was in the way"
     far_N = [hold.contacts[FAR].normal for hold in result.braced]
     assert np.all(np.diff(far_N) < 0.0) and far_N[-1] < 2.0, "the far foot unloads, to nothing where it tips"
-    weight_N = result.braced[0].state.robot.mass * GRAVITY
-    carried_N = sum(contact.normal for contact in result.limp.contacts.values())
+    carried_N, weight_N = sum(c.normal for c in result.limp.contacts.values()), result.braced[0].state.robot.mass * GRAVITY
     assert abs(carried_N / weight_N - 1.0) < 0.01, "limp: joints give way, and the feet go on carrying the weight"
-    slide, lift = result.ice.accelerations[NEAR][1:3]
+    (slip, stays), (slide, lift) = [c[1:3] for c in result.ice]
+    assert slip > 1.0 and abs(stays) < 1e-8, "Coulomb's law: what slides stays on the ground"
     assert slide > 1.0 and abs(lift - ICE * slide) < 1e-8, "convex law: what slides also lifts, mu times as fast"
 
 

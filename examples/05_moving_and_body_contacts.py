@@ -35,7 +35,7 @@ def main(show: bool = True) -> Result:
         moves = rbd.Ground(velocity=(BELT_SPEED, 0.0, 0.0), acceleration=(belt_gains, 0.0, 0.0))
         belt = rbd.SurfaceContact("belt", "box", half_lengths=(0.2, 0.2), placement=below, friction=BELT_MU, on=moves)
         state = parcel.at(v=np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        return rbd.solve(state, np.zeros(0), [belt], solver=rbd.ConeSolver())  # it may slip: Coulomb's law
+        return rbd.solve(state, np.zeros(0), [belt])
 
     belt = {"put down on it": on_belt(0.0), "carried along": on_belt(BELT_SPEED)}
     belt |= {f"belt brakes at {brake} m/s2": on_belt(BELT_SPEED, -brake) for brake in (3, 6)}

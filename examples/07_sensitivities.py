@@ -1,7 +1,7 @@
 """Talos is pushed: which motor takes most weight off the foot on the far side, and how far does that rule hold?
 
 An answer's derivatives are those of the modes it has: all corners of both soles stick here. At a fixed state the forces are
-then exactly linear in torques and pushes, up to where a corner lets go; there the slope changes, and is refused.
+then exactly linear in torques and pushes, up to where a foot starts to slip; there the slope changes, and is refused.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def main(show: bool = True) -> Result:
 
     gains = d.forces[FAR].dtau[UP]
     print("far foot, per newton metre of")
-    for i in np.argsort(-np.abs(gains))[:6]:
+    for i in np.argsort(-np.abs(gains).round(6), kind="stable")[:6]:
         print(f"  {talos.actuated_names[i]:<20}{gains[i]:8.3f} N, near foot {d.forces[NEAR].dtau[UP][i]:8.3f} N")
 
     motor = int(np.argmax(np.abs(gains)))
@@ -75,7 +75,7 @@ def main(show: bool = True) -> Result:
 
 
 def end_of_mode(solved, sign: float) -> float:
-    """Where a corner lets go: by bisection on its acceleration [N m]."""
+    """Where a sole starts to slip: by bisection on its acceleration [N m]."""
     low, high = 0.0, 200.0
     while high - low > 1e-9:
         middle = 0.5 * (low + high)
@@ -89,7 +89,7 @@ def plot_sensitivity(ax, result: Result) -> list:
     x = result.change_Nm
     artists = ax.plot(x, result.far_N, "o-", color="#d55e00", label="solved")
     artists += ax.plot(x, result.far_N[0] + result.gain * x, "--", color="0.4", label="by its derivative")
-    artists.append(ax.axvline(result.ends_at_Nm, ls=":", color="#0072b2", label="a corner lets go"))
+    artists.append(ax.axvline(result.ends_at_Nm, ls=":", color="#0072b2", label="it starts to slip"))
     name = result.talos.actuated_names[result.motor]
     ax.set(xlabel=f"torque added at {name} [N m]", ylabel="normal force of the far foot [N]")
     ax.legend(frameon=False)

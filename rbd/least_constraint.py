@@ -34,8 +34,8 @@ from rbd.problem.law import COULOMB, Law
 from rbd.problem.problem import GaussProblem, MomentumBalance, checked
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
-from rbd.solvers import Solver, checked_solver
-from rbd.solvers.proxqp import ProxQP
+from rbd.solvers import Solver
+from rbd.solvers.default import solver_of
 
 OPEN = 1e-3
 """A loop that is open by more than this [m, rad] at the state that is solved gets a warning."""
@@ -46,22 +46,32 @@ def solve(
     tau: Array,
     constraints: Sequence[Constraint] = (),
     *,
+    law: Law | str | None = None,
     external: External = None,
-    solver: Solver = ProxQP(),  # noqa: B008  a frozen record of settings
+    solver: Solver | None = None,
     check: bool = True,
     rest_speed: float = REST_SPEED,
 ) -> Solution:
-    """Acceleration and constraint forces of a robot: Gauss's principle of least constraint.
+    """Acceleration and constraint forces of a robot: M a + h = S^T tau + tau_ext + J^T f, forces f under a contact law.
 
-    a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers; equivalently
-    M a + h = S^T tau + tau_ext + J^T f.
+    Under Coulomb's law, the default, Gauss's problem of least constraint comes first, a QP with a unique answer:
+
+        a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers
+
+    It is Coulomb's too where every point with friction carries nothing or keeps still, with forces in the circular cones. Where
+    it is not, a solver with circular cones goes on from it: what slips is rubbed against its slip, and does not lift. Under the
+    convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` say what answered.
 
     Args:
         state: The robot at (q, v).
         tau: Motor torques, shape (nu,) [N, N m]; a warning is given beyond the effort limits.
         constraints: Contacts and other constraints, each with its own name.
+        law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
+            slip.
         external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
-        solver: `ProxQP()` for anything, `KKT()` for constraints that hold.
+        solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for constraints that hold;
+            `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
+            the same.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
         rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
             carries nothing; one that slides faster rubs against its motion.
@@ -74,28 +84,30 @@ def solve(
         touched, with a `DistantContactWarning`.
 
     Raises:
-        InputError: wrong sizes, NaN, unknown frames, two constraints of one name.
+        InputError: wrong sizes, NaN, unknown frames, two constraints of one name; a law that is not the solver's.
         ContactMoves: a contact approaches faster than `rest_speed`; under the convex law also one that slides faster.
             `rbd.mechanism.project_velocity` puts a velocity onto the contacts.
         Unsupported: the solver cannot take the problem.
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
-    checked_solver(solver)
+    chosen = solver_of(law, solver)
     problem = assembled(state, tau, constraints, external, rest_speed)
-    return answered(problem, solver, check=check)
+    return answered(problem, chosen, check=check)
 
 
 def solve_problem(
     problem: GaussProblem,
     *,
-    solver: Solver = ProxQP(),  # noqa: B008
+    law: Law | str | None = None,
+    solver: Solver | None = None,
     check: bool = True,
 ) -> Solution:
     """Acceleration and constraint forces of a problem in arrays: built by hand, or by `gauss_problem`.
 
     Args:
         problem: The arrays; no robot is needed.
+        law: As in `solve`.
         solver: As in `solve`.
         check: As in `solve`.
 
@@ -103,12 +115,12 @@ def solve_problem(
         The answer with its certificate, `solution.residuals`; warnings as `solve`.
 
     Raises:
-        InputError: if it is no problem, or no solver.
+        InputError: if it is no problem, or no solver; a law that is not the solver's.
         ContactMoves: as `solve`.
         Unsupported: as `solve`.
         NoSolution: as `solve`.
     """
-    return answered(checked(problem), checked_solver(solver), check=check)
+    return answered(checked(problem), solver_of(law, solver), check=check)
 
 
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
@@ -271,8 +283,9 @@ def _refuse_moving(problem: GaussProblem, solver: Solver) -> None:
     r = problem.rows[T.slipping[0]]
     raise ContactMoves(
         f"contact {r.name!r} moves at {r.speed:.3g} m/s (at rest is up to rest_speed = {rest:g}), and it can slip or break: "
-        f"under the {law} law only contacts at rest are solved. Use solver=rbd.ConeSolver(), which opposes the motion; "
-        "friction=None for a contact that holds; a larger rest_speed=; or put the velocity onto the contacts: "
+        f"under the {law} law only contacts at rest are solved. Under Coulomb's, the default, friction follows the motion: "
+        "leave out law= and solver=. Or take friction=None for a contact that holds; a larger rest_speed=; or put the velocity "
+        "onto the contacts: "
         "rbd.mechanism.project_velocity(state, contacts)."
     )
 

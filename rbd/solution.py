@@ -25,7 +25,8 @@ from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
-from rbd.solvers import Solver, checked_solver
+from rbd.solvers import Solver
+from rbd.solvers.default import solver_of
 from rbd.solvers.proxqp import ProxQP, eased, pyramidal_law, too_steep
 
 
@@ -34,7 +35,7 @@ class Solution(Answer):
     """Acceleration and constraint forces of one `GaussProblem`, with what proves them: an `Answer`, and its analysis.
 
     `Solution.of(answer)` makes one of what a solver returned. It has the attributes of `Answer` (`problem`, `a`,
-    `multipliers`, `weights`, `law`, `solver`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
+    `multipliers`, `weights`, `law`, `solver`, `method`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
 
     Attributes:
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
@@ -222,7 +223,7 @@ class Solution(Answer):
         return self.problem.origin.derivatives(self)
 
     def __str__(self) -> str:
-        lines = [f"{self.status} by {self.solver}, law: {self.law}; {self.problem.m} rows of rank {self.rank}"]
+        lines = [f"{self.status} by {self.method or self.solver}, law: {self.law}; {self.problem.m} rows of rank {self.rank}"]
         if self.contacts:
             lines.append(f"  {'contact':<16}{'normal':>11}{'tangential':>13}{'friction used':>15}  centre of pressure")
         lines += [f"  {name:<16}{contact}" for name, contact in self.contacts.items()]
@@ -247,7 +248,7 @@ def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
     """A solver's answer with all that can be said of it; of rows that contradict each other the motion of least violation.
 
     The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that says
-    itself why it is none (`Answer.infeasible`, `Answer.reason`) is left as it is.
+    itself why it is none (`Answer.reason`), though the rows do not contradict each other, is left as it is.
     """
     answer = solver.solve(problem)
     found = Solution.of(answer)
@@ -256,11 +257,11 @@ def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
             return found
         other = Solution.of(eased(answer))
         return other if other.residuals.less_than(found.residuals) else found
-    if found.infeasible or found.reason:
+    if found.reason and not found.infeasible:
         return found
     if found.contradiction is None:
-        reason = too_steep(found)
-        return replace(found, reason=reason) if reason else found
+        reason = found.reason or too_steep(found)
+        return replace(found, reason=reason) if reason != found.reason else found
     near = solver.solve(relaxed(problem, smallest_violation(problem, found.law)[0]))
     seconds = found.seconds + near.seconds
     return Solution.of(replace(near, problem=problem, infeasible=True, redundant=False, seconds=seconds))
@@ -309,7 +310,8 @@ def nearest_motion(
     problem: GaussProblem,
     *,
     weights: Mapping[str, float | Array] | None = None,
-    solver: Solver = ProxQP(),  # noqa: B008
+    law: Law | str | None = None,
+    solver: Solver | None = None,
 ) -> NearestMotion:
     """The motion of least violation, and of these the nearest to free motion in the metric of inertia.
 
@@ -321,19 +323,21 @@ def nearest_motion(
         problem: Constraints that may contradict each other.
         weights: {constraint: weight w > 0 of its rows, one number or shape (m,)}: sum (w s)^2 is minimised. 1 if not given,
             so that 1 rad/s2 counts as 1 m/s2.
-        solver: Solves the relaxed problem; its law is the law of the violation, too.
+        law: Of the violation, and of the relaxed problem, as in `rbd.solve`.
+        solver: Solves the relaxed problem, as in `rbd.solve`.
 
     Raises:
-        InputError: unknown constraints, weights that are not positive.
+        InputError: unknown constraints, weights that are not positive, a law that is not the solver's.
         Unsupported: the solver cannot take the problem.
         NoSolution: one of the two programs was not solved within tolerance.
     """
-    P, reason = checked(problem), checked_solver(solver).reason_unsupported(problem)
+    P, chosen = checked(problem), solver_of(law, solver)
+    reason = chosen.reason_unsupported(P)
     if reason is not None:
         raise Unsupported(reason)
-    law = pyramidal_law(P) if isinstance(solver, ProxQP) else Law.of(solver.law)
-    s, optimality = smallest_violation(P, law, row_weights(P, weights))
-    solution = solution_of(relaxed(P, s) if s.any() else P, solver)
+    told = pyramidal_law(P) if isinstance(chosen, ProxQP) else Law.of(chosen.law)
+    s, optimality = smallest_violation(P, told, row_weights(P, weights))
+    solution = solution_of(relaxed(P, s) if s.any() else P, chosen)
     if optimality > USABLE or solution.status not in (Status.SOLVED, Status.INACCURATE):
         raise NoSolution(
             f"the nearest motion was not found: least violation to {optimality:.1e}, scaled (usable is 1e-7), relaxed problem "

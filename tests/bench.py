@@ -136,7 +136,7 @@ def plain_script(d: Draws) -> Callable[[int], object]:
     return run
 
 
-def ours(d: Draws, kind: str, solver: rbd.ProxQP | rbd.KKT) -> Callable[[int], object]:
+def ours(d: Draws, kind: str, solver: rbd.ProxQP | rbd.KKT | None) -> Callable[[int], object]:
     """The whole pipeline from (q, v, tau) to a certified answer."""
     contacts = d.held if kind == "held" else d.frictional
 
@@ -147,7 +147,7 @@ def ours(d: Draws, kind: str, solver: rbd.ProxQP | rbd.KKT) -> Callable[[int], o
     return run
 
 
-def rubbing(d: Draws, solver: rbd.ConeSolver | rbd.ProxQP, draws: list[tuple]) -> Callable[[int], object]:
+def rubbing(d: Draws, solver: rbd.ConeSolver | rbd.ProxQP | None, draws: list[tuple]) -> Callable[[int], object]:
     """The whole pipeline with frictional soles, on draws that all stick or all slip."""
 
     def run(i: int) -> rbd.Solution:
@@ -230,9 +230,11 @@ def main() -> None:
             "plain pin + NumPy script, held": plain_script(d),
             "rbd held, KKT": ours(d, "held", rbd.KKT()),
             "rbd held, ProxQP": ours(d, "held", rbd.ProxQP()),
+            "rbd held, default": ours(d, "held", None),
             "rbd frictional, ProxQP": ours(d, "frictional", rbd.ProxQP()),
         }
         for mode, draws in (("sticking", d.sticking), ("slipping", d.slipping)):
+            columns[f"rbd frictional, default, {mode}"] = rubbing(d, None, draws)
             columns[f"rbd frictional, ProxQP, {mode}"] = rubbing(d, rbd.ProxQP(), draws)
             for law in ("coulomb", "convex"):
                 columns[f"rbd frictional, ConeSolver {law}, {mode}"] = rubbing(d, rbd.ConeSolver(law=law), draws)

@@ -9,7 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.problem.cones import LineCone, WrenchCone, project_cones
+from rbd.arrays import block_diagonal
+from rbd.problem.cones import LineCone, WrenchCone, project_cones, pyramid
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet
 from rbd.testing import box
@@ -318,3 +319,48 @@ class TestWeights:
             return T.weights_of(np.array([force]))
 
         assert weights([3.0, 0.0], [3.0, 1.5], 5.0) == pytest.approx([3.0, 1.5]) and weights([1.0], [1.0], 1.0) == [1.0]
+
+
+class TestPyramids:
+    """Pyramids in place of circular cones: a linear map of the circular form, in rest and in motion."""
+
+    def test_rays_stand_for_cones_and_all_else_stays(self):
+        """A line, a cone of four facets and a half-line: one, four and one columns; pushes are rays, facets are remembered."""
+        T = ForceSet.of(
+            [rows_with(rbd.problem.Product([rbd.problem.Free(1), rbd.problem.FrictionCone(0.5), rbd.problem.NonNegative(1)]))]
+        )
+        R = T.pyramids
+        assert R.G == pytest.approx(T.G @ block_diagonal([np.eye(1), pyramid(0.5, 4), np.eye(1)])) and R.H is R.G
+        assert R.lower.tolist() == [-np.inf, 0.0, 0.0, 0.0, 0.0, 0.0] and np.isposinf(R.upper).all() and not len(R.mu)
+        assert [e.size for e in R.elements] == [1, 4, 1] and [e.facets for e in R.elements] == [0, 4, 0]
+        assert R.push[1:5].T == pytest.approx(pyramid(0.5, 4)) and R.facets == T.facets == (4,) and R.slices == (slice(0, 6),)
+        assert R.normals == pytest.approx(T.normals) == np.delete(np.eye(5), [1, 2], axis=1) and R.pyramids is R
+
+    def test_inscribed_pyramids_are_inside(self):
+        """Radius mu in place of mu / cos(pi / n)."""
+        inside, around = (
+            ForceSet.of([rows_with(rbd.problem.FrictionCone(0.5, 6))]).with_pyramids(inscribed=x) for x in (True, False)
+        )
+        assert np.hypot(*inside.G[:2]) == pytest.approx(np.full(6, 0.5))
+        assert np.hypot(*around.G[:2]) == pytest.approx(np.full(6, 0.5 / np.cos(np.pi / 6)))
+
+    def test_what_velocities_decide_stays_decided(self):
+        """A point that leaves, one that slides, one at rest: a weight of zero, a coupled column, and four rays."""
+        cone = rbd.problem.FrictionCone(0.5)
+        rows = [rows_with(cone, u, name) for name, u in (("off", [0, 0, 1.0]), ("slides", [1.0, 0, 0]), ("rests", None))]
+        T = ForceSet.of(rows)
+        R = T.pyramids
+        assert T.slices == (slice(0, 1), slice(1, 2), slice(2, 5)) and R.slices == (slice(0, 1), slice(1, 2), slice(2, 6))
+        assert R.upper[0] == 0.0 and R.G[3:6, 1] == pytest.approx([-0.5, 0, 1]) and R.H[3:6, 1] == pytest.approx([0, 0, 1])
+        assert R.openings == T.openings and [s.column for s in R.sliding] == [1] and R.slipping == T.slipping == (1,)
+
+    def test_rays_feel_the_corners_of_a_turning_patch(self):
+        """A sole that tips about its edge: along the rays of the edge's corners, their centripetal accelerations too."""
+        w, edge, c = np.array([0.0, 0.5, 0.0]), np.array([0.2, 0.0, 0.0]), np.arange(6.0)
+        T = ForceSet.of([rows_with(square(), [*-np.cross(w, edge), *w])])
+        R, axes = T.pyramids, T.accelerations(c)
+        stands = [(e, r) for e, r in zip(T.elements, R.elements, strict=True) if e.is_cone]
+        assert len(stands) == 2 and R.slipping == T.slipping == (0,)
+        for e, r in stands:
+            assert T.offset[e.columns] == pytest.approx([-0.05, 0, 0])  # -w^2 x
+            assert R.accelerations(c)[r.columns] == pytest.approx(axes[e.columns] @ pyramid(0.5, 4))

@@ -298,14 +298,15 @@ class TestSeveralMotions:
 
     @pytest.mark.parametrize("kind", ["two", "eight", "faces"])
     @pytest.mark.parametrize("friction", [0.3, 1.0])
-    def test_a_box_between_two_walls_falls_or_is_jammed(self, kind, friction):
+    @pytest.mark.parametrize("solver", [None, rbd.ConeSolver()], ids=["default", "cones"])
+    def test_a_box_between_two_walls_falls_or_is_jammed(self, kind, friction, solver):
         """It falls at 9.81 with no force, or stays with as much as the walls like: both satisfy Coulomb's law."""
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         contacts = walls(friction, kind)
         with pytest.warns(NonUniqueMotionWarning, match=r"no one motion: Coulomb's law admits 2 motions .* jammed") as seen:
-            s = rbd.solve(state, np.zeros(0), contacts, solver=rbd.ConeSolver())
-        assert seen[0].filename == __file__
+            s = rbd.solve(state, np.zeros(0), contacts, solver=solver)
+        assert seen[0].filename == __file__ and (s.method == "QP") == (solver is None)
         motions = sorted([s.a[2], *(o.a[2] for o in s.others)])
         assert motions == pytest.approx([-G, 0.0], abs=1e-9)
         for each in (s, *s.others):
@@ -320,7 +321,10 @@ class TestSeveralMotions:
         with pytest.warns(NonUniqueMotionWarning):
             both = rbd.studies.compare_laws(state, np.zeros(0), walls(0.5, "two"))
         assert not both.agree and len(both.coulomb.others) == 1
-        assert np.abs(both.coulomb.others[0].a - both.convex.a).max() < 1e-9
+        motions = [both.coulomb, *both.coulomb.others]
+        assert min(np.abs(each.a - both.convex.a).max() for each in motions) < 1e-9
+        assert sorted(each.a[2] for each in motions) == pytest.approx([-G, 0.0], abs=1e-9)
+        assert "Coulomb's law has 2 motions" in str(both)
 
     def test_one_motion_is_one(self, talos):
         """A slipping box, a box that falls past one wall, and a robot that is pushed: nothing is said."""

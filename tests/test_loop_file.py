@@ -247,7 +247,7 @@ WRONG_NAMES = [
     (LOOP + ", axis: [0, 0, 0]}]", "loop 'pin': axis .* has length 0"),
     ("couplings: [{name: g, joint: a, to: crank_joint, ratio: 1}]", "loop 'g': no joint 'a' in bar"),
     ("couplings: [{name: g, joint: crank_joint, to: rocker, ratio: 1}]", "loop 'g': no joint 'rocker' .*: 'rocker_joint'"),
-    ("couplings: [{name: g, joint: crank_joint, to: root_joint, ratio: 1}]", "joint 'root_joint' has 6 freedoms"),
+    ("couplings: [{name: g, joint: crank_joint, to: root_joint, ratio: 1}]", "joint 'root_joint' has 6 degrees of freedom"),
     ("couplings: [{name: g, joint: crank_joint, to: crank_joint, ratio: 1}]", "couples joint 'crank_joint' to itself"),
     ("wheels: [{name: w, kind: rolling_ball, frame: ball, radius: 1}]", "wheel 'w': no frame 'ball'"),
     ("wheels: [{name: w, kind: rolling_ball, frame: crank}]", r"wheels\[0\] \('w'\) has no 'radius'"),

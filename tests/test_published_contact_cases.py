@@ -38,7 +38,7 @@ def crate_10kg() -> rbd.State:
 
 def _push(state, force, friction=0.6, facets=4) -> rbd.Solution:
     floor = _patch("box", (0.2, 0.2), 0.1, friction, facets)
-    return rbd.solve(state, np.zeros(0), [floor], external=rbd.ExternalForce("box", force))
+    return rbd.solve(state, np.zeros(0), [floor], external=rbd.ExternalForce("box", force), solver=rbd.ProxQP())
 
 
 def test_slipping_box_lifts_off_under_the_convex_law(crate_10kg):
@@ -105,10 +105,10 @@ def state() -> rbd.State:
 class TestCrate:
     """A crate b = 0.4, h = 1, m = 20, pushed at height 0.5. Source: closed form, moments about the front edge."""
 
-    def solve(self, state, push_N, friction) -> rbd.Solution:
+    def solve(self, state, push_N, friction, **law) -> rbd.Solution:
         """Push at the middle."""
         floor = _patch("crate", (0.2, 0.2), 0.5, friction)
-        return rbd.solve(state, np.zeros(0), [floor], external=rbd.ExternalForce("crate", (push_N, 0.0, 0.0)))
+        return rbd.solve(state, np.zeros(0), [floor], external=rbd.ExternalForce("crate", (push_N, 0.0, 0.0)), **law)
 
     def test_it_slides_at_mu_m_g(self, state):
         """At mu = 0.3: 58.86 N."""
@@ -130,11 +130,15 @@ class TestCrate:
 
     def test_its_corner_forces_when_it_slides_under_80_N(self, state):
         """Convex law: 176.77 N on the front edge, 25.25 N on the rear one (Coulomb's: 171.675 and 24.525)."""
-        s = self.solve(state, 80.0, 0.3)
+        coulomb = self.solve(state, 80.0, 0.3).corner_forces["floor"]
+        s = self.solve(state, 80.0, 0.3, solver=rbd.ProxQP())
         corners = s.corner_forces["floor"]
         at = rbd.SurfaceContact("x", "crate", half_lengths=(0.2, 0.2)).corners
         assert corners[at[:, 0] > 0, 2].sum() == pytest.approx(176.77, abs=0.01)
         assert corners[at[:, 0] < 0, 2].sum() == pytest.approx(25.25, abs=0.01)
+        assert coulomb[at[:, 0] > 0, 2].sum() == pytest.approx(171.675) and coulomb[at[:, 0] < 0, 2].sum() == pytest.approx(
+            24.525
+        )
         N = (20 * G + 0.3 * 80) / 1.09
         front = 0.5 * N + 0.3 * N * 0.5 / 0.4
         assert corners[at[:, 0] > 0, 2].sum() == pytest.approx(front, rel=1e-9)

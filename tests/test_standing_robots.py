@@ -49,7 +49,7 @@ def test_pushed_states_are_solved_or_refused_never_wrong(robot: rbd.Robot):
         noisy = tau + rng.uniform(2.0, 60.0) * rng.normal(size=robot.nu)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rbd.errors.EffortLimitWarning)
-            s = rbd.solve(state, noisy, feet, check=False)
+            s = rbd.solve(state, noisy, feet, check=False, solver=rbd.ProxQP())
         if s.status != "solved":
             continue
         solved += 1

@@ -49,6 +49,11 @@ class Rod:
         """Of six relative velocities it takes one; of three in a plane too."""
         return 5 if normal is None else 2
 
+    def renamed(self, prefix: str, placement: pin.SE3 | None) -> Rod:
+        """The same between the frames of a robot in a pair."""
+        a, b = (frame if frame == "universe" else prefix + frame for frame in self.frames)
+        return Rod(prefix + self.name, a, b, self.length)
+
     def rows(self, state: rbd.State) -> rbd.Rows:
         """One row: how fast its ends part; its force pushes them apart."""
         a, b = state.frame(self.frame_a), state.frame(self.frame_b)
@@ -256,6 +261,17 @@ def test_what_cannot_be_registered_is_refused(word_, kind, says):
     with pytest.raises(rbd.InputError, match=says):
         rbd.register_constraint(word_, kind)
     assert "rod" not in loop_file.KINDS
+
+
+def test_a_pair_of_robots_takes_it_along():
+    """Made for the second of two boxes, with its names there; what cannot be renamed is refused."""
+    pair = rbd.robots.merge_robots(box(1.0), box(M), names=("a_", "b_"))
+    (mine,) = pair.contacts(second=[ROD])
+    assert mine == Rod("b_rod", "universe", "b_box", L)
+    state = pair.at(pair.q(pin.neutral(box().model), hanging().q), np.r_[np.zeros(6), hanging().v])
+    assert np.linalg.norm(rbd.solve(state, np.zeros(0), [mine]).forces["b_rod"]) == pytest.approx(TENSION)
+    with pytest.raises(rbd.InputError, match="is no contact"):
+        pair.contacts([rbd.JointLock("lock", "root_joint")])
 
 
 def test_the_viewer_draws_its_force():

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.cone_programs import Separable
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, block_diagonal, lazy
+from rbd.problem.cone_programs import Separable
 from rbd.problem.cones import LineCone, NonNegative, Product, WrenchCone, project_cones
 from rbd.problem.contact_force import corner_map
 from rbd.problem.force_set import Element, at_rest
@@ -35,7 +35,6 @@ from rbd.problem.subspaces import null_space, rank_of
 
 STILL = SOLVED
 """Accelerations below this, over the terms of their own row or point, count as zero: it is what `solved` means."""
-_AXES = np.eye(3)
 _FLAT = 1e-3
 """Facets of less friction bound the normal force by their rounding over the friction: its sign is asked for itself."""
 
@@ -197,93 +196,94 @@ class _Collector:
 
     def __init__(self, problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, tolerance: float) -> None:
         P = problem
-        self.P, self.f, self.tolerance, self.coulomb = P, f, tolerance, law.kind == "coulomb"
+        self.P, self.tolerance, self.coulomb = P, tolerance, law.kind == "coulomb"
         self.T = T = P.force_set_of(law)
         self.y = T.accelerations(P.J @ a + P.offset)
         self.w = f if P.bilateral else T.weights_of(f) if weights is None else np.asarray(weights)
         self.along, self.push = Scales(P, a, f).of_columns(self.w, law)
-        self.weight_columns: list[Array] = []
         self.weights_at = np.zeros(T.size)
-        self.corner_columns: list[tuple[int, Array]] = []
+        self.columns: list[Array] = []
         self.start: list[float] = []
         self.bounds: list[tuple[float, float]] = []
         self.faces: list[tuple[int, Array]] = []
         self.cone_at: list[int] = []
         self.mu: list[float] = []
         self.whole: list[tuple[slice, slice, float, int]] = []
-        self.spans: dict[str, slice] = {}
-        self.with_corners: set[str] = set()
-        self.corners_at: list[Array] = []
-        self.at = 0
 
     def collected(self) -> Admissible:
-        P = self.P
+        P, T = self.P, self.T
+        spans, with_corners, maps, held = {}, set(), [], []
+        at = 0
         for i, rows in enumerate(P.rows):
-            self._add_rows(i, rows)
+            kind = corner_kind(rows, at_rest(rows.cone).bilateral)
+            maps.append(self._corner_map(i, rows, kind))
+            spans[rows.name] = slice(at, at + len(maps[-1]))
+            if kind != "none":
+                with_corners.add(rows.name)
+            if kind == "expanded":
+                held.append((at, len(self.start), rows))
+                self._add_held_patch(rows, T.slices[i])
+            else:
+                for e in T.elements:
+                    if e.rows == i:
+                        self._add_element(e)
+            at = spans[rows.name].stop
         n = len(self.start)
-        weights = np.array(self.weight_columns).reshape(n, len(self.weights_at)).T
-        corners = np.zeros((self.at, n))
-        for j, (row, column) in enumerate(self.corner_columns):
-            corners[row : row + len(column), j] = column
+        weights, to_corners = np.array(self.columns).reshape(n, T.size).T, np.vstack([np.zeros((0, T.size)), *maps])
+        corners, corners_at, start = to_corners @ weights, to_corners @ self.weights_at, np.array(self.start)
+        for row, column, rows in held:
+            assert rows.patch is not None
+            k = len(rows.patch.corners)
+            corners[row : row + 3 * k, column : column + 3 * k] = block_diagonal([rows.patch.axes] * k)
         D, d = self._inequalities(n)
-        rows, start = self.T.G @ weights, np.array(self.start)
-        rank = rank_of(P.J)
-        null = null_space(rows if rank == P.m else P.J.T @ rows)
-        corners_at = np.concatenate(self.corners_at) if self.corners_at else np.zeros(0)
+        row_forces, rank = T.G @ weights, rank_of(P.J)
+        null = null_space(row_forces if rank == P.m else P.J.T @ row_forces)
         size = max(1.0, float(np.abs(corners @ start + corners_at).max(initial=0.0)))
         return Admissible(
-            P, rows, self.T.G @ self.weights_at, corners, corners_at, weights, self.weights_at, self.spans,
-            frozenset(self.with_corners), D, d, np.array(self.cone_at, int), np.array(self.mu), tuple(self.whole),
+            P, row_forces, T.G @ self.weights_at, corners, corners_at, weights, self.weights_at, spans,
+            frozenset(with_corners), D, d, np.array(self.cone_at, int), np.array(self.mu), tuple(self.whole),
             start, null, rank, n - null.shape[1], size,
         )  # fmt: skip
 
+    def _corner_map(self, i: int, rows: Rows, kind: str) -> Array:
+        """What unit weights do at a contact's corners, or in the rows of what is none; zero of a patch that holds."""
+        T, G = self.T, self.T.G[self.P.slices[rows.name]]
+        if kind == "none":
+            return G
+        assert rows.patch is not None
+        assert rows.resultant is not None
+        if kind == "one":
+            return np.asarray(rows.resultant[:3] @ G)
+        out = np.zeros((3 * len(rows.patch.corners), T.size))
+        if kind == "pieces":
+            for e in T.elements:
+                if e.rows == i:
+                    out[3 * e.number : 3 * e.number + 3, e.columns] = rows.patch.axes @ T.push[e.columns].T
+        return out
+
     def _inequalities(self, n: int) -> tuple[Array, Array]:
-        D, d = [], []
-        for j, (low, high) in enumerate(self.bounds):
-            for bound, sign in ((low, 1.0), (high, -1.0)):
-                if math.isfinite(bound):
-                    row = np.zeros(n)
-                    row[j] = sign
-                    D.append(row)
-                    d.append(sign * bound)
+        one, (low, high) = np.eye(n), np.array(self.bounds).reshape(n, 2).T
+        below, above = np.isfinite(low), np.isfinite(high)
+        D, d = [one[below], -one[above]], [low[below], -high[above]]
         for j, normals in self.faces:
-            for normal in normals:
-                row = np.zeros(n)
-                row[j : j + 3] = normal
-                D.append(row)
-                d.append(0.0)
-        return np.array(D).reshape(len(d), n), np.array(d)
+            D.append(normals @ one[j : j + 3])
+            d.append(np.zeros(len(normals)))
+        return np.vstack(D), np.concatenate(d)
 
-    def _add_rows(self, i: int, rows: Rows) -> None:
-        kind = corner_kind(rows, at_rest(rows.cone).bilateral)
-        if kind == "expanded":
-            self._add_held_patch(rows, self.T.slices[i])
-            return
-        k = len(rows.patch.corners) if rows.patch is not None and kind != "none" else 0
-        self.spans[rows.name] = slice(self.at, self.at + (3 * k if k else len(rows)))
-        self.corners_at.append(np.zeros(3 * k if k else len(rows)))
-        if k:
-            self.with_corners.add(rows.name)
-        for element in self.T.elements:
-            if element.rows == i:
-                self._add_element(rows, element, kind)
-        self.at = self.spans[rows.name].stop
-
-    def _add_element(self, rows: Rows, element: Element, kind: str) -> None:
+    def _add_element(self, element: Element) -> None:
         if element.is_cone:
-            self._add_circular(rows, element, kind)
+            self._add_circular(element)
             return
         at = range(element.columns.start, element.columns.stop)
         values = [self._decided(j) for j in at]
         if element.facets and all(value is None for value in values):
-            self._add_pyramid(rows, element, kind)
+            self._add_pyramid(element)
             return
         for j, value in zip(at, values, strict=True):
             if value is not None:
-                self._add_constant(rows, element, kind, j, value)
+                self.weights_at[j] = value
             else:
-                bounds = float(self.T.lower[j]), float(self.T.upper[j])
-                self._put(rows, element, kind, self._unit(j), self.w[j], bounds, self.T.push[j])
+                self._put(slice(j, j + 1), np.ones(1), self.w[j], float(self.T.lower[j]), float(self.T.upper[j]))
 
     def _decided(self, j: int) -> float | None:
         """The value that the law leaves to a weight, or None where it has a choice."""
@@ -295,7 +295,7 @@ class _Collector:
             return None
         return bound
 
-    def _add_circular(self, rows: Rows, element: Element, kind: str) -> None:
+    def _add_circular(self, element: Element) -> None:
         span, mu = element.columns, element.mu
         y, w = self.y[span], project_cones(self.w[span][None], np.array([mu]))[0]
         slip, at = math.hypot(y[0], y[1]), span.start
@@ -305,79 +305,37 @@ class _Collector:
         if size <= self.tolerance:
             self.cone_at.append(len(self.start))
             self.mu.append(mu)
-            for i in range(3):
-                self._put(rows, element, kind, self._unit(at + i), w[i], (-math.inf, math.inf), self.T.push[at + i])
+            for axis, force in zip(np.eye(3), w, strict=True):
+                self._put(span, axis, force)
         elif opens <= self.tolerance or w[2] / self.push[at] > size:
             edge = np.array([-mu * y[0] / slip, -mu * y[1] / slip, 1.0]) if slip > 0.0 else np.array([0.0, 0.0, 1.0])
-            column = np.zeros(len(self.weights_at))
-            column[span] = edge
-            self._put(rows, element, kind, column, w[2], (0.0, math.inf), edge @ self.T.push[span])
+            self._put(span, edge, w[2], 0.0)
 
-    def _add_pyramid(self, rows: Rows, element: Element, kind: str) -> None:
+    def _add_pyramid(self, element: Element) -> None:
         """Three columns: the force itself, within the facets."""
         span, first = element.columns, len(self.start)
         rays = self.T.push[span].T
-        force = rays @ np.maximum(self.w[span], 0.0)
         angle = 2.0 * math.pi * np.arange(element.facets) / element.facets
         inward = np.column_stack([-np.cos(angle), -np.sin(angle), np.full(element.facets, element.mu)])
         self.faces.append((first, inward / math.hypot(1.0, element.mu)))
-        back = np.linalg.pinv(rays)
-        for i in range(3):
-            column = np.zeros(len(self.weights_at))
-            column[span] = back[:, i]
-            pushes = i == 2 and element.mu < _FLAT
-            self._put(rows, element, kind, column, force[i], (0.0 if pushes else -math.inf, math.inf), _AXES[i])
+        force = rays @ np.maximum(self.w[span], 0.0)
+        for i, column in enumerate(np.linalg.pinv(rays).T):
+            self._put(span, column, force[i], 0.0 if i == 2 and element.mu < _FLAT else -math.inf)
         self.whole.append((slice(first, first + 3), span, element.mu, element.facets))
-
-    def _add_constant(self, rows: Rows, element: Element, kind: str, j: int, value: float) -> None:
-        self.weights_at[j] = value
-        if value:
-            self.corners_at[-1] += self._corner_column(rows, element, kind, self._unit(j), self.T.push[j])[1] * value
-
-    def _unit(self, j: int) -> Array:
-        column = np.zeros(len(self.weights_at))
-        column[j] = 1.0
-        return column
-
-    def _put(
-        self, rows: Rows, element: Element, kind: str, column: Array, start: float, bounds: tuple[float, float], push: Array
-    ) -> None:
-        low, high = bounds
-        local, stacked = self._corner_column(rows, element, kind, column, push)
-        self.corner_columns.append((self.spans[rows.name].start + local, stacked))
-        self.weight_columns.append(column)
-        self.start.append(float(min(max(start, low), high)))
-        self.bounds.append(bounds)
-
-    def _corner_column(self, rows: Rows, element: Element, kind: str, column: Array, push: Array) -> tuple[int, Array]:
-        """(first row within the constraint's part of the stack, entries) of a column of weights that pushes so on its point."""
-        span = self.P.slices[rows.name]
-        if kind == "none":
-            return 0, self.T.G[span] @ column
-        assert rows.patch is not None
-        if kind == "one":
-            assert rows.resultant is not None
-            return 0, (rows.resultant @ (self.T.G[span] @ column))[:3]
-        return 3 * element.number, rows.patch.axes @ push
 
     def _add_held_patch(self, rows: Rows, columns: slice) -> None:
         """A contact that holds: forces at its corners, without bounds."""
-        assert rows.patch is not None
-        C, k = corner_map(rows), len(rows.patch.corners)
-        G = self.T.G[self.P.slices[rows.name], columns]  # identity, up to the choice of rows
+        C, G = corner_map(rows), self.T.G[self.P.slices[rows.name], columns]  # G: identity, up to the choice of rows
         share = np.linalg.pinv(C) @ (G @ self.w[columns])
-        back = np.linalg.solve(G, C)
-        self.spans[rows.name] = slice(self.at, self.at + 3 * k)
-        self.with_corners.add(rows.name)
-        self.corners_at.append(np.zeros(3 * k))
-        for j in range(3 * k):
-            column = np.zeros(len(self.weights_at))
-            column[columns] = back[:, j]
-            self.corner_columns.append((self.at + j - j % 3, rows.patch.axes[:, j % 3]))
-            self.weight_columns.append(column)
-            self.start.append(float(share[j]))
-            self.bounds.append((-math.inf, math.inf))
-        self.at += 3 * k
+        for column, force in zip(np.linalg.solve(G, C).T, share, strict=True):
+            self._put(columns, column, force)
+
+    def _put(self, span: slice, column: Array, start: float, lower: float = -math.inf, upper: float = math.inf) -> None:
+        """One more x: what it adds to the weights of a span of columns, its value in the answer, its bounds."""
+        self.columns.append(np.zeros(self.T.size))
+        self.columns[-1][span] = column
+        self.start.append(float(min(max(start, lower), upper)))
+        self.bounds.append((lower, upper))
 
 
 def corner_kind(rows: Rows, held: bool) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, block_diagonal
 from rbd.problem.cones import Free, LineCone, NonNegative, SecondOrderCone, WrenchCone, project_cones
-from rbd.problem.force_set import Element
+from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
@@ -130,78 +130,52 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
         problem: The rows, with their velocities.
         law: As `Answer.law`.
     """
-    out, T = _Builder(problem), problem.force_set_of(law)
-    generators = block_diagonal([r.cone.generators()[0] for r in problem.rows])
-    for e in T.elements:
-        r = problem.rows[e.rows]
-        out.member_of(r, _words(r, e, generators[problem.slices[r.name], e.source]))
-        H, more = T.H[:, e.columns], T.offset[e.columns]
+    P, T = problem, problem.force_set_of(law)
+    generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
+    members, span, rounds = [], [], []
+    force, b, pushes = [np.zeros((P.m, 0))], [np.zeros(0)], [np.zeros((0, 3))]
+    holds: list[bool] = []
+    member: list[int] = []
+    for number, e in enumerate(T.elements):
+        r = P.rows[e.rows]
+        members.append(Member(r.name, _words(r, e, generators[P.slices[r.name], e.source])))
         if e.is_cone and law.kind != "coulomb":
-            out.put_round(H, e.mu, more)
-        elif e.is_cone:
-            out.put(H[:, 2], 0.0, math.inf, float(more[2]), _ALONG_NORMAL)
-        elif e.facets:
-            for column, ray, level in zip(H.T, T.push[e.columns], more.tolist(), strict=True):
-                length = float(np.linalg.norm(ray))
-                out.put(column / length, 0.0, math.inf, level / length, ray / length)
-            out.span[-1] = (H @ np.linalg.pinv(T.push[e.columns].T)).T @ problem.J
-        else:
-            at = e.columns.start
-            push = _ALONG_NORMAL if isinstance(e.shape, SecondOrderCone) else np.zeros(3)
-            out.put(H[:, 0], float(T.lower[at]), float(T.upper[at]), float(more[0]), push)
-    return out.conditions()
-
-
-class _Builder:
-    """Conditions collected one member at a time."""
-
-    def __init__(self, problem: GaussProblem) -> None:
-        self.P = problem
-        self.columns: list[Array] = []
-        self.b: list[float] = []
-        self.holds: list[bool] = []
-        self.push: list[Array] = []
-        self.member: list[int] = []
-        self.rounds: list[Round] = []
-        self.members: list[Member] = []
-        self.span: list[Array] = []
-
-    def member_of(self, rows: Rows, part: str) -> None:
-        """What follows belongs to this part of these rows."""
-        self.members.append(Member(rows.name, part))
-        self.span.append(np.zeros((0, self.P.nv)))
-
-    def put(self, column: Array, lower: float, upper: float, more: float = 0.0, push: Array = np.zeros(3)) -> None:  # noqa: B008
-        """The condition of a weight between two bounds on a column of forces; `more` is added to its acceleration."""
-        bounded_below, bounded_above = math.isfinite(lower), math.isfinite(upper)
-        if bounded_below and bounded_above:
-            return  # any acceleration is allowed
+            H = T.H[:, e.columns]
+            rounds.append(Round(number, H, H.T @ P.J, H.T @ P.offset + T.offset[e.columns], e.mu))
+            span.append(rounds[-1].A)
+            continue
+        H, offset, push, bounded_below, bounded_above = _asked(T, e)
+        if bounded_below and bounded_above:  # any acceleration is allowed
+            span.append(np.zeros((0, P.nv)))
+            continue
         sign = -1.0 if bounded_above else 1.0
-        self.columns.append(sign * column)
-        self.b.append(sign * (float(column @ self.P.offset) + more))
-        self.holds.append(not (bounded_below or bounded_above))
-        self.push.append(push)
-        self.member.append(len(self.members) - 1)
-        if not len(self.span[-1]):
-            self.span[-1] = (column @ self.P.J)[None]
-
-    def put_round(self, block: Array, mu: float, more: Array) -> None:
-        """The condition of a point under a circular cone."""
-        A = block.T @ self.P.J
-        self.rounds.append(Round(len(self.members) - 1, block, A, block.T @ self.P.offset + more, mu))
-        self.span[-1] = A
-
-    def conditions(self) -> Conditions:
-        """All of them."""
-        force = np.array(self.columns).reshape(len(self.b), self.P.m).T
-        push = np.array(self.push).reshape(len(self.b), 3)
-        return Conditions(
-            force, force.T @ self.P.J, np.array(self.b), np.array(self.holds, bool), push, np.array(self.member, int),
-            tuple(self.rounds), tuple(self.members), tuple(self.span),
-        )  # fmt: skip
+        force.append(sign * H)
+        b.append(sign * (H.T @ P.offset + offset))
+        pushes.append(push)
+        holds += [not (bounded_below or bounded_above)] * len(push)
+        member += [number] * len(push)
+        span.append((H @ np.linalg.pinv(push.T) if e.facets else H).T @ P.J)  # of a pyramid, the three axes of its point
+    F = np.hstack(force)
+    return Conditions(
+        F, F.T @ P.J, np.concatenate(b), np.array(holds, bool), np.vstack(pushes), np.array(member, int),
+        tuple(rounds), tuple(members), tuple(span),
+    )  # fmt: skip
 
 
-_ALONG_NORMAL = np.array([0.0, 0.0, 1.0])
+def _asked(T: ForceSet, e: Element) -> tuple[Array, Array, Array, bool, bool]:
+    """(columns of forces, offsets of their accelerations, forces on the point, whether weights end below, and above)."""
+    H, offset, push = T.H[:, e.columns], T.offset[e.columns], T.push[e.columns]
+    if e.is_cone:  # under Coulomb's law
+        return H[:, 2:], offset[2:], _ALONG_NORMAL, True, False
+    if e.facets:
+        length = np.linalg.norm(push, axis=1)
+        return H / length, offset / length, push / length[:, None], True, False
+    at = e.columns.start
+    rubs = isinstance(e.shape, SecondOrderCone)
+    return H, offset, _ALONG_NORMAL if rubs else np.zeros((1, 3)), bool(T.below[at]), bool(T.above[at])
+
+
+_ALONG_NORMAL = np.array([[0.0, 0.0, 1.0]])
 _AXES = ("tangent x", "tangent y", "normal", "turn about x", "turn about y", "turn about the normal")
 
 

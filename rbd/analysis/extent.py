@@ -1,7 +1,7 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.analysis.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not
+`rbd.problem.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not
 come so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a
 barrier's path. What is reached is attained.
 
@@ -17,8 +17,8 @@ import numpy as np
 from scipy.sparse import csr_array, hstack, identity
 
 from rbd.analysis.admissible_forces import Admissible
-from rbd.analysis.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.arrays import Array, lazy, max_abs
+from rbd.problem.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.cones import pyramid
 from rbd.problem.limits import Work
 from rbd.problem.programs import LinearAnswer, linear_program

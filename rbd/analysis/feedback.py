@@ -6,9 +6,9 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.arrays import Array
-from rbd.problem.force_set import ForceSet
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
+from rbd.problem.subspaces import RANK
 
 CARRIES = 1e-9
 """A weight is active above this, times the largest weight (at least 1 N)."""
@@ -38,9 +38,9 @@ def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law
     G, H = _active(P, weights, law)
     B = P.whitened @ G
     if H is G:  # least squares in the inertia metric, where feedback contradicts itself
-        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=1e-9)[0]
+        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=RANK)[0]
     else:
-        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=1e-9)[0]
+        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=RANK)[0]
     return np.asarray(blas.dtrsv(P.factor, moved, lower=1, trans=1))
 
 
@@ -50,26 +50,19 @@ def _active(P: GaussProblem, weights: Array | None, law: Law) -> tuple[Array, Ar
         one = np.eye(P.m)
         return one, one
     small = CARRIES * max(1.0, float(np.abs(weights).max(initial=0.0)))
-    T = P.force_set_of(law)
-    alone = (weights > T.lower + small) & (weights < T.upper - small)
-    alone[T.cone_columns.ravel()] = False
-    found = [(T.G[:, alone], T.H[:, alone])]
-    for i in range(len(T.mu)):
-        found += _cone_columns(T, i, weights, small, coulomb=law.kind == "coulomb")
+    T, found = P.force_set_of(law), [(np.zeros((P.m, 0)), np.zeros((P.m, 0)))]
+    for e in T.elements:
+        G, H, w = T.G[:, e.columns], T.H[:, e.columns], weights[e.columns]
+        if not e.is_cone:
+            free = (w > T.lower[e.columns] + small) & (w < T.upper[e.columns] - small)
+            found.append((G[:, free], H[:, free]))
+        elif w[2] > small:
+            used = float(np.hypot(w[0], w[1]))
+            if used < e.mu * w[2] - small:  # sticks
+                found.append((G, H))
+                continue
+            along = G @ np.array([[e.mu * w[0] / used], [e.mu * w[1] / used], [1.0]])
+            # Under Coulomb's law a point that slips keeps its normal still; under the convex one, its force's own direction.
+            found.append((along, H[:, 2:] if law.kind == "coulomb" else along))
     G = np.hstack([g for g, _ in found])
     return G, G if T.H is T.G and law.kind != "coulomb" else np.hstack([h for _, h in found])
-
-
-def _cone_columns(T: ForceSet, i: int, weights: Array, small: float, *, coulomb: bool) -> list[tuple[Array, Array]]:
-    """Of one second-order cone: all three columns where it sticks, one along its force where it slips, else none."""
-    columns, mu = T.cone_columns[i], float(T.mu[i])
-    w = weights[columns]
-    if w[2] <= small:
-        return []
-    used = float(np.hypot(w[0], w[1]))
-    if used < mu * w[2] - small:
-        return [(T.G[:, columns], T.H[:, columns])]
-    push = np.array([mu * w[0] / used, mu * w[1] / used, 1.0])
-    along = T.G[:, columns] @ push[:, None]
-    # Under Coulomb's law a point that slips keeps its normal still; under the convex one, its force's own direction.
-    return [(along, T.H[:, columns[2:]] if coulomb else along)]

@@ -4,7 +4,7 @@
 
 with T the identity or the user's weights. The least is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-Newton's method on its dual (`rbd.analysis.cone_programs`), exact too, and where that does not end, as of sets without an inside
+Newton's method on its dual (`rbd.problem.cone_programs`), exact too, and where that does not end, as of sets without an inside
 or weights that mix the corners, a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
 """
 
@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.analysis.admissible_forces import Admissible, admissible
-from rbd.analysis.cone_programs import ConeSet, least, least_squares
 from rbd.analysis.extent import Reach
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.problem.cone_programs import ConeSet, least, least_squares
 from rbd.problem.law import Law
 from rbd.problem.limits import FORCE_CHOICE_WORK, Work
 from rbd.problem.problem import GaussProblem

@@ -42,6 +42,7 @@ Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
 Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
+Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
 RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
 
 
@@ -69,6 +70,7 @@ def stand(
     robot: RobotName,
     friction: Friction = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
+    law: Law = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
@@ -79,14 +81,15 @@ def stand(
 ) -> None:
     """Stand a robot on its feet: holding torques, contact forces, the proof, and a picture.
 
-    Finds the motor torques that hold it still, applies the push if there is one, solves Gauss's least-constraint problem,
-    and prints what each foot carries.
+    Finds the motor torques that hold it still, applies the push if there is one, finds the motion and the contact forces under
+    the contact law, and prints what each foot carries.
     """
     from rbd.cli.robot_reports import StandReport
     from rbd.least_constraint import solve
     from rbd.model.external_force import ExternalForce
     from rbd.problem.cones import check_friction
     from rbd.robots.robot import load_robot
+    from rbd.solvers.default import slip_law
     from rbd.statics.equilibrium import hold
 
     console = open_console()
@@ -94,6 +97,7 @@ def stand(
         force = _push(push, at)
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
         check_friction(friction, facets)
+        slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or ())
@@ -109,7 +113,7 @@ def stand(
         with timed(seconds, "hold"):
             held = hold(state, feet)
         with timed(seconds, "solve"):
-            solution = solve(state, held.tau, feet, external=external)
+            solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
         report = StandReport(held, solution, force, at, seconds)
         if html is not None or show:
@@ -211,7 +215,7 @@ def simulate(
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
     for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
     friction: Friction = 0.7,
-    law: Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")] = "coulomb",
+    law: Law = "coulomb",
     hold_: Annotated[
         bool | None, typer.Option("--hold/--free", help="Motors hold the posture, or do nothing; --free of mechanisms.")
     ] = None,
@@ -240,6 +244,7 @@ def simulate(
     from rbd.control.schedules import Pushes
     from rbd.problem.cones import check_friction
     from rbd.simulation.run import simulate as run
+    from rbd.solvers.default import slip_law
 
     console = open_console()
     with answering(simulate):
@@ -248,6 +253,7 @@ def simulate(
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
         check_outputs(files, reads=robot)
         check_friction(friction, 4)
+        slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
             found = loaded(robot, root=_root(root), package_dirs=package_dir or ())

@@ -184,6 +184,7 @@ class StandReport:
             "status": str(s.status),
             "law": str(s.law),
             "solver": s.solver,
+            "method": s.method,
             "rows": s.problem.m,
             "rank": s.rank,
             "contacts": {name: self._contact(name, c) for name, c in s.contacts.items()},
@@ -250,7 +251,7 @@ class StandReport:
         s = self.solution
         with_contacts, without = self.com_acceleration
         rows = [
-            ("status", f"{s.status} by {s.solver}, law: {s.law}; {s.problem.m} rows of rank {s.rank}"),
+            ("status", f"{s.status} by {s.method}, law: {s.law}; {s.problem.m} rows of rank {s.rank}"),
             ("centre of mass", f"({rounded(self.held.state.com, 3)}) m"),
             ("its acceleration", f"({rounded(with_contacts, 3)}) m/s2"),
             ("without contacts", f"({rounded(without, 3)}) m/s2"),

@@ -1,11 +1,11 @@
 """What a constraint is: a name, and rows at a state; and what else a kind may say of itself.
 
-`name` and `rows(state)` are all that `rbd.solve` and smooth motion want. The members below are optional: a kind has those that
-it has something to say by, and everyone asks through the functions of this module, which know what their absence means.
+`name` and `rows(state)` are all that `rbd.solve` and smooth motion need. The members below are optional; the rest of the
+package asks for them through the functions of this module, which know the default where one is absent.
 
     points(state, t)              its points of contact, a `ContactPoints`; t: seconds since a ground that moves was given.
                                   Absent: simulation takes its rows, and their `error` for the gap
-    source(start)                 the same, prepared at the start of a motion, a `Source`: for speed alone. None: no such thing
+    source(start)                 the same, prepared at the start of a motion, a `Source`: for speed alone. None: there is none
     anchored(state)               the same constraint, its place put where it is: of kinds whose rows may have no `error`
     with_margin(margin)           the same, its points seen from farther away [m]: of points that come and go
     on                            what it touches, `rbd.Ground` or `rbd.Body`: a ground with a velocity carries it along

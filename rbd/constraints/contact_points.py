@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -127,15 +127,15 @@ class Measured:
     axes: Array | None = None
 
 
+Group: TypeAlias = tuple[Callable[[Sequence[Any], State], "Source"], Hashable]
+
+
 class Source(Protocol):
     """What gives points at a state."""
 
     @property
-    def group(self) -> Hashable:
-        """Sources of one group, of whichever constraints, can be measured together; None: of no group."""
-
-    def together(self, sources: Sequence[Any], start: State) -> Source:
-        """All sources of its group as one, which is faster."""
+    def group(self) -> Group | None:
+        """(what measures several sources at once, which it takes together); None of a source that stays alone."""
 
     def at(self, state: State, t: float) -> Measured:
         """Its points at a state and a time [s]."""
@@ -150,7 +150,7 @@ def sources_of(constraints: Sequence[Constraint], start: State) -> list[Source]:
     for group in dict.fromkeys(source.group for source in out if source.group is not None):
         alike = [source for source in out if source.group == group]
         if len(alike) > 1:
-            together = alike[0].together(alike, start)
+            together = group[0](alike, start)
             out = [together if s is alike[0] else s for s in out if s is alike[0] or s not in alike]
     return out
 
@@ -171,24 +171,10 @@ def _source(constraint: Constraint, start: State) -> Source:
     return FromRows(anchored(constraint, rows, start))
 
 
-class _Alone:
-    """A source of no group."""
+class FromPoints:
+    """A constraint by its `points`; each keeps its number while the motion lasts, though points come and go."""
 
     group = None
-
-    def together(self, sources: Sequence[Any], start: State) -> Source:
-        raise NotImplementedError
-
-    def at(self, state: State, t: float) -> Measured:
-        raise NotImplementedError
-
-    def gaps(self, state: State, t: float) -> Array:
-        """What `at` says."""
-        return self.at(state, t).gap
-
-
-class FromPoints(_Alone):
-    """A constraint by its `points`; each keeps its number while the motion lasts, though points come and go."""
 
     def __init__(self, name: str, points: Callable[[State, float], ContactPoints]) -> None:
         self.name, self._points = name, points
@@ -208,6 +194,10 @@ class FromPoints(_Alone):
             found.positions, found.axes,
         )  # fmt: skip
 
+    def gaps(self, state: State, t: float) -> Array:
+        """What `at` says."""
+        return self.at(state, t).gap
+
     def _numbered(self, labels: tuple[str, ...], cones: tuple[Cone, ...]) -> Structure:
         """The points under the numbers that their labels had when they were first seen; the same points, the same object."""
         known = self._seen.get((labels, cones))  # the sets may change with the state, e.g. friction
@@ -218,8 +208,10 @@ class FromPoints(_Alone):
         return known
 
 
-class FromRows(_Alone):
+class FromRows:
     """A constraint by its rows, those of patches at their corners."""
+
+    group = None
 
     def __init__(self, constraint: Constraint) -> None:
         self.constraint = constraint
@@ -242,6 +234,10 @@ class FromRows(_Alone):
         kept = np.repeat(~pushes, structure.widths)
         points, axes = _places(rows, len(gap))
         return Measured(structure, J, velocity, bias, gap, np.where(kept, error, 0.0), to_world, None, points, axes)
+
+    def gaps(self, state: State, t: float) -> Array:
+        """What `at` says."""
+        return self.at(state, t).gap
 
 
 def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None]:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix
-from rbd.constraints.contact_points import Measured, Structure
+from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import contact_axes, motion_of
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative
@@ -48,13 +48,9 @@ class OnGround:
         self.point_alone = k == 1
 
     @property
-    def group(self) -> tuple[str, bool] | None:
+    def group(self) -> Group | None:
         """Points alone stand together, and patches with edges do, whose resultants have moments; on moving ground none does."""
-        return None if self.surface is not None else ("on ground at rest", self.point_alone)
-
-    def together(self, sources: Sequence[OnGround], start: State) -> Grounds:
-        """Several as one."""
-        return Grounds(sources, start)
+        return None if self.surface is not None else (Grounds, self.point_alone)
 
     def at(self, state: State, t: float) -> Measured:
         """Its points at a state and a time [s]."""
@@ -170,10 +166,6 @@ class Grounds:
         self._zero = np.zeros(len(self._row))
 
     group = None
-
-    def together(self, sources: Sequence[OnGround], start: State) -> Grounds:
-        """What they are already."""
-        return self
 
     def at(self, state: State, t: float) -> Measured:
         """Their points at a state and a time [s]."""

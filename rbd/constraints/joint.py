@@ -14,7 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.constraints.constraint import PerRobot
-from rbd.constraints.contact_points import Measured, Structure
+from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -147,8 +147,6 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
 class Stops:
     """Joint limits as points of a motion: one row a bound, none of them dear."""
 
-    group = "joint limits"
-
     def __init__(self, limits: Sequence[JointLimit], start: State) -> None:
         self.limits, robot = tuple(limits), start.robot
         sides = [(limit, i) for limit in limits for i in (0, 1) if math.isfinite(limit.bounds(robot)[i])]
@@ -163,9 +161,15 @@ class Stops:
         self.structure = Structure(owners, which, (NonNegative(1),) * k)
         self.nothing = np.zeros(k)
 
-    def together(self, sources: Sequence[Stops], start: State) -> Stops:
+    @classmethod
+    def joined(cls, sources: Sequence[Stops], start: State) -> Stops:
         """All of them as one."""
-        return Stops([limit for source in sources for limit in source.limits], start)
+        return cls([limit for source in sources for limit in source.limits], start)
+
+    @property
+    def group(self) -> Group:
+        """All joint limits stand together."""
+        return Stops.joined, ()
 
     def at(self, state: State, t: float) -> Measured:
         """Distances to all bounds."""

@@ -67,6 +67,7 @@ class Answer:
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox).
         reason: Why there is no answer, or what the several are, in the solver's words; else empty.
         redundant: Whether rows depend on each other, so that the solver's f is one of many; a `Solution` takes the shortest.
+        method: Which of the solver's ways found it, e.g. "closed form", "QP" or "cones: Newton"; empty where it has but one.
     """
 
     problem: GaussProblem
@@ -81,6 +82,7 @@ class Answer:
     others: tuple[Answer, ...] = ()
     reason: str = ""
     redundant: bool = False
+    method: str = ""
 
     def __post_init__(self) -> None:
         if type(self.law) is not Law:

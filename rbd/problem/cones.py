@@ -126,15 +126,7 @@ class FrictionCone:
 
     def project(self, force: Array) -> Array:
         """The nearest force in the true (circular) cone; closed form."""
-        tangential = math.hypot(force[0], force[1])
-        normal = float(force[2])
-        if tangential <= self.mu * normal:
-            return force
-        if self.mu * tangential <= -normal:
-            return np.zeros(3)
-        on_axis = (self.mu * tangential + normal) / (1.0 + self.mu**2)
-        scale = self.mu * on_axis / tangential
-        return np.array([scale * force[0], scale * force[1], on_axis])
+        return np.asarray(project_cones(np.asarray(force, float)[None], np.array([self.mu]))[0])
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """Identity and one second-order cone."""

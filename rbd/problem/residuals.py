@@ -136,6 +136,18 @@ class Residuals:
                 return False
         return True
 
+    def under(self, law: Law, weights: Array) -> Residuals:
+        """The certificate of the same acceleration and row forces under another law; the equations of motion stay as judged.
+
+        Args:
+            law: The other law.
+            weights: Of the columns of `problem.force_set_of(law)`.
+        """
+        P, a, f, _, _ = self.answer
+        found = _judged(self.values[0], self.values[4], (P, a, f, weights, law))
+        found.__dict__["scales"] = self.scales
+        return found
+
     @lazy
     def scales(self) -> Scales:
         """What the rows are measured against."""
@@ -224,7 +236,13 @@ def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | Non
         centroidal = max(map(abs, _imbalance(P, a, f)))
     if P.bilateral:
         return Residuals((stationarity, max_abs(P.J @ a + P.offset), 0.0, 0.0, centroidal), answer)
-    terms = _terms(P, a, f, weights, law)
+    return _judged(stationarity, centroidal, answer)
+
+
+def _judged(
+    stationarity: float, centroidal: float | None, answer: tuple[GaussProblem, Array, Array, Array | None, Law]
+) -> Residuals:
+    terms = _terms(*answer)
     gap, off_cone, slack = max_abs(terms.gap), max_abs(terms.off_cone), max_abs(terms.slack)
     found = Residuals((stationarity, gap, off_cone, slack, centroidal), answer)
     found.__dict__["_terms"] = terms

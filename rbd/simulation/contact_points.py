@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from rbd.problem.cones import Cone, Free, FrictionCone
 
 SLIDES = 1e-6
 """A point that slides slower than this [m/s] sticks."""
+_MOST_LAYOUTS = 1000
+"""So many are known at once; of shapes that tumble there may be a new one at every step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,7 @@ class Layout:
         mu: Friction coefficients, shape (k,); zero of what has none.
         spans: (points, rows) of each source.
         boxed: Whether some point's forces are bounded by numbers.
+        computed: What was computed of them before, by whom it serves; it lasts as long as they do.
     """
 
     structures: tuple[Structure, ...]
@@ -55,6 +59,7 @@ class Layout:
     mu: Array
     spans: tuple[tuple[slice, slice], ...]
     boxed: bool
+    computed: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> Layout:
@@ -152,6 +157,8 @@ class Points:
         structures = tuple([m.structure for m in measured])
         layout = self._layouts.get(structures)
         if layout is None:
+            if len(self._layouts) >= _MOST_LAYOUTS:
+                self._layouts.clear()
             layout = self._layouts[structures] = Layout.of(structures)
         nv = state.robot.nv
         if len(measured) == 1:

@@ -11,6 +11,8 @@ Where the shortest of all f with J^T f = g lies in the cones, it is the answer. 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,7 @@ from rbd.problem.cones import Free
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.simulation.contact_points import SLIDES, Layout, Snapshot, slide
+from rbd.simulation.contact_points import SLIDES, Snapshot, slide
 from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
@@ -184,7 +186,7 @@ def _inside(at: Snapshot, active: Array, velocity: Array, force: Array, g: Array
     if layout.boxed and (slides & ~layout.rubs).any():
         return None  # a bound decides the force of dry friction
     lifts = normal & (velocity[n] > SLIDES + (layout.mu * speed if law == "convex" else 0.0))
-    plain, rays = _rows_of(layout, active & ~lifts & ~slides), []
+    plain, rays = np.flatnonzero(np.repeat(active & ~lifts & ~slides, layout.widths)), []
     for i in np.flatnonzero(slides & ~lifts).tolist():
         t, ray = slice(n[i] - 2, n[i]), np.zeros(len(force))
         size = float(np.hypot(*force[t]))
@@ -200,11 +202,6 @@ def _inside(at: Snapshot, active: Array, velocity: Array, force: Array, g: Array
     if rays:
         out += y[len(plain) :] @ np.array(rays)
     return out if _allowed(at, active, out) else None
-
-
-def _rows_of(layout: Layout, points: Array) -> Array:
-    """Indices of the rows of some points."""
-    return np.arange(len(layout.held)) if points.all() else np.flatnonzero(np.repeat(points, layout.widths))
 
 
 def _shortest(G: Array, g: Array) -> Array | None:
@@ -227,24 +224,14 @@ def _shortest(G: Array, g: Array) -> Array | None:
 
 def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
     """Whether forces are in their cones, and within bounds."""
-    layout, n = at.layout, at.layout.normals
-    slack = 1e-12 * max(1.0, max_abs(force))
-    if (force[n][layout.pushes] < -slack).any():
-        return False
-    if layout.rubs.any():
-        t = layout.tangents
-        beyond = np.hypot(*force[t].T) - layout.mu[layout.rubs] * force[n][layout.rubs]
-        if (beyond > slack).any():
-            return False
-    if not layout.boxed:
-        return True
-    boxes = [(i, c) for i, c in enumerate(layout.cones) if type(c).__name__ == "Box"]
-    return all(abs(float((c.project(force[n[i] : n[i] + 1]) - force[n[i]])[0])) <= slack for i, c in boxes)
+    rows = active_rows(at.layout, active, 1.0)
+    f = force[rows.index]
+    return max_abs(rows.sets.project(f) - f) <= 1e-12 * max(1.0, max_abs(f))
 
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
     """Where that fails: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
-    rows = active_rows(at.layout, active.tobytes(), 1.0)
+    rows = active_rows(at.layout, active, 1.0)
     index, groups, T = rows.index, rows.groups, rows.sets
     f, J, M = force[index], at.J[index], at.state.M
     u = np.where(at.layout.held, 0.0, velocity)[index]
@@ -278,14 +265,11 @@ def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Seq
 def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
     """(constraint, its points, its rows) of a source's points; those of one constraint stand together."""
     out: list[tuple[str, slice, slice]] = []
-    ends = np.cumsum(structure.widths)
-    first = 0
-    k = len(structure.owners)
-    for i in range(k):
-        if i == k - 1 or structure.owners[i + 1] != structure.owners[first]:
-            begin = int(ends[first - 1]) if first else 0
-            out.append((structure.owners[first], slice(first, i + 1), slice(begin, int(ends[i]))))
-            first = i + 1
+    point = row = 0
+    for owner, members in groupby(zip(structure.owners, structure.widths.tolist(), strict=True), key=itemgetter(0)):
+        widths = [width for _, width in members]
+        out.append((owner, slice(point, point + len(widths)), slice(row, row + sum(widths))))
+        point, row = point + len(widths), row + sum(widths)
     return out
 
 

@@ -28,6 +28,7 @@ from rbd.mechanism.projection import Projection
 from rbd.model.external_force import External
 from rbd.model.state import State
 from rbd.problem.cones import Free
+from rbd.problem.law import Law
 from rbd.problem.residuals import USABLE
 from rbd.simulation.events import Event, Sample
 from rbd.simulation.integrators import RungeKutta4, TimeStepping
@@ -35,9 +36,9 @@ from rbd.simulation.motion import Integrator, Motion, Stabilisation
 from rbd.simulation.progress import progress_of
 from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory import Trajectory
+from rbd.solvers.default import slip_law
 
 MOST_STEPS = 100_000_000
-LAWS = ("coulomb", "convex")
 
 
 def simulate(
@@ -48,7 +49,7 @@ def simulate(
     step: float,
     controller: Controller | None = None,
     external: External | ExternalAt = None,
-    law: str = "coulomb",
+    law: Law | str = "coulomb",
     restitution: float | Mapping[str, float] = 0.0,
     integrator: Integrator | None = None,
     stabilisation: Stabilisation = Projection(),  # noqa: B008  a frozen record of settings
@@ -74,7 +75,7 @@ def simulate(
         step: Time between samples [s]: the step of fixed-step integrators; the last may be shorter.
         controller: Motor torques (nu,) of a state and a time; None for none. It is called at every stage of a step.
         external: Other forces of the world as for `rbd.solve`; or a function of state and time that gives them.
-        law: "coulomb", or "convex" (Gauss's principle with cones), of contacts that can slip.
+        law: "coulomb", or "convex" (Gauss's principle with circular cones), of contacts that can slip, as in `rbd.solve`.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 of the others.
         integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, as said above.
         stabilisation: What keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
@@ -178,7 +179,7 @@ def _motion(
     constraints: Sequence[Constraint],
     controller: Controller | None,
     external: External | ExternalAt,
-    law: str,
+    law: Law | str,
     restitution: float | Mapping[str, float],
     stabilisation: Stabilisation,
     every: int,
@@ -190,8 +191,7 @@ def _motion(
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
-    if not isinstance(law, str) or law not in LAWS:
-        raise InputError(f"law is {law!r:.80}; expected 'coulomb' or 'convex'.")
+    kind = slip_law(law).kind
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r:.80}; expected a function of state and time that gives torques (nu,).")
     if stabilisation is not None and not isinstance(stabilisation, Projection | Baumgarte):
@@ -200,7 +200,7 @@ def _motion(
             "or None."
         )
     e = _restitution(restitution, names)
-    return Motion(state.robot, given, controller, external, law, e, stabilisation, every)
+    return Motion(state.robot, given, controller, external, kind, e, stabilisation, every)
 
 
 def _restitution(given: float | Mapping[str, float], names: list[str]) -> dict[str, float]:

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +26,7 @@ from rbd.robots import catalogue
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot, load_robot
 from rbd.simulation.events import Event
-from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Column, Fields
+from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in, xarray_or_error
 
 if TYPE_CHECKING:
@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 AXES = ["x", "y", "z"]
 SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
 NUMBERS = "robot_numbers"
-
-_COLUMN_OF = {c.name: c for c in COLUMNS} | {f"residual_{c.name}": c for c in RESIDUALS}
-_COLUMN_OF["energy"] = Column("energy", "", "J", "kinetic and potential energy")
 _COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
 """What `robot_numbers` has of each joint and its body."""
 _RELATIVE, _ABSOLUTE = 1e-9, 1e-12
@@ -63,15 +60,31 @@ def header_of(fields: Fields) -> dict[str, Any]:
     }
 
 
+Variable: TypeAlias = tuple[str, Array, list[str], str, str]
+"""Name, array, dimensions after time, unit and meaning of what has one row a sample."""
+
+
+def _variables(fields: Fields) -> Iterator[Variable]:
+    """All that has one row a sample, in the order of a file."""
+    for c in COLUMNS:
+        yield c.name, fields[c.name], [c.axis] if c.axis else [], c.unit, c.meaning
+    for c in RESIDUALS:
+        yield f"residual_{c.name}", fields["residuals"][c.name], [], c.unit, c.meaning
+    for name, key in keys(tuple(fields["forces"])).items():
+        contact, force = name in fields["points"], fields["forces"][name]
+        unit = "N, then N m" if force.shape[1] == 6 else "N" if contact else "N or N m"
+        axes = ", world axes" if contact else ", by rows"
+        yield f"force_{key}", force, [f"{key}_row"], unit, f"what {name} does to the robot{axes}"
+        yield f"mode_{key}", fields["modes"][name], [], "", f"mode of {name}"
+        if contact:
+            points, forces, dims = fields["points"][name], fields["point_forces"][name], [f"{key}_point", "axis"]
+            yield f"points_{key}", points, dims, "m", f"points of {name} in W; NaN where one is not there"
+            yield f"point_forces_{key}", forces, dims, "N", f"force at each point of {name}, world axes"
+
+
 def arrays_of(fields: Fields) -> dict[str, Array]:
     """{variable: array}, one row a sample, and the robot's numbers."""
-    out = {"t": fields["t"], **{c.name: fields[c.name] for c in COLUMNS}}
-    out |= {f"residual_{name}": x for name, x in fields["residuals"].items()}
-    for name, key in keys(tuple(fields["forces"])).items():
-        out[f"force_{key}"], out[f"mode_{key}"] = fields["forces"][name], fields["modes"][name]
-        if name in fields["points"]:
-            out[f"points_{key}"], out[f"point_forces_{key}"] = fields["points"][name], fields["point_forces"][name]
-    return out | {NUMBERS: robot_numbers(fields["robot"])}
+    return {"t": fields["t"]} | {name: x for name, x, *_ in _variables(fields)} | {NUMBERS: robot_numbers(fields["robot"])}
 
 
 def fields_of(
@@ -112,29 +125,15 @@ def fields_of(
 
 def dataset_of(fields: Fields) -> xarray.Dataset:
     """The trajectory with named dimensions, labels and units; see `Trajectory.to_xarray`."""
-    xr, arrays = xarray_or_error(), arrays_of(fields)
-    del arrays[NUMBERS]
-    arrays["energy"] = arrays["kinetic"] + arrays["potential"]
-    coords: dict[str, Any] = {"time": ("time", arrays.pop("t"), {"units": "s"}), **_labels(fields["robot"])}
-    dims = {c.name: [c.axis] for c in COLUMNS if c.axis}
-    units = {name: c.unit for name, c in _COLUMN_OF.items() if c.unit}
-    meanings = {name: c.meaning for name, c in _COLUMN_OF.items()}
-    for name, word in keys(tuple(fields["forces"])).items():
-        contact, m = name in fields["points"], fields["forces"][name].shape[1]
-        dims[f"force_{word}"] = [f"{word}_row"]
-        coords[f"{word}_row"] = SPATIAL[:m] if contact and m in (3, 6) else np.arange(m).astype(str)
-        units[f"force_{word}"] = "N, then N m" if m == 6 else "N" if contact else "N or N m"
-        meanings[f"force_{word}"] = f"what {name} does to the robot" + (", world axes" if contact else ", by rows")
-        meanings[f"mode_{word}"] = f"mode of {name}"
-        if contact:
-            dims[f"points_{word}"] = dims[f"point_forces_{word}"] = [f"{word}_point", "axis"]
-            units[f"points_{word}"], units[f"point_forces_{word}"] = "m", "N"
-            meanings[f"points_{word}"] = f"points of {name} in W; NaN where one is not there"
-            meanings[f"point_forces_{word}"] = f"force at each point of {name}, world axes"
+    xr = xarray_or_error()
+    coords: dict[str, Any] = {"time": ("time", fields["t"], {"units": "s"}), **_labels(fields["robot"])}
+    for name, key in keys(tuple(fields["forces"])).items():
+        m = fields["forces"][name].shape[1]
+        coords[f"{key}_row"] = SPATIAL[:m] if name in fields["points"] and m in (3, 6) else np.arange(m).astype(str)
+    energy: Variable = "energy", fields["kinetic"] + fields["potential"], [], "J", "kinetic and potential energy"
     variables: dict[str, Any] = {}
-    for name, x in arrays.items():
-        attrs = {"long_name": meanings[name]} | ({"units": units[name]} if name in units else {})
-        variables[name] = (["time", *dims.get(name, [])], x, attrs)
+    for name, x, dims, unit, meaning in [*_variables(fields), energy]:
+        variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
     about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
     about |= {word: fields[word] for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"

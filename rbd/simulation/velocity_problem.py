@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -44,6 +44,8 @@ STILL = 1e-13
 """Scaled velocity of sticking rows that is zero to rounding."""
 _ROUNDING = 1e-14
 """Of velocities, times the root of the mass that a point feels [kg^1/2 m/s]."""
+_MOST_CHOICES = 500
+"""So many choices of active points, and lengths of step where forces are bounded, are known of one layout."""
 _NOTHING = 1e-100
 """Velocities below this are zero [m/s, rad/s]: divided by them, others would overflow."""
 _QUICK = 10
@@ -98,26 +100,30 @@ class ActiveRows:
         return ", ".join(name for name, _, _ in self.groups)
 
 
-@lru_cache(maxsize=512)
-def active_rows(layout: Layout, active: bytes, h: float) -> ActiveRows:
-    """The rows of active points, bounds of forces multiplied by h.
+def active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
+    """The rows of active points, bounds of forces multiplied by h; the very object where they were asked for before.
 
     Args:
         layout: All points.
-        active: Which of them are active, the bytes of a boolean array of shape (k,).
+        active: Which of them are active, shape (k,).
         h: Length of the step [s]; 1 for sets of forces.
     """
-    chosen = np.frombuffer(active, bool)
-    points = np.flatnonzero(chosen)
-    index = slice(None) if chosen.all() else np.flatnonzero(np.repeat(chosen, layout.widths))
+    known, key = layout.computed, (active.tobytes(), h if layout.boxed else 0.0)
+    found: ActiveRows | None = known.get(key)
+    if found is None:
+        if len(known) > _MOST_CHOICES:
+            known.clear()
+        found = known[key] = _active_rows(layout, active, h)
+    return found
+
+
+def _active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
+    index = slice(None) if active.all() else np.flatnonzero(np.repeat(active, layout.widths))
     groups: list[tuple[str, slice, Cone]] = []
-    at, i = 0, 0
-    while i < len(points):
-        owner, members = layout.owners[points[i]], []
-        while i < len(points) and layout.owners[points[i]] == owner:
-            members.append(_impulses_over(layout.cones[points[i]], h))
-            i += 1
-        cone = members[0] if len(members) == 1 else Product(members)
+    at = 0
+    for owner, members in groupby(np.flatnonzero(active).tolist(), key=layout.owners.__getitem__):
+        cones = [_impulses_over(layout.cones[i], h) for i in members]
+        cone = cones[0] if len(cones) == 1 else Product(cones)
         groups.append((owner, slice(at, at + cone.dim), cone))
         at += cone.dim
     sets, held = at_rest(*[cone for _, _, cone in groups]), np.flatnonzero(layout.held[index])
@@ -160,7 +166,7 @@ def solve_velocity(
         NoSolution: naming the active constraints, or what is not finite.
         SingularInertia: M is not positive definite.
     """
-    rows = active_rows(at.layout, active.tobytes(), h if at.layout.boxed else 0.0)
+    rows = active_rows(at.layout, active, h)
     M, index, impulse = at.state.M, rows.index, np.zeros(len(offset))
     L = inertia_factor(at.state.M)
     y = blas.dtrsv(L, rhs, lower=1)

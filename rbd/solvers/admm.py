@@ -58,14 +58,18 @@ class ConeSolver:
     and f = G w, a = a_free + M^-1 J^T f. Rows of any kind: lines, half-lines, intervals, second-order cones. D may be
     singular (four corners of a sole): then w is one of many.
 
-    What is tried, in order, until an answer's own residuals are `solved`:
+    What is tried, in order, until an answer's own residuals are `solved`; its `method` says which of them it was:
 
-        1  the forces that hold every row still, if they lie in their sets: one linear solve
-        2  Pinocchio's ADMM from there, to 1e-6, and semismooth Newton steps (`rbd.solvers.newton`), two as a rule
-        3  Newton from 1 alone; under Coulomb's law from all contacts open, and from the convex law's ADMM
+        1  "closed form": the forces that hold every row still, if they lie in their sets: one linear solve
+        2  "cones: ADMM, Newton": Pinocchio's ADMM from there, to 1e-6, and semismooth Newton steps (`rbd.solvers.newton`), two
+           as a rule
+        3  "cones: Newton": from 1 alone; under Coulomb's law from all contacts open, and from the convex law's ADMM
         4  a linear program: if no acceleration satisfies the rows, the answer is `infeasible`
-        5  an interior-point method for the convex law, then Newton; for Coulomb's law as a fixed point on De Saxce's term
-        6  Coulomb's law only: Newton from random weights
+        5  "cones: interior point, Newton": an interior-point method for the convex law, then Newton; for Coulomb's law as a
+           fixed point on De Saxce's term
+        6  Coulomb's law only, "cones: Newton" from random weights
+
+    Points that already slide have no cone left: "modes of sliding points" (`rbd.solvers.sliding`).
 
     The order is by cost; figures in `docs/design/admm.md`. Under the convex law the motion is unique. Under Coulomb's it
     need not be, nor need there be one where the convex law has none [Acary2011]. Where a sole slides on four corners, how
@@ -111,13 +115,23 @@ class ConeSolver:
 
         Points that already slide have no cone left: `rbd.solvers.sliding` searches their modes.
         """
-        start = time.perf_counter()
+        return self.solve_from(problem, None)
+
+    def solve_from(self, problem: GaussProblem, weights: Array | None, since: float | None = None) -> Answer:
+        """The same, its second step first from weights of `problem.force_set`, such as those of another law's answer.
+
+        Args:
+            problem: What is solved.
+            weights: Shape (p,); None for those of the first step.
+            since: When the search began that this goes on with, by `time.perf_counter`.
+        """
+        start = time.perf_counter() if since is None else since
         P = checked(problem)
         if P.bilateral:
             return replace(KKT().solve(P), solver="ConeSolver")
         if P.force_set.sliding:
             return _of_sliding(P, start)
-        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1)
+        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights)
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
@@ -126,8 +140,10 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
 
     answers = sliding_answers(P)
     found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.force_set.size)),)
+    seconds = time.perf_counter() - start
     solutions = [
-        Answer(P, a, f, w, COULOMB, "ConeSolver", 1, time.perf_counter() - start, reason=answers.reason) for a, f, w in found
+        Answer(P, a, f, w, COULOMB, "ConeSolver", 1, seconds, reason=answers.reason, method="modes of sliding points")
+        for a, f, w in found
     ]
     return replace(solutions[0], others=tuple(solutions[1:]))
 
@@ -142,11 +158,12 @@ class _Search:
         self.iterations = 0
         self.work, self.step = Work(SEARCH_WORK), float(P.force_set.size) ** 3 + 1e4
         self.infeasible = False
+        self.method = "closed form"
         self.best: Answer | None = None
         self.answers: list[Answer] = []
 
-    def run(self, wanted: int) -> Answer:
-        """The answer, after `wanted` starts or the first answer, whichever comes later."""
+    def run(self, wanted: int, weights: Array | None = None) -> Answer:
+        """The answer, after `wanted` starts or the first answer, whichever comes later; from weights, if they are given."""
         T = self.P.force_set
         w = holding(self.P)
         first = T.project(w)
@@ -154,7 +171,8 @@ class _Search:
         if holds and (self._judge(first) or self._judge(self._firmer(first))):
             return self.answers[0]
         S, W = self.S, self.W
-        for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W)):
+        given = None if weights is None else S.guess(T.project(weights))
+        for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W, given)):
             if (self.answers and i >= wanted) or self.work.left < 0.0:
                 break
             w, merit, steps = steps_from(S, guess, coulomb=self.coulomb, iterations=25 if i < 3 else 40, proximal=proximal)
@@ -192,7 +210,7 @@ class _Search:
         kept, T = len(self.answers), self.P.force_set
         for guess in (
             lambda: self._by_admm(S, first, False, 1000),
-            lambda: solve_interior_point(S, extra=np.zeros(len(first)))[0],
+            lambda: self._by_interior_point(S, np.zeros(len(first))),
         ):
             w, merit, steps = steps_from(S, guess(), coulomb=False, iterations=40)
             self.iterations += steps
@@ -219,9 +237,12 @@ class _Search:
         left = P.J @ constrained(P, P.force_set.G @ w) + P.offset
         return P.force_set.project(w - _split(P.force_set) @ np.linalg.lstsq(P.delassus, left, rcond=1e-12)[0])
 
-    def _starts(self, S: Scaled, first: Array, W: Array) -> Iterator[tuple[Array, float]]:
+    def _starts(self, S: Scaled, first: Array, W: Array, given: Array | None) -> Iterator[tuple[Array, float]]:
         """(scaled weights, proximal term) to start Newton from, cheapest first."""
+        if given is not None:
+            yield self._by_admm(S, given, self.coulomb, 200), 1e-7
         yield self._by_admm(S, first, self.coulomb, 200), 1e-7
+        self.method = "cones: Newton"
         yield first, 1e-7
         if self.coulomb:
             yield np.zeros(len(first)), 1e-7
@@ -231,14 +252,13 @@ class _Search:
             return
         extra = np.zeros(len(first))
         for _ in range(_FIXED_POINT_STEPS if self.coulomb else 1):
-            w, n = solve_interior_point(S, extra=extra)
-            self.iterations += n
-            self.work.spend(n * self.step)
+            w = self._by_interior_point(S, extra)
             yield w, 1e-6
             extra = de_saxce(S, S.D @ w + S.q)
         if not self.coulomb:
             yield w, 1e-4
             return
+        self.method = "cones: Newton"
         rng = np.random.default_rng(0)
         for _ in range(_RANDOM_STARTS):
             yield rng.normal(size=len(first)), 1e-6
@@ -246,6 +266,14 @@ class _Search:
     def _by_admm(self, S: Scaled, guess: Array, coulomb: bool, iterations: int) -> Array:
         w, steps = admm(S, guess, coulomb=coulomb, iterations=iterations, tolerance=1e-6)
         self.iterations += steps
+        self.method = "cones: ADMM, Newton"
+        return w
+
+    def _by_interior_point(self, S: Scaled, extra: Array) -> Array:
+        w, steps = solve_interior_point(S, extra=extra)
+        self.iterations += steps
+        self.work.spend(steps * self.step)
+        self.method = "cones: interior point, Newton"
         return w
 
     def _alike(self, S: Scaled, w: Array) -> Array:
@@ -274,8 +302,11 @@ class _Search:
         """Keep what weights give; whether it is an answer."""
         f = self.P.force_set.G @ w
         a = constrained(self.P, f)
-        seconds, redundant = time.perf_counter() - self.start, self.redundant
-        found = Answer(self.P, a, f, w, self.law, "ConeSolver", self.iterations, seconds, reason=reason, redundant=redundant)
+        seconds = time.perf_counter() - self.start
+        found = Answer(
+            self.P, a, f, w, self.law, "ConeSolver", self.iterations, seconds,
+            reason=reason, redundant=self.redundant, method=self.method,
+        )  # fmt: skip
         if not found.residuals.within(SOLVED) and found.residuals.within(NEAR):
             found = refined(found, by_newton(self.S, self.P.force_set, coulomb=self.coulomb), self.P.force_set)
         if not found.residuals.within(SOLVED):

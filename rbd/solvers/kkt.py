@@ -37,7 +37,7 @@ class KKT:
         bad = next(r for r in problem.rows if not at_rest(r.cone).bilateral)
         return (
             f"KKT takes constraints that hold, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
-            "Use rbd.ProxQP(), or friction=None for a contact that holds."
+            "Leave out solver=, or take friction=None for a contact that holds."
         )
 
     def solve(self, problem: GaussProblem) -> Answer:
@@ -58,7 +58,7 @@ class KKT:
                 infeasible = missed > 1e-6 * max(1.0, float(np.abs(c).max()))
             a = constrained(P, f)
         seconds = time.perf_counter() - start
-        found = Answer(P, a, f, None, BILATERAL, "KKT", 1, seconds, infeasible, redundant=repeats)
+        found = Answer(P, a, f, None, BILATERAL, "KKT", 1, seconds, infeasible, redundant=repeats, method="closed form")
         if not (infeasible or found.residuals.within(SOLVED)):
             found = replace(held_refined(found), seconds=time.perf_counter() - start)
         return found

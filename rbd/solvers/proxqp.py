@@ -71,7 +71,8 @@ class ProxQP:
         start = time.perf_counter()
         P = checked(problem)
         if not P.m:
-            return Answer(P, P.a_free.copy(), np.zeros(0), None, BILATERAL, "ProxQP", 0, time.perf_counter() - start)
+            seconds = time.perf_counter() - start
+            return Answer(P, P.a_free.copy(), np.zeros(0), None, BILATERAL, "ProxQP", 0, seconds, method="QP")
         independent, T = independent_factor(P.delassus), P.force_set.pyramids
         # R^T R = J M^-1 J^T, m x m where the rows are independent, else (k, m) from W = Q R.
         R = np.asarray(np.linalg.qr(P.whitened, mode="r")) if independent is None else independent
@@ -79,7 +80,8 @@ class ProxQP:
         def answer(weights: Array, iterations: int) -> Answer:
             f, kept = (weights, None) if P.bilateral else (T.G @ weights, weights)
             a, seconds = constrained(P, f), time.perf_counter() - start
-            return Answer(P, a, f, kept, pyramidal_law(P), "ProxQP", iterations, seconds, redundant=independent is None)
+            redundant = independent is None
+            return Answer(P, a, f, kept, pyramidal_law(P), "ProxQP", iterations, seconds, redundant=redundant, method="QP")
 
         return self._best(P, R, answer)
 

@@ -16,7 +16,7 @@ from rbd.problem.contact_force import CARRIES_NOTHING_N
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
 from rbd.solution import Solution
-from rbd.solvers.admm import ConeSolver
+from rbd.solvers.default import solver_of
 
 SAME = 1e-7
 """Accelerations of the two laws that differ by less, over max(1, the largest), are the same."""
@@ -45,11 +45,11 @@ class ContactUnderLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawComparison:
-    """Convex and Coulomb's law at one state, both with circular cones.
+    """Convex and Coulomb's law at one state, both with circular cones, as `rbd.solve` answers under each.
 
     Attributes:
         convex: The answer of the associated (convex) law.
-        coulomb: The answer of Coulomb's law.
+        coulomb: The answer of Coulomb's law; where it is one of several motions, the rest are in `coulomb.others`.
         under_convex: {contact: what it does under the convex law}.
         under_coulomb: {contact: what it does under Coulomb's law}.
     """
@@ -67,8 +67,8 @@ class LawComparison:
 
     @property
     def agree(self) -> bool:
-        """Whether the robot moves the same way under both, to `SAME`."""
-        return self.difference <= SAME
+        """Whether the robot moves the same way under both, to `SAME`, and no other motion of Coulomb's law was found."""
+        return self.difference <= SAME and not self.coulomb.others
 
     @property
     def normal_ratio(self) -> dict[str, float]:
@@ -80,7 +80,10 @@ class LawComparison:
         return f"LawComparison(difference {self.difference:.2g}, contacts {list(self.under_coulomb)})"
 
     def __str__(self) -> str:
-        verdict = "the same motion" if self.agree else f"they part: accelerations differ by {self.difference:.2g}, relative"
+        parts = f"they part: accelerations differ by {self.difference:.2g}, relative"
+        verdict = "the same motion" if self.difference <= SAME else parts
+        if self.coulomb.others:
+            verdict += f"; Coulomb's law has {1 + len(self.coulomb.others)} motions"
         heads = ("normal", "ratio", "slip", "lift-off", "dissipation", "put back")
         units = ("[N]", "", "[m/s2]", "[m/s2]", "[W/s]", "[W/s]")
         lines = [f"convex against Coulomb's law, circular cones: {verdict}"]
@@ -106,10 +109,10 @@ def compare_laws(
 ) -> LawComparison:
     """Convex and Coulomb's law side by side, both with circular cones: the gauge of the relaxation.
 
-    Where every contact sticks, or breaks with c_n >= mu |c_t|, the two agree. Where one starts to slip, the convex law lets it
-    lift at mu times its tangential acceleration, gives it another normal force, and puts back by lifting what friction takes.
-    They differ too where a point without load breaks with c_n < mu |c_t|, and where Coulomb's law has several motions: then a
-    `NonUniqueMotionWarning` warns of it, and `coulomb.others` has the others.
+    Where a loaded point starts to slip, the convex law lets it lift at mu times its tangential acceleration, gives it another
+    normal force, and puts back by lifting what friction takes. The two differ too where a point without load breaks with
+    c_n < mu |c_t|, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
+    `coulomb.others` has the others. Elsewhere they agree.
 
     Args:
         state: The robot, its contacts at rest.
@@ -125,8 +128,7 @@ def compare_laws(
         NoSolution, ContactMoves, InputError: as `rbd.solve`; a contact that already slides has no convex law.
     """
     problem = assembled(state, tau, constraints, external, rest_speed)
-    convex = answered(problem, ConeSolver(law="convex"))
-    coulomb = answered(problem, ConeSolver(law="coulomb"))
+    convex, coulomb = (answered(problem, solver_of(law, None)) for law in ("convex", "coulomb"))
     return LawComparison(convex, coulomb, _under(convex), _under(coulomb))
 
 

@@ -477,7 +477,7 @@ def test_the_violation_is_the_least(seed: int) -> None:
     ]
     P = problem(*[rows(str(i), rng.normal(size=(c.dim, nv)), 3.0 * rng.normal(size=c.dim), c) for i, c in enumerate(cones)])
     assert contradiction(P, "convex, 4 facets") is not None
-    near = rbd.solution.nearest_motion(P)
+    near = rbd.solution.nearest_motion(P, solver=rbd.ProxQP())
     assert_least(P, near)
     assert near.solution.status is rbd.problem.Status.SOLVED and near.optimality < 1e-9
     s = stacked(P, dict(near.violation))

@@ -141,7 +141,7 @@ def test_four_smooth_points_are_a_smooth_surface(talos, rng):
 
 
 class TestMoving:
-    """Contacts that can break or slip are solved at rest only; those that hold take any motion."""
+    """Under the convex law contacts that can break or slip are solved at rest only; those that hold take any motion."""
 
     def test_a_moving_contact_is_refused_by_name(self, talos):
         """Above 1e-6 m/s; the message names it, says how fast, and what to use."""
@@ -150,7 +150,7 @@ class TestMoving:
         state = talos.standing().with_velocity(v)
         for contact in (talos.soles(0.5)[1], rbd.PointContact("right_sole", "right_sole_link", friction=0.3)):
             with pytest.raises(rbd.errors.ContactMoves, match=r"'right_sole'.*0\.5 m/s.*friction=None"):
-                rbd.solve(state, np.zeros(talos.nu), [contact])
+                rbd.solve(state, np.zeros(talos.nu), [contact], law="convex")
         rbd.solve(state, np.zeros(talos.nu), talos.soles(None))
 
     def test_a_contact_that_leaves_carries_nothing(self, talos):
@@ -172,9 +172,9 @@ class TestMoving:
         state = talos.standing().with_velocity(v)
         if refused:
             with pytest.raises(rbd.errors.ContactMoves):
-                rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5))
+                rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5), law="convex")
         else:
-            rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5))
+            rbd.solve(state, np.zeros(talos.nu), talos.soles(0.5), law="convex")
 
     def test_a_turning_sole_is_refused(self, talos):
         """A sole that turns about its own centre is no surface contact."""
@@ -183,7 +183,7 @@ class TestMoving:
         J = sole.rows(state).J
         v = np.linalg.pinv(J) @ np.array([0, 0, 0, 0, 0, 0.2])
         with pytest.raises(rbd.errors.ContactMoves, match="'left_sole'"):
-            rbd.solve(state.with_velocity(v), np.zeros(talos.nu), [sole])
+            rbd.solve(state.with_velocity(v), np.zeros(talos.nu), [sole], law="convex")
 
     def test_a_smooth_point_may_slide(self):
         """A puck on ice: only its normal row is there, and it does not move along it."""

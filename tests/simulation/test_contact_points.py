@@ -1,4 +1,4 @@
-"""Points that come into sight and go out of it keep what is known of them."""
+"""Points keep what is known of them where others enter or leave the contact set."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from rbd.simulation.contact_points import Carry
+from rbd.simulation.contact_points import PointMatching
 
 
 def layout(**points: int) -> SimpleNamespace:
@@ -20,18 +20,21 @@ def test_each_point_keeps_its_value_and_its_rows():
     """By constraint and number, whatever stands before it now: a cone of three rows between points of one row."""
     old = layout(a0=1, b0=3, b1=3, c0=1)
     new = layout(b1=3, d0=2, a0=1, b0=3)
-    carry = Carry(old, new)
-    assert carry.known.tolist() == [True, False, True, True]
-    assert carry.points(np.array([10.0, 20.0, 21.0, 30.0]), np.inf).tolist() == [21.0, np.inf, 10.0, 20.0]
+    match = PointMatching(old, new)
+    assert match.known.tolist() == [True, False, True, True]
+    assert match.points(np.array([10.0, 20.0, 21.0, 30.0]), np.inf).tolist() == [21.0, np.inf, 10.0, 20.0]
     rows = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0])
-    assert carry.rows(rows).tolist() == [5.0, 6.0, 7.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0]
+    assert match.rows(rows).tolist() == [5.0, 6.0, 7.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0]
 
 
 def test_into_nothing_and_out_of_nothing():
     """No points before, or none after."""
     some, none = layout(a0=3), layout()
-    assert Carry(none, some).rows(np.zeros(0)).tolist() == [0.0, 0.0, 0.0]
-    assert Carry(some, none).rows(np.ones(3)).tolist() == [] and Carry(some, none).points(np.ones(1), 0.0).tolist() == []
-    same = Carry(some, some)
+    assert PointMatching(none, some).rows(np.zeros(0)).tolist() == [0.0, 0.0, 0.0]
+    assert (
+        PointMatching(some, none).rows(np.ones(3)).tolist() == []
+        and PointMatching(some, none).points(np.ones(1), 0.0).tolist() == []
+    )
+    same = PointMatching(some, some)
     values = np.arange(3.0)
     assert same.rows(values) is values and same.points(values, 0.0) is values

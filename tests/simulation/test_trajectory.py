@@ -126,6 +126,8 @@ def test_indexing_and_slicing(fall: Trajectory):
     last = fall[-1]
     assert isinstance(last, Sample) and last.t == fall.t[-1] and last.modes["floor"] == "sticks"
     np.testing.assert_array_equal(last.state.q, fall.q[-1])
+    assert (last.law, last.drift, last.penetration) == (fall.residuals["law"][-1], 0.0, fall.residuals["penetration"][-1])
+    assert fall[5].events == fall.events and fall[4].events == fall[6].events == fall[0].events == ()
     part = fall[3:9:2]
     assert isinstance(part, Trajectory) and len(part) == 3 and part.events == fall.events and part.step == fall.step
     np.testing.assert_array_equal(part.t, fall.t[3:9:2])

@@ -59,10 +59,10 @@ def test_eight_frictional_points_are_solved(talos, rng):
     hold = rbd.hold(state, talos.soles(0.7)).tau
     for _ in range(60):
         mu, tau = rng.uniform(0.05, 1.0), hold + rng.uniform(2.0, 60.0) * rng.normal(size=talos.nu)
-        s = rbd.solve(state, tau, points(mu))
+        s = rbd.solve(state, tau, points(mu), solver=rbd.ProxQP())
         assert s.status == "solved" and s.problem.m == 24
         assert max(law_residuals(s.problem, s, "convex").values()) < 1e-9
-        surface = rbd.solve(state, tau, talos.soles(mu))  # the same law, said in twelve rows
+        surface = rbd.solve(state, tau, talos.soles(mu), solver=rbd.ProxQP())  # the same law, said in twelve rows
         assert np.abs(s.a - surface.a).max() < 1e-7 * max(1.0, np.abs(s.a).max())
         left = sum(s.forces[f"left_sole_{i}"] for i in range(4))
         assert left == pytest.approx(surface.forces["left_sole"][:3], abs=1e-6 * max(1.0, np.abs(left).max()))
@@ -72,8 +72,8 @@ def test_a_sole_that_holds_is_the_limit_of_great_friction(talos):
     """Where the held wrench lies in the cone, friction changes nothing."""
     state = talos.standing()
     tau = rbd.hold(state, talos.soles(0.7)).tau
-    held = rbd.solve(state, tau, talos.soles(None))
-    rubbing = rbd.solve(state, tau, talos.soles(0.7))
+    held = rbd.solve(state, tau, talos.soles(None), solver=rbd.ProxQP())
+    rubbing = rbd.solve(state, tau, talos.soles(0.7), solver=rbd.ProxQP())
     assert np.abs(held.a - rubbing.a).max() < 1e-8 and np.abs(rubbing.a).max() < 1e-8
     assert np.abs(held.multipliers - rubbing.multipliers).max() < 1e-6
     total = sum(f[:3] for f in rubbing.forces.values())
@@ -84,7 +84,7 @@ def test_a_sole_that_holds_is_the_limit_of_great_friction(talos):
 def test_numbers_that_ProxSuite_does_not_end_with_displace_no_answer(talos):
     """With friction 1e6 some settings end in NaN, others in the motion: Talos stands still."""
     state, soles = talos.standing(), talos.soles(1e6)
-    s = rbd.solve(state, rbd.hold(state, soles).tau, soles)
+    s = rbd.solve(state, rbd.hold(state, soles).tau, soles, solver=rbd.ProxQP())
     assert np.abs(s.a).max() < 1e-4 and s.residuals.worst < 1e-7
 
 
@@ -96,7 +96,7 @@ def test_friction_beyond_what_a_pyramid_can_carry_is_named(talos, mu):
     left, right = talos.soles(mu)[0], talos.soles(0.7)[1]
     words = re.escape(f"left_sole has friction {mu:.3g}, too much for a pyramid")
     with pytest.raises(rbd.NoSolution, match=rf"^{words}.*rbd\.ConeSolver"):
-        rbd.solve(state, tau, [left, right])
+        rbd.solve(state, tau, [left, right], solver=rbd.ProxQP())
     s = rbd.solve(state, tau, [left, right], solver=rbd.ConeSolver(law="convex"))
     assert s.status == "solved" and np.abs(s.a).max() < 1e-8
 
@@ -116,7 +116,7 @@ def test_a_light_body_that_contacts_squeeze_is_as_still_as_they_hold_it(seed):
         Rows("line", K, np.zeros(5), rbd.problem.LineCone(0.005, 1e3)),
         Rows("friction", np.eye(1), np.zeros(1), rbd.problem.Box([-1.0], [1.0])),
     ]
-    s = rbd.solve_problem(rbd.GaussProblem(5e-4 * np.eye(1), np.array([5e-4]), rows), check=False)
+    s = rbd.solve_problem(rbd.GaussProblem(5e-4 * np.eye(1), np.array([5e-4]), rows), check=False, solver=rbd.ProxQP())
     assert s.status == "solved" and abs(s.a[0]) < 1e-10  # scaled residuals of 1e-10 are improved no further
     assert np.abs(s.multipliers).max() < 1e-3
 
@@ -135,7 +135,7 @@ def test_more_facets_leave_less_freedom(talos, rng):
     """
     state = talos.standing()
     tau = rbd.hold(state, talos.soles(0.7)).tau + 40.0 * rng.normal(size=talos.nu)
-    values = [rbd.solve(state, tau, talos.soles(0.3, facets=n)).gauss for n in (4, 8, 16)]
+    values = [rbd.solve(state, tau, talos.soles(0.3, facets=n), solver=rbd.ProxQP()).gauss for n in (4, 8, 16)]
     assert values[0] >= values[1] * (1 - 1e-9) and values[1] >= values[2] * (1 - 1e-9)
 
 
@@ -148,7 +148,7 @@ def test_mixed_kinds_in_one_problem(talos, rng):
         rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Ground(normal=(1.0, 0.0, 0.0))),
     ]
     for _ in range(10):
-        s = rbd.solve(state, 20.0 * rng.normal(size=talos.nu), contacts)
+        s = rbd.solve(state, 20.0 * rng.normal(size=talos.nu), contacts, solver=rbd.ProxQP())
         assert s.status == "solved" and str(s.law) == "convex, 4 facets"
         assert max(law_residuals(s.problem, s, "convex").values()) < 1e-9
         assert s.forces["toe"][2] >= 0.0 and not s.forces["toe"][:2].any()
@@ -250,7 +250,7 @@ def test_extreme_friction_is_solved(talos, friction, rng):
     """From ice to glue."""
     state = talos.standing()
     for _ in range(5):
-        s = rbd.solve(state, 10.0 * rng.normal(size=talos.nu), talos.soles(friction), check=False)
+        s = rbd.solve(state, 10.0 * rng.normal(size=talos.nu), talos.soles(friction), check=False, solver=rbd.ProxQP())
         assert s.status == "solved", s
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd.analysis.cone_programs import ConeSet, Separable, interior, least, least_squares
+from rbd.problem.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.cones import project_cones
 from rbd.problem.limits import Work
 

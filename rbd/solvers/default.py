@@ -1,0 +1,206 @@
+"""The solver of a law: Coulomb's by Gauss's least-constraint QP first, and by circular cones where that does not answer.
+
+The convex law and Coulomb's allow the same forces and accelerations to a point that carries nothing, and to one that keeps
+still. An answer of the QP is therefore one of Coulomb's law if at every point with friction
+
+    f = 0     or     c = 0        (c = J a + J_dot v of the point; c_n >= 0 in any case)
+
+and if the forces of the points that keep still can be chosen in the circular cones, which the QP's pyramids surround: those of
+least norm are. Frictionless contacts, limits and dry friction do not count: both laws treat them alike.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from rbd.arrays import Array, block_diagonal, max_abs
+from rbd.errors import InputError
+from rbd.problem.answer import Answer
+from rbd.problem.cone_programs import Separable, least_squares
+from rbd.problem.cones import pyramid
+from rbd.problem.force_set import ForceSet
+from rbd.problem.law import CONVEX, COULOMB, Law
+from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
+from rbd.problem.subspaces import range_of
+from rbd.solvers import Solver, checked_solver
+from rbd.solvers.admm import ConeSolver
+from rbd.solvers.kkt import KKT, constrained
+from rbd.solvers.proxqp import ProxQP, eased
+
+_ROUNDING = 1e-13
+"""Of forces, over the largest: what may be outside of the cones."""
+SEVERAL = (
+    "Coulomb's law admits {n} motions here: this one, Gauss's, in which points hold, jammed by forces that they give each "
+    "other, and one in which points slide or leave"
+)
+"""The reason of an answer of the QP beside which circular cones have another."""
+_OTHER = 1e-6
+"""Accelerations that differ by more, over max(1, the largest), are of another motion."""
+
+
+def slip_law(law: Law | str) -> Law:
+    """The law of contacts that can slip, as `rbd.solve` and `rbd.simulate` take it.
+
+    Raises:
+        InputError: if it is another word.
+    """
+    if not isinstance(law, Law | str) or str(law) not in ("coulomb", "convex"):
+        raise InputError(f"law is {law!r:.80}; expected 'coulomb' or 'convex'.")
+    return Law.of(law)
+
+
+def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
+    """The solver that is asked: the one that is given, else that of the law; Coulomb's, if neither is.
+
+    Raises:
+        InputError: on a law that is none, or on a solver that solves for another.
+    """
+    asked = None if law is None else slip_law(law)
+    if solver is None:
+        return ConeSolver(law=CONVEX) if asked == CONVEX else GaussFirst()
+    told = Law.of(checked_solver(solver).law)
+    if asked is not None and told.kind not in (asked.kind, "bilateral"):
+        raise InputError(
+            f"law is '{asked}', and solver={solver!r:.80} solves for the {told} law. Leave one of them out: law= alone chooses "
+            "a solver, and a solver has its law."
+        )
+    return solver
+
+
+@dataclass(frozen=True)
+class GaussFirst:
+    """Coulomb's law: the answer of Gauss's least-constraint QP where that is Coulomb's, else that of circular cones.
+
+    What is tried, in order: the closed form where all rows hold; `ProxQP`; `ConeSolver(law="coulomb")`, from the QP's forces.
+    The answer's `method` says which it was. Where Coulomb's law has several motions it is one of them. Where redundant points
+    hold only by pressing against each other, jammed, the cones are asked for another, which then stands in `others`.
+    """
+
+    law: Law = COULOMB
+
+    def reason_unsupported(self, problem: GaussProblem) -> str | None:
+        """Names a contact that approaches."""
+        return ConeSolver().reason_unsupported(problem)
+
+    def solve(self, problem: GaussProblem) -> Answer:
+        """The first answer whose residuals under Coulomb's law are `solved`, else the best that was found."""
+        start = time.perf_counter()
+        P = checked(problem)
+        if P.bilateral:
+            return KKT().solve(P)
+        if P.force_set.slipping:
+            return ConeSolver().solve(P)
+        convex = ProxQP().solve(P)
+        if not convex.residuals.within(USABLE):
+            return ConeSolver().solve_from(P, None, start)
+        if convex.redundant and not convex.residuals.within(ENOUGH):
+            convex = eased(convex)
+        found, jammed = coulombs(convex)
+        if found is None:
+            return ConeSolver().solve_from(P, _from_pyramids(P.force_set) @ convex.weights, start)
+        if found.residuals.within(SOLVED):
+            return _with_others(found, ConeSolver().solve(P)) if jammed else found
+        other = ConeSolver().solve_from(P, found.weights, start)
+        return other if other.residuals.less_than(found.residuals) else found
+
+
+def _with_others(found: Answer, other: Answer) -> Answer:
+    """An answer with the motions of another that are not its own."""
+    if not other.residuals.within(SOLVED):
+        return found
+    least = _OTHER * max(1.0, max_abs(found.a))
+    others = tuple([x for x in (replace(other, others=()), *other.others) if max_abs(x.a - found.a) > least])
+    return replace(found, others=others, reason=SEVERAL.format(n=1 + len(others))) if others else found
+
+
+def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
+    """(the same motion as an answer of Coulomb's law, its forces in circular cones, whether it is jammed); None if it is none.
+
+    Jammed are points of redundant rows whose shortest forces that hold them are outside of the cones.
+
+    Args:
+        convex: Of `ProxQP`, for a problem without points that slide already.
+    """
+    start, P = time.perf_counter(), convex.problem
+    T = P.force_set
+    w = _from_pyramids(T) @ convex.weights
+    if not len(T.mu):
+        return _answer(convex, w, start), False
+    y = T.accelerations(P.J @ convex.a + P.offset)
+    still = np.abs(y[T.cone_columns]).max(axis=1) <= SOLVED * T.reach
+    if not still.all():
+        along, push = convex.residuals.scales.of_set(T, w)
+        still |= (np.abs(y) <= SOLVED * along)[T.cone_columns].all(axis=1)
+        moves = T.cone_columns[~still].ravel()
+        if (np.abs(w[moves]) > SOLVED * push[moves]).any():
+            return None, False
+        w[moves] = 0.0
+    if not convex.redundant and _inside(T, w):
+        return _answer(convex, w, start), False
+    forces, inside = _least_forces(convex, w, still)
+    return None if forces is None else _answer(convex, forces, start), convex.redundant and not inside
+
+
+def _answer(convex: Answer, w: Array, start: float) -> Answer:
+    P, seconds = convex.problem, convex.seconds + time.perf_counter() - start
+    if convex.redundant:
+        f = P.force_set.G @ w
+        return replace(convex, a=constrained(P, f), multipliers=f, weights=w, law=COULOMB, seconds=seconds)
+    out = replace(convex, weights=w, law=COULOMB, seconds=seconds)
+    out.__dict__["residuals"] = convex.residuals.under(COULOMB, w)
+    return out
+
+
+def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None, bool]:
+    """Weights of least norm that move the robot as w do, in circular cones, of the points that keep still.
+
+    Where rows are redundant, those of rows that hold are chosen with them. First without regard to the cones: mostly they are
+    inside.
+
+    Returns:
+        The weights, shape (p,), None where there are none; whether they are the shortest without regard to the cones, too.
+    """
+    P, T = convex.problem, convex.problem.force_set
+    columns, out = T.cone_columns[still].ravel(), w.copy()
+    if not convex.redundant:
+        out[columns] = 0.0
+        left = convex.multipliers - T.G @ out
+        out[columns] = _minimum_norm(T, still.tobytes()) @ left
+        G = T.G[:, columns]
+    else:
+        columns = np.concatenate([columns, np.setdiff1d(np.flatnonzero(T.is_line), T.cone_columns)])
+        felt = range_of(P.whitened.T).T
+        out[columns] = 0.0
+        left, G = felt @ (convex.multipliers - T.G @ out), felt @ T.G[:, columns]
+        out[columns] = np.linalg.lstsq(G, left, rcond=1e-12)[0]
+    if _inside(T, out):
+        return T.project(out), True
+    size = max(1.0, max_abs(convex.multipliers))
+    n, free = len(columns), np.full(len(columns), np.inf)
+    cones = np.arange(3 * int(still.sum())).reshape(-1, 3)
+    found = least_squares(Separable(np.ones(n), np.zeros(n), G, left / size, -free, free, cones, T.mu[still]))
+    if found is None:
+        return None, False
+    out[columns] = size * found[0]
+    return out, False
+
+
+def _inside(T: ForceSet, w: Array) -> bool:
+    return max_abs(T.project(w) - w) <= _ROUNDING * max_abs(w)
+
+
+@lru_cache(maxsize=256)
+def _minimum_norm(T: ForceSet, still: bytes) -> Array:
+    """Minimum-norm weights of the points that keep still, for row forces."""
+    return np.asarray(np.linalg.pinv(T.G[:, T.cone_columns[np.frombuffer(still, bool)].ravel()]))
+
+
+@lru_cache(maxsize=256)
+def _from_pyramids(T: ForceSet) -> Array:
+    """What makes weights of a force set of those of its pyramids, with the same forces, shape (p, r)."""
+    return block_diagonal([pyramid(e.mu, e.facets) if e.facets else np.ones((1, 1)) for e in T.pyramids.elements])
