@@ -67,7 +67,7 @@ def check(result: Result) -> None:
     assert sp.simplify(first.full_jacobian().det() - l1 * l2 * sp.sin(th2)) == 0
     assert sp.simplify(second.full_jacobian().det()) == 0, "stretched: the free arm is singular"
     for chain in result.held.values():
-        assert chain.freedoms == 1 and all(left.is_zero_matrix for left in chain.agreement().values())
+        assert chain.mobility == 1 and all(left.is_zero_matrix for left in chain.agreement().values())
         assert chain.split().coriolis.is_zero_matrix, "one rate has no product with another"
     assert max(result.apart.values()) < 1e-12
 

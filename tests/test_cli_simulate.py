@@ -186,7 +186,7 @@ def test_what_is_set_up_by_itself():
     floating = setup(loaded("ur5", root="free_flyer"))
     assert floating.controller is None and "touches nothing" in floating.limits[0]
     box = setup(loaded("urdf/box.urdf"))
-    assert not box.constraints and box.words == "free, without motors"
+    assert not box.constraints and box.summary == "free, without motors"
 
 
 def test_a_fall_is_called_a_fall(tmp_path):

@@ -19,8 +19,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import rbd
-from rbd.cli.app import _write_json, app
-from rbd.cli.terminal import Table, answering, open_console
+from rbd.cli.app import app
+from rbd.cli.terminal import Table, answering, open_console, write_json
 
 URDF = Path(__file__).parents[1] / "urdf"
 ODD = ("[/foo]", "[red]", "[bold", "o[x]", ":smiley:", "[link=http://x.example]y[/link]", "a[/]b", "\\[x]")
@@ -199,6 +199,15 @@ def test_warnings_speak_of_commands_too():
     assert "rbd.doctor" not in told and "robot.standing()" not in told
 
 
+def test_the_issues_of_a_model_speak_of_commands(tmp_path: Path):
+    """A loop that is open in every posture: the command that closes it, not the function."""
+    text = (URDF / "four_bar.loops.yaml").read_text()
+    (tmp_path / "four_bar.loops.yaml").write_text(text.split("postures:")[0])
+    (tmp_path / "four_bar.urdf").write_bytes((URDF / "four_bar.urdf").read_bytes())
+    code, out, _ = run("info", str(tmp_path / "four_bar.urdf"))
+    assert code == 0 and "open in every posture" in out and "`rbd mechanism` closes it" in out
+
+
 def test_the_address_of_a_replay_is_told(monkeypatch: pytest.MonkeyPatch):
     """Where no browser opens by itself, its address must be known before the motion is over."""
     opened = []
@@ -215,7 +224,7 @@ def test_numbers_that_json_has_not_are_null(tmp_path: Path):
         def data(self) -> dict[str, object]:
             return {"a": [1.0, float("nan")], "b": {"c": (float("inf"), 2)}, "d": "NaN"}
 
-    _write_json(tmp_path / "x.json", Report())
+    write_json(tmp_path / "x.json", Report())
     told = json.loads((tmp_path / "x.json").read_text(), parse_constant=pytest.fail)
     assert told == {"a": [1.0, None], "b": {"c": [None, 2]}, "d": "NaN"}
 
@@ -248,7 +257,7 @@ def test_a_live_scene_is_served_until_ctrl_c(monkeypatch: pytest.MonkeyPatch, co
 
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda address, new=0: opened.append(address))
-    monkeypatch.setattr("rbd.cli.app.time", SimpleNamespace(sleep=wait, perf_counter=time.perf_counter))
+    monkeypatch.setattr("rbd.cli.terminal.time", SimpleNamespace(sleep=wait, perf_counter=time.perf_counter))
     code, out, _ = run(*command, "--show")
     assert code == 0 and out.endswith(f"serving at {opened[0]}; Ctrl-C ends it\nended\n")
     assert len(pages) == 1 and "</html>" in pages[0]

@@ -1,41 +1,49 @@
 """Robots in contact, from the command line.
 
-Exit codes: 0 done, 1 no solution (the message says which limit is in the way), 2 bad input.
+Exit codes: 0 done, 1 no solution (the message says which limit prevents it), 2 bad input.
 """
 # What a command needs is imported inside it: --help answers in a third of a second.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
-import time
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.progress import track
 
-from rbd.cli.terminal import FIGURES, PAGES, TRAJECTORIES, answering, check_outputs, numbers_of, open_console
+from rbd.cli.terminal import (
+    FIGURES,
+    PAGES,
+    TRAJECTORIES,
+    answering,
+    check_outputs,
+    numbers_of,
+    open_console,
+    print_path,
+    serve,
+    timed,
+    write_json,
+)
 from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
-from rbd.model.output_files import write_text
 
 MOST_SAMPLES = 10_000
 """Of a longer motion not every step is recorded."""
-
-
-class Reported(Protocol):
-    """A report that can be written as JSON."""
-
-    def data(self) -> dict[str, object]:
-        """The numbers."""
+# Options and arguments of several commands.
+PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
+Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
+Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
+Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
+Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
+RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
 
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -59,17 +67,17 @@ def rbd(
 
 @app.command()
 def stand(
-    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
-    friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
+    robot: RobotName,
+    friction: Friction = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
-    law: Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")] = "coulomb",
+    law: Law = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
-    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
-    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
-    show: Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")] = False,
+    json_: Json = None,
+    show: Show = False,
 ) -> None:
     """Stand a robot on its feet: holding torques, contact forces, the proof, and a picture.
 
@@ -87,24 +95,24 @@ def stand(
     console = open_console()
     with answering(stand):
         force = _push(push, at)
-        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=robot)
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
         check_friction(friction, facets)
         slip_law(law)
         seconds: dict[str, float] = {}
-        with _timed(seconds, "load"):
+        with timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or ())
         if not loaded.source.feet:
             raise InputError(
                 f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` tells which robots do."
             )
-        with _timed(seconds, "stand"):
+        with timed(seconds, "stand"):
             state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
         external = [] if force is None or at is None else [ExternalForce(at, force)]
         for e in external:
             loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
-        with _timed(seconds, "hold"):
+        with timed(seconds, "hold"):
             held = hold(state, feet)
-        with _timed(seconds, "solve"):
+        with timed(seconds, "solve"):
             solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
         report = StandReport(held, solution, force, at, seconds)
@@ -112,17 +120,17 @@ def stand(
             from rbd.visual import Scene
 
             with Scene(loaded) as scene:
-                with _timed(seconds, "picture"):
+                with timed(seconds, "picture"):
                     scene.show(state, solution, external=external)
                     written = None if html is None else scene.export(html)
-                _write_json(json_, report)
+                write_json(json_, report)
                 console.print(report)
                 if written is not None:
-                    _print_path(console, "picture", written)
+                    print_path(console, "picture", written)
                 if show:
-                    _serve(console, scene.open())
+                    serve(console, scene.open())
         else:
-            _write_json(json_, report)
+            write_json(json_, report)
             console.print(report)
 
 
@@ -141,9 +149,9 @@ def robots() -> None:
 
 @app.command()
 def info(
-    robot: Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")],
+    robot: RobotName,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
-    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    package_dir: PackageDirs = None,
 ) -> None:
     """Tell one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
     from rbd.cli.robot_reports import robot_info
@@ -163,10 +171,10 @@ def mechanism(
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
     seed: Annotated[int, typer.Option(help="Of the random starts that look for branches.")] = 0,
     tries: Annotated[int, typer.Option(help="How many random starts.")] = 200,
-    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture with every branch: one page.")] = None,
-    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
-    show: Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")] = False,
+    json_: Json = None,
+    show: Show = False,
 ) -> None:
     """Tell what a mechanism can do: bodies, joints, loops, mobility three ways, branches, singular poses.
 
@@ -177,13 +185,13 @@ def mechanism(
 
     console = open_console()
     with answering(mechanism):
-        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, beside=file)
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=file)
         check_tries(seed, tries)
         loaded = load_robot(file, package_dirs=package_dir or ())
         name = posture if posture is not None else next(iter(loaded.postures), None)
         q = loaded.at().q if name is None else loaded.at(name).q
         report = report_mechanism(loaded, q, seed=seed, tries=tries)
-        _write_json(json_, report)
+        write_json(json_, report)
         console.print(str(report), highlight=False, soft_wrap=True)
         if html is not None or show:
             from rbd.visual import Scene
@@ -192,9 +200,9 @@ def mechanism(
                 scene.show(report.state)
                 scene.beside(report.poses(), shown=report.shown)
                 if html is not None:
-                    _print_path(console, "picture", scene.export(html))
+                    print_path(console, "picture", scene.export(html))
                 if show:
-                    _serve(console, scene.open())
+                    serve(console, scene.open())
 
 
 @app.command()
@@ -206,8 +214,8 @@ def simulate(
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
     for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
-    friction: Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")] = 0.7,
-    law: Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")] = "coulomb",
+    friction: Friction = 0.7,
+    law: Law = "coulomb",
     hold_: Annotated[
         bool | None, typer.Option("--hold/--free", help="Motors hold the posture, or do nothing; --free of mechanisms.")
     ] = None,
@@ -217,10 +225,10 @@ def simulate(
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,
-    package_dir: Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")] = None,
+    package_dir: PackageDirs = None,
     save: Annotated[Path | None, typer.Option(help="Write the trajectory, .npz or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
-    html: Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")] = None,
+    html: Motion = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
     show: Annotated[bool, typer.Option("--show", help="Replay it in the browser.")] = False,
 ) -> None:
@@ -243,18 +251,18 @@ def simulate(
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
         save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
-        check_outputs(files, beside=robot)
+        check_outputs(files, reads=robot)
         check_friction(friction, 4)
         slip_law(law)
         seconds: dict[str, float] = {}
-        with _timed(seconds, "load"):
+        with timed(seconds, "load"):
             found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
-        with _timed(seconds, "set up"):
+        with timed(seconds, "set up"):
             given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops)
         external, stopped = Pushes(pushed) if pushed else None, None
-        with _timed(seconds, "simulate"):
+        with timed(seconds, "simulate"):
             try:
                 trajectory = run(
                     given.state, given.constraints, duration=duration, step=step, controller=given.controller,
@@ -265,15 +273,15 @@ def simulate(
                     raise
                 trajectory, stopped = error.trajectory, error
         report = SimulateReport(trajectory, given, pushed, seconds)
-        _write_json(json_, report)
+        write_json(json_, report)
         console.print(report)
         if save is not None:
             trajectory.save(save)
-            _print_path(console, "trajectory", save)
+            print_path(console, "trajectory", save)
         if plot is not None:
-            _print_path(console, "plot", draw(trajectory, plot))
+            print_path(console, "plot", draw(trajectory, plot))
         if html is not None and len(trajectory) > 1:
-            _print_path(console, "picture", trajectory.export(html, external=external))
+            print_path(console, "picture", trajectory.export(html, external=external))
         if show and len(trajectory) > 1:
             from rbd.visual import Scene, replay
             from rbd.visual.animation import VIEWER_SECONDS
@@ -297,8 +305,8 @@ def plane(
     branch: Annotated[int, typer.Option(help="Of two links: 0 bends counterclockwise, 1 clockwise.")] = 0,
     space: Annotated[str | None, typer.Option(help="Where the path is straight: endpoint, or joint (of one link).")] = None,
     out: Annotated[Path | None, typer.Option(help="Draw the motion, .png, .svg or .pdf.")] = None,
-    html: Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")] = None,
-    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    html: Motion = None,
+    json_: Json = None,
 ) -> None:
     """Move a planar chain from point to point with the least jerk: reach, branches, singular poses, peaks, a picture.
 
@@ -318,13 +326,13 @@ def plane(
         motion = task.motion()
         report = PlaneReport(task, motion)
         console.print(report)
-        _write_json(json_, report)
+        write_json(json_, report)
         if out is not None:
-            _print_path(console, "picture", draw(motion, out))
+            print_path(console, "picture", draw(motion, out))
         if html is not None:
             from rbd.visual.planar_figures import export_planar
 
-            _print_path(console, "page", export_planar(motion, html))
+            print_path(console, "page", export_planar(motion, html))
 
 
 def _every(duration: float, step: float) -> int:
@@ -352,40 +360,6 @@ def _push(push: str | None, at: str | None) -> np.ndarray | None:
         missing, given = ("--push X,Y,Z", "--at") if push is None else ("--at FRAME", "--push")
         raise InputError(f"{given} came without {missing}; a push wants both, e.g. --push 0,80,0 --at torso_2_link.")
     return numbers_of("--push", push, "newtons", names="X,Y,Z")
-
-
-def _write_json(path: Path | None, report: Reported) -> None:
-    if path is not None:
-        write_text(path, json.dumps(_jsonable(report.data()), indent=2, allow_nan=False) + "\n")
-
-
-def _jsonable(value: object) -> object:
-    """None in place of NaN and infinity, which JSON has not."""
-    if isinstance(value, dict):
-        return {key: _jsonable(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_jsonable(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _print_path(console: Console, what: str, where: Path | str) -> None:
-    console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
-
-
-def _serve(console: Console, url: str) -> None:
-    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True, highlight=False)
-    try:
-        while True:
-            time.sleep(3600.0)
-    except KeyboardInterrupt:
-        console.print("ended")
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], what: str) -> Iterator[None]:
-    start = time.perf_counter()
-    yield
-    seconds[what] = time.perf_counter() - start
 
 
 def main() -> None:

@@ -80,7 +80,7 @@ class MechanismReport:
         )
         held = ", ".join(f"{name} = {value:.6g}" for name, value in self.fixed.items())
         parts = [
-            ("words", str(self.topology)),
+            ("topology", str(self.topology)),
             ("parts", f"joints: {joints}\nloops and wheels: {loops}"),
             ("mobility", str(self.mobility)),
             ("branches" + (f" with {held}" if held else ""), None if self.branches is None else str(self.branches)),
@@ -169,7 +169,7 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     if fixed is not None and held and not found.velocity_only:
         every = _unless(left_out, "branches", lambda: branches(state, held, fixed=fixed, seed=seed, tries=tries))
     inputs = [] if fixed is None else list(fixed)
-    driven = inputs if len(inputs) < robot.nv else []  # of an open chain nothing is left beside them
+    driven = inputs if len(inputs) < robot.nv else []  # of an open chain nothing is left but them
     here = singularities(state, held, inputs=driven)
     motion = along = None
     if fixed is not None and len(inputs) == 1 and driven and not found.velocity_only:

@@ -13,7 +13,7 @@ from rich.text import Text
 from rbd.arrays import Array, as_float
 from rbd.cli.terminal import Table, counted, facts, numbers_of, save_figure
 from rbd.errors import InputError, NoSolution
-from rbd.planar.angles import beside
+from rbd.planar.angles import nearest_turn
 from rbd.planar.chain import MOST_LINKS, Chain
 from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
@@ -76,7 +76,7 @@ class PlaneTask:
                 )
         if self.space == "joint":
             first, goal = _chosen(self.start, self.branch), _chosen(self.stop, self.branch)
-            path = minimum_jerk(first, beside(goal, first), self.duration)
+            path = minimum_jerk(first, nearest_turn(goal, first), self.duration)
             return joint_motion(self.chain, path, times=path.times(SAMPLES))
         path = minimum_jerk(self.start.target, self.stop.target, self.duration)
         return endpoint_motion(self.chain, path, times=path.times(SAMPLES), branch=self.branch)

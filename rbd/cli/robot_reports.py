@@ -14,7 +14,7 @@ from rich.console import Group
 from rich.text import Text
 
 from rbd.arrays import Array
-from rbd.cli.terminal import Table, facts, rounded
+from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.errors import ModelWarning, RbdError
 from rbd.problem.contact_force import ContactForce
 from rbd.robots.catalogue import licence
@@ -59,7 +59,7 @@ def robot_lines(names: Iterable[str]) -> Iterator[RobotLine]:
             try:
                 robot = load_robot(name)
             except RbdError as error:
-                yield RobotLine(name, None, None, (), "", str(error))
+                yield RobotLine(name, None, None, (), "", in_options(str(error)))
                 continue
             yield RobotLine(name, robot.nv, robot.mass, tuple(robot.postures), _feet(robot), _stands(robot))
 
@@ -75,7 +75,7 @@ def _stands(robot: Robot) -> str:
     try:
         hold(robot.standing(), robot.feet())
     except RbdError as error:
-        return str(error)
+        return in_options(str(error))
     return "yes"
 
 
@@ -105,7 +105,7 @@ def robot_info(robot: Robot) -> Group:
     postures = ", ".join(robot.postures) or "none known"
     frames = ", ".join(robot.frames())
     lines = Text(f"\nfeet: {feet}\npostures: {postures}\n\nframes ({len(robot.frames())}): {frames}\n\n")
-    return Group(head, _joints_table(robot), lines, Text(str(doctor(robot))))
+    return Group(head, _joints_table(robot), lines, Text(in_commands(str(doctor(robot)))))
 
 
 def _joints_table(robot: Robot) -> Table:

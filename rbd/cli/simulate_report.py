@@ -66,7 +66,7 @@ class SimulateReport:
 
     @property
     def verdict(self) -> str:
-        """Whether a robot with feet stands at the end, in words; empty of what has none."""
+        """Whether a robot with feet stands at the end; empty for one without."""
         feet = [name for name in self.setup.feet if name in self.trajectory.points]
         if not feet:
             return ""
@@ -94,7 +94,7 @@ class SimulateReport:
         return {
             "robot": robot.name,
             "mass": robot.mass,
-            "setup": self.setup.words,
+            "setup": self.setup.summary,
             "limits": list(self.setup.limits),
             "pushes": [{"force": np.asarray(p.force).tolist(), "frame": p.frame, "from": float(p.start),
                         "for": float(p.duration)} for p in self.pushes],
@@ -153,7 +153,7 @@ class SimulateReport:
 
     def _headline(self) -> str:
         x = self.trajectory
-        what = f"{x.robot.name}: {x.robot.mass:.3f} kg, {self.setup.words}"
+        what = f"{x.robot.name}: {x.robot.mass:.3f} kg, {self.setup.summary}"
         return what + "".join(f"\n  pushed with {push}" for push in self.pushes)
 
     def _constraints_table(self) -> Table:
@@ -242,7 +242,7 @@ def draw(trajectory: Trajectory, path: Path) -> Path:
 
 
 def _joints(first: State, last: State) -> list[tuple[str, str]]:
-    """Where each joint with one freedom is at the end."""
+    """Where each joint with one degree of freedom is at the end."""
     model = first.robot.model
     single = [i for i in range(1, model.njoints) if model.joints[i].nv == 1]
     out: list[tuple[str, str]] = []
@@ -259,7 +259,7 @@ def _joints(first: State, last: State) -> list[tuple[str, str]]:
 
 
 def _coordinate(q: Array) -> float:
-    """Of a joint with one freedom; where it is kept as a cosine and a sine, the angle."""
+    """Of a joint with one degree of freedom; where it is kept as a cosine and a sine, the angle."""
     return float(q[0] if len(q) == 1 else math.atan2(q[1], q[0]))
 
 

@@ -1,4 +1,4 @@
-"""What `rbd simulate` simulates where it is told no more: a robot on its feet, a mechanism, an arm, or a body in the air."""
+"""What `rbd simulate` simulates by default: a robot on its feet, a mechanism, an arm, or a body in the air."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ FAR = 1e5
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What is simulated, and in words.
+    """What is simulated.
 
     Attributes:
         state: Where it starts.
         constraints: In force throughout.
         feet: Names of those that are its feet; empty of what does not stand.
         controller: What drives the motors; None for nothing.
-        words: What it does, in a few words.
+        summary: What it does, in short.
         limits: What is left out, a sentence each.
     """
 
@@ -45,12 +45,12 @@ class Setup:
     constraints: tuple[Constraint, ...]
     feet: tuple[str, ...]
     controller: Controller | None
-    words: str
+    summary: str
     limits: tuple[str, ...]
 
 
 def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> Robot:
-    """The robot; one with motors that neither has feet nor loops nor wheels is bolted down, unless it is told how it moves."""
+    """The robot; one with motors that neither has feet nor loops nor wheels is bolted down, unless `root` says how it moves."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         robot = load_robot(name, root=root, package_dirs=package_dirs)
@@ -87,7 +87,7 @@ def setup(
         stops: Whether its joints stop at the limits of its file.
 
     Raises:
-        CannotHold: the posture cannot be held; says which limit is in the way.
+        CannotHold: the posture cannot be held; says which limit prevents it.
         CannotAssemble: its loops do not close.
         InputError: unknown names, a friction that is none.
     """
@@ -117,8 +117,8 @@ def setup(
         constraints = (*constraints, *joint_limits(robot))
     limits.append("bodies do not touch each other" + ("" if stops else ", and joints do not stop at their limits (--stops)"))
     limits.append("rigid bodies; damping and friction of the joints in the robot's file are left out")
-    words = _words(state, feet, held, controller)
-    return Setup(state, constraints, tuple(c.name for c in feet), controller, words, tuple(limits))
+    summary = _summary(state, feet, held, controller)
+    return Setup(state, constraints, tuple(c.name for c in feet), controller, summary, tuple(limits))
 
 
 def pushes(
@@ -168,7 +168,7 @@ def _laid(state: State, contacts: CollisionContacts) -> State:
     return State(state.robot, q)
 
 
-def _words(state: State, feet: Sequence[Constraint], held: Sequence[Constraint], controller: Controller | None) -> str:
+def _summary(state: State, feet: Sequence[Constraint], held: Sequence[Constraint], controller: Controller | None) -> str:
     robot = state.robot
     on = ", ".join(c.name for c in (*feet, *held))
     where = "fixed" if not robot.floating and not held else ""

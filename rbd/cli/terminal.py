@@ -1,4 +1,4 @@
-"""What all commands share: options read and refused, tables, pictures, errors told in the words of the command line.
+"""What all commands share: options read and refused, tables, pictures, errors in terms of the command line.
 
 Text is printed literally, never as markup.
 """
@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import json
+import math
 import os
 import re
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 import rich.table
@@ -24,12 +27,13 @@ from rich.console import Console
 from rich.text import Text
 from typer.models import OptionInfo
 
-from rbd.arrays import Array, is_finite
 from rbd.errors import InputError, NoSolution, RbdError
-from rbd.model.output_files import check_place, write_file
+from rbd.model.output_files import check_place, write_file, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from rbd.arrays import Array
 
 Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT = 1, 2
@@ -41,12 +45,20 @@ _PYTHON = {
     "rbd.robots.catalogue.names()": "`rbd robots`",
     "rbd.doctor(robot)": "`rbd info`",
     "robot.frames()": "`rbd info`",
+    "rbd.mechanism.assemble closes it": "`rbd mechanism` closes it",
     "(joint_motion)": "(--space joint)",
     ", or None for a contact that holds": "",
 }
 """What messages advise in Python, and the same on the command line."""
 _CODE = re.compile(r"\brbd\.\w|[A-Za-z_]\w*\(|\w=[\w.(\[{]")
 """A name of the package, a call, or a keyword argument."""
+
+
+class Reported(Protocol):
+    """A report that can be written as JSON."""
+
+    def data(self) -> dict[str, object]:
+        """The numbers."""
 
 
 class Table(rich.table.Table):
@@ -114,7 +126,7 @@ def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
         values = np.array([float(x) for x in text.split(",")])
     except ValueError:
         values = np.zeros(0)
-    finite = is_finite(values)
+    finite = bool((np.abs(values) < 1e150).all())  # and small enough to be squared
     if not finite or not len(values) or (count and len(values) != count):
         many = {0: "", 2: "two ", 3: "three "}[count] + ("" if finite else "finite ") + "numbers"
         example = "0,80,0" if count == 3 else "0.5,0.5"
@@ -156,10 +168,16 @@ def answering(command: Command | None = None) -> Iterator[None]:
                 _complain("warning", "yellow", message)
 
 
-def in_options(message: str, command: Command | None = None) -> str:
-    """A message in the words of the command line: arguments are options of the command, and advice in Python is left out."""
+def in_commands(text: str) -> str:
+    """A text with commands in place of calls of Python."""
     for python, ours in _PYTHON.items():
-        message = message.replace(python, ours)
+        text = text.replace(python, ours)
+    return text
+
+
+def in_options(message: str, command: Command | None = None) -> str:
+    """A message in terms of the command line: arguments are options of the command, and advice in Python is left out."""
+    message = in_commands(message)
     options = {} if command is None else _options(command)
     first, *more = re.split(r"(?<=\.)\s+(?=[A-Z`])", message)
     name, is_, rest = first.partition(" is ")
@@ -177,20 +195,20 @@ def _options(command: Command) -> dict[str, str]:
     return found
 
 
-def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *, beside: str | None = None) -> None:
+def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *, reads: str | None = None) -> None:
     """Refuse files that could not be written, before anything is computed.
 
     Args:
         outputs: {option: (where it goes, or None; the endings that it may have, () for any)}.
-        beside: The file that the command reads: it is not overwritten.
+        reads: The file that the command reads: it is not overwritten.
 
     Raises:
         InputError: an ending that says nothing, a folder that is not there, no permission, one file for two options, a
             figure without Matplotlib.
     """
     taken: dict[str, str] = {}
-    if beside is not None and os.path.isfile(beside):
-        taken[os.path.realpath(beside)] = "the file that is read"
+    if reads is not None and os.path.isfile(reads):
+        taken[os.path.realpath(reads)] = "the file that is read"
     for option, (path, endings) in outputs.items():
         if path is None:
             continue
@@ -214,6 +232,44 @@ def save_figure(figure: Figure, path: Path, *, dpi: int) -> Path:
     """
     write_file(path, lambda file: figure.savefig(file, dpi=dpi, format=path.suffix[1:].lower()))
     return path
+
+
+def write_json(path: Path | None, report: Reported) -> None:
+    """Write a report's numbers, if there is a path."""
+    if path is not None:
+        write_text(path, json.dumps(_jsonable(report.data()), indent=2, allow_nan=False) + "\n")
+
+
+def _jsonable(value: object) -> object:
+    """None in place of NaN and infinity, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: _jsonable(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def print_path(console: Console, what: str, where: Path | str) -> None:
+    """Print where a file is."""
+    console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+
+
+def serve(console: Console, url: str) -> None:
+    """Print the address of a live scene, and wait until Ctrl-C."""
+    console.print(f"serving at {url}; Ctrl-C ends it", soft_wrap=True, highlight=False)
+    try:
+        while True:
+            time.sleep(3600.0)
+    except KeyboardInterrupt:
+        console.print("ended")
+
+
+@contextmanager
+def timed(seconds: dict[str, float], what: str) -> Iterator[None]:
+    """Note the seconds that something takes."""
+    start = time.perf_counter()
+    yield
+    seconds[what] = time.perf_counter() - start
 
 
 def _fail(what: str, message: str, code: int) -> NoReturn:

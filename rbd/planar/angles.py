@@ -30,7 +30,7 @@ Symbols: TypeAlias = sympy.MatrixBase
 
 
 def check_convention(angles: object) -> str:
-    """One of the three words.
+    """One of the three conventions.
 
     Raises:
         InputError: on any other, with the nearest one.
@@ -150,7 +150,7 @@ def wrapped(q: Array) -> Array:
     return np.where((q > -np.pi) & (q <= np.pi), q, q - 2.0 * np.pi * turns)
 
 
-def beside(q: Array, start: Array) -> Array:
+def nearest_turn(q: Array, start: Array) -> Array:
     """Angles moved by full turns to within half a turn of others [rad]."""
     return q - 2.0 * np.pi * np.round((q - start) / (2.0 * np.pi))
 

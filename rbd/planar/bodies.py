@@ -10,9 +10,10 @@ import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.planar.chain import Chain, check_chain
+from rbd.planar.expressions import exact
 
 Shapes = Literal["points", "rods"]
 MOST = 1e12
@@ -136,7 +137,7 @@ def constant(what: str, value: Any, t: sp.Symbol | None = None) -> sp.Expr:
     Raises:
         InputError: anything else.
     """
-    out = value if isinstance(value, sp.Expr) else _exact(value)
+    out = value if isinstance(value, sp.Expr) else exact(value)
     if out is None:
         raise InputError(f"{what} is {value!r:.80}; expected a real, finite number, or a SymPy expression.")
     if out.is_extended_real is False or out.is_finite is False or out.has(sp.nan, sp.zoo, sp.oo):
@@ -154,14 +155,6 @@ def _float(number: sp.Expr) -> float:
         return float(number)
     except (TypeError, ValueError, OverflowError):
         return float("nan")
-
-
-def _exact(value: Any) -> sp.Expr | None:
-    """A number as it is written, 0.1 as 1/10, so that identities hold exactly; None if it is no finite number."""
-    if isinstance(value, int) and not isinstance(value, bool):
-        return sp.Integer(value)
-    number = as_float(value)
-    return sp.Rational(repr(number)) if np.isfinite(number) else None
 
 
 def symbols_of(expressions: Iterable[sp.Basic]) -> tuple[sp.Symbol, ...]:

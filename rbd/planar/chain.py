@@ -47,7 +47,7 @@ class Chain:
 
     Raises:
         InputError: on a number of links that is not whole and positive, on lengths that are not n positive finite ones, or
-            on another word for the angles.
+            on another convention for the angles.
 
     >>> Chain(2).determinant()
     ell_1*ell_2*sin(theta_2(t))
@@ -116,7 +116,7 @@ class Chain:
         """The same chain with its angles measured in another way; values are carried over by `convert`.
 
         Raises:
-            InputError: on a word that is none of the three.
+            InputError: on a convention that is none of the three.
         """
         return Chain(self.n, lengths=self.lengths, angles=angles)
 
@@ -124,7 +124,7 @@ class Chain:
         """The affine map of this chain's angles to another convention: `matrix`, `offset`, and a call for values.
 
         Raises:
-            InputError: on a word that is none of the three.
+            InputError: on a convention that is none of the three.
         """
         return angle_map(self.n, self.angles, to)
 
@@ -136,7 +136,7 @@ class Chain:
             to: "joint", "segment" or "vertical".
 
         Raises:
-            InputError: on another shape, numbers that are not finite, or another word.
+            InputError: on another shape, numbers that are not finite, or another convention.
         """
         return self.angle_map(to)(values)
 
@@ -198,7 +198,7 @@ class Chain:
         """Acceleration of joint i in tangential, centripetal and Coriolis parts [m/s^2]; see `rbd.planar.kinematics`."""
         return self._links.split(i)
 
-    # Numbers and words
+    # Numbers and formulas
 
     def function(self, expr: Any, *, parameters: Mapping[Any, float] | None = None) -> Compiled:
         """A fast NumPy function f(q, qd, qdd, qddd) of any expression of this chain, vectorised over samples.
@@ -234,7 +234,7 @@ class Chain:
             i: The joint, 1..n; None is the end point.
 
         Raises:
-            InputError: on another word or shape, or where lengths are symbols.
+            InputError: on another kind or shape, or where lengths are symbols.
         """
         return self.numeric.ellipse(q, kind, i)
 
@@ -310,7 +310,6 @@ def _check_length(k: int, length: object) -> sympy.Expr:
         if moving or length.is_positive is False or length.is_real is False:
             raise InputError(f"{what} is {str(length):.80}; expected a positive expression that is constant in time.")
         return length
-    exact = isinstance(length, sympy.Expr) and not length.has(sympy.Float)
     try:
         number = float(length) if isinstance(length, sympy.Expr) else as_float(length)
     except (TypeError, ValueError, OverflowError):  # complex, or a zoo
@@ -319,5 +318,4 @@ def _check_length(k: int, length: object) -> sympy.Expr:
         raise InputError(
             f"{what} is {str(length):.80}; expected a positive finite number [m], {SHORTEST:g} to {LONGEST:g}, or a symbol."
         )
-    # repr, not the float itself: 0.1 shall be 1/10, so that identities hold exactly.
-    return length if exact else sympy.Rational(repr(number))
+    return length if isinstance(length, sympy.Expr) and not length.has(sympy.Float) else sympy.Rational(repr(number))

@@ -4,7 +4,7 @@ q = q(s) with fewer coordinates s, of which f move freely; rates q' = B s_free'.
 
     r' = J_c s_free',   J_c = J B,   r'' = J_c s_free'' + J_c' s_free',
 
-and J_c has one column per freedom that is left. Where every relation could be solved for an angle, s is free altogether;
+and J_c has one column per degree of freedom that is left. Where every relation could be solved for an angle, all of s is free;
 others enter through the null space of their derivative, and angles must then satisfy them (`project`).
 Source: [Duarte2021], problems 2 and 3; the polar manipulator is [MussaIvaldi1986]'s.
 """
@@ -33,7 +33,7 @@ class ConstrainedSplit(Split[Symbols]):
 
     @property
     def note(self) -> str:
-        """Why there is a Coriolis part or not, in words."""
+        """Why there is a Coriolis part or not."""
         return (
             "Parts belong to the free angles: squares of their rates are centripetal, products of two are Coriolis. "
             "With one free angle there is no Coriolis part: all rates are multiples of one, and every product is a square."
@@ -55,7 +55,7 @@ class ConstrainedChain:
     reduced: Reduced
 
     @property
-    def freedoms(self) -> int:
+    def mobility(self) -> int:
         """How many angles move freely: n less the relations."""
         return self.reduced.free.rows
 
@@ -150,9 +150,9 @@ class ConstrainedChain:
             return sum((J[:, column].diff(s) * turn[j] for j, s in enumerate(self.coordinates)), sympy.zeros(2, 1))
 
         centripetal, coriolis = sympy.zeros(2, 1), sympy.zeros(2, 1)
-        for k in range(self.freedoms):
+        for k in range(self.mobility):
             centripetal += along(k, k) * qd[k] ** 2
-        for k, j in combinations(range(self.freedoms), 2):
+        for k, j in combinations(range(self.mobility), 2):
             coriolis += (along(k, j) + along(j, k)) * qd[k] * qd[j]
         return ConstrainedSplit(
             sympy.ImmutableMatrix(J * self.free.diff(t, 2)),
@@ -219,10 +219,10 @@ class ConstrainedChain:
         relations = sympy.ImmutableMatrix(self.relations)
         value = self.chain.function(relations, parameters=parameters)
         slope = self.chain.function(relations.jacobian(self.chain.q), parameters=parameters)
-        found, misfit = newton(lambda x: (value(x), slope(x)), start)
-        if misfit > 1e-10:
+        found, residual = newton(lambda x: (value(x), slope(x)), start)
+        if residual > 1e-10:
             raise NoSolution(
-                f"no angles near {np.round(start, 4)} satisfy the relations: they are missed by {misfit:.3g}. Begin elsewhere."
+                f"no angles near {np.round(start, 4)} satisfy the relations: the residual is {residual:.3g}. Begin elsewhere."
             )
         return found
 

@@ -151,7 +151,7 @@ class Dynamics:
 
     @property
     def skew(self) -> Symbols:
-        """N = Mdot - 2 C, shape (n, n): N = -N^T, and so x^T N x = 0: Coriolis forces do no work beside Mdot's."""
+        """N = Mdot - 2 C, shape (n, n): N = -N^T, and so x^T N x = 0: Coriolis forces do no work but Mdot's."""
         return self.mass_rate - 2 * self.C
 
     @property

@@ -236,6 +236,23 @@ def _numbers(free: set[sympy.Symbol], parameters: Mapping[Any, float]) -> dict[s
     return out
 
 
+def as_expression(value: Any) -> sympy.Expr | None:
+    """A number or an expression, for SymPy; None of anything else, as text or a truth value."""
+    try:
+        out = None if isinstance(value, bool | str) else sympy.sympify(value, strict=True)
+    except (sympy.SympifyError, TypeError, ValueError, AttributeError):
+        return None
+    return out if isinstance(out, sympy.Expr) else None
+
+
+def exact(value: Any) -> sympy.Expr | None:
+    """A number as it is written, 0.1 as 1/10, so that identities hold exactly; None if it is no finite number."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return sympy.Integer(value)
+    number = as_float(value)
+    return sympy.Rational(repr(number)) if math.isfinite(number) else None
+
+
 def coordinate(name: str, value: Any) -> sympy.Expr:
     """A real expression; None gives a symbol of that name.
 
@@ -244,11 +261,8 @@ def coordinate(name: str, value: Any) -> sympy.Expr:
     """
     if value is None:
         return sympy.Symbol(name, real=True)
-    try:
-        given = sympy.sympify(value, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError):
-        given = None
-    if not isinstance(given, sympy.Expr) or given.is_finite is False or given.is_real is False or given is sympy.nan:
+    given = as_expression(value)
+    if given is None or given.is_finite is False or given.is_real is False or given is sympy.nan:
         raise InputError(
             f"{name} is {value!r:.80}; expected a real number or expression [m], as sympy.Symbol('{name}', real=True)."
         )

@@ -16,8 +16,8 @@ Newton's method on the family of poses: in the null space N of J, with the curva
 
     N^T (I + sum_a lambda_a d2 r_a / dq^2) N z = -N^T (q - q_start),   lambda = -(J J^T)^-1 J (q - q_start),
 
-and back onto the target after each step. The nearest of what was found is returned: a minimum, told as such where its
-curvature says so, though nothing proves that no other pose is nearer still. Pieces: the polygon of the links closes as
+and back onto the target after each step. The nearest of what was found is returned: a minimum, and the note says so where its
+curvature does, though nothing proves that no other pose is nearer still. Pieces: the polygon of the links closes as
 long as no side is longer than all others together.
 Source of one and two links: [Duarte2021], "Inverse kinematics".
 """
@@ -33,7 +33,7 @@ import sympy
 
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError
-from rbd.planar.angles import beside, plain, units, wrapped
+from rbd.planar.angles import nearest_turn, plain, units, wrapped
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.expressions import coordinate
 from rbd.planar.numeric import ROUND_OFF, ChainNumbers
@@ -53,7 +53,7 @@ class Inverse:
     Attributes:
         target: The point asked for [m], shape (2,).
         branches: Angles, as the chain measures them [rad], shape (k, n): none if unreachable; two links have two, the one
-            that bends counterclockwise first (theta_2 in (0, pi): the elbow is to the right of the way from the base to the
+            that bends counterclockwise first (theta_2 in (0, pi): the elbow is to the right of the line from the base to the
             target), or one where they meet; more than two links have families, of which one member is given. With a start,
             the nearest comes first, and angles are within half a turn of it; else they are in (-pi, pi].
         reachable: Whether the chain reaches it.
@@ -61,7 +61,7 @@ class Inverse:
         nearest: That point [m], shape (2,): the target itself if it is within reach.
         singular: Whether the chain is in line at `nearest`: stretched or folded, where the end point cannot move outwards or
             inwards. A single link never is.
-        note: What is special, in words; empty if nothing is.
+        note: What is special; empty if nothing is.
     """
 
     target: Array
@@ -133,7 +133,7 @@ def _solve(arm: ChainNumbers, point: Array, near: Array | None, direction: float
     """Branches, whether they are singular, and what is special, for a point within reach."""
     if arm.n == 1:
         q = arm.from_segment(np.arctan2(point[1:], point[:1]))[None]
-        return wrapped(q) if near is None else beside(q, near), False, ""
+        return wrapped(q) if near is None else nearest_turn(q, near), False, ""
     if arm.n > 2:
         q, note = nearest_pose(arm, point, near)
         s = np.linalg.svd(arm.jacobian(q), compute_uv=False)
@@ -151,11 +151,11 @@ def _solve(arm: ChainNumbers, point: Array, near: Array | None, direction: float
         if near is not None:  # the first link may point anywhere: where it does at the start
             q = q + (near[0] - q[0, 0]) * arm.from_segment.rates(np.ones(arm.n))
         note = "the end point is at the base: folded, and the first link may point anywhere, a family of one parameter"
-        return (wrapped(q) if near is None else beside(q, near)), True, note
+        return (wrapped(q) if near is None else nearest_turn(q, near)), True, note
     if near is None:
         q = wrapped(q)
     else:
-        q = beside(q, near)
+        q = nearest_turn(q, near)
         q = q[np.argsort(np.sum((q - near) ** 2, axis=1), kind="stable")]
     singular = bool(np.sin(bend) < SINGULAR)
     if not singular:
@@ -165,14 +165,14 @@ def _solve(arm: ChainNumbers, point: Array, near: Array | None, direction: float
 
 
 def triangle(arm: ChainNumbers, points: Array) -> tuple[Array, Array, Array]:
-    """Of two links: the bend of the elbow, how the first link leans off the way to the target, and that way's direction [rad].
+    """Of two links: the elbow's angle, the first link's angle from the line to the target, and that line's direction [rad].
 
     Args:
         arm: Two links.
         points: Within reach, shape (..., 2) [m].
 
     Returns:
-        Bend in [0, pi], lean in [0, pi], direction (0 at the base itself); shape (...) each.
+        Bend in [0, pi], angle of the first link in [0, pi], direction (0 at the base itself); shape (...) each.
     """
     r = np.hypot(points[..., 0], points[..., 1]) / arm.outer
     hole = arm.inner / arm.outer
@@ -260,17 +260,20 @@ def nearest_pose(arm: ChainNumbers, target: Array, start: Array | None) -> tuple
     if line is not None:
         return line
     q0 = evenly_bent(arm, target) if start is None else start
-    tried = [_reach(arm, target, q0), *(_reach(arm, target, beside(_pieces(arm, target, side), q0)) for side in (1.0, -1.0))]
+    tried = [
+        _reach(arm, target, q0),
+        *(_reach(arm, target, nearest_turn(_pieces(arm, target, side), q0)) for side in (1.0, -1.0)),
+    ]
     found = [_settle(arm, target, q0, q) for q in tried if q is not None]
     gaps = [float(np.linalg.norm(q - q0)) for q, _ in found]
     best = int(np.argmin(gaps))
     q, minimum = found[best]
     if start is None:
         return q, f"one pose of a family of {arm.n - 2} parameters, near an evenly bent chain"
-    words = "the nearest to the start that was found" if minimum else "near the start, though a nearer one may exist"
+    which = "the nearest to the start that was found" if minimum else "near the start, though a nearer one may exist"
     twin = any(abs(gap - gaps[best]) < 1e-6 and np.abs(p - q).max() > 1e-3 for (p, _), gap in zip(found, gaps, strict=True))
     also = "; another is just as near" if twin else ""
-    return q, f"one pose of a family of {arm.n - 2} parameters, {words}{also}"
+    return q, f"one pose of a family of {arm.n - 2} parameters, {which}{also}"
 
 
 def evenly_bent(arm: ChainNumbers, target: Array) -> Array:
@@ -310,9 +313,9 @@ def _in_line(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Arr
         note = "folded onto one line through the base, which may point anywhere"
         if start is not None:
             turn = arm.from_segment.rates(np.ones(arm.n))  # of q, as all links turn together
-            q = beside(q, start)
+            q = nearest_turn(q, start)
             q = q + turn * (turn @ (start - q)) / (turn @ turn)
-    return (q if start is None else beside(q, start)), note
+    return (q if start is None else nearest_turn(q, start)), note
 
 
 def _pieces(arm: ChainNumbers, target: Array, side: float) -> Array:

@@ -81,7 +81,7 @@ class Split(Generic[Value]):
 
     @property
     def note(self) -> str:
-        """Why there is a Coriolis part or not, in words."""
+        """Why there is a Coriolis part or not."""
         if self.angles == JOINT:
             return "In joint angles a link turns with every joint before it: products of two rates remain, the Coriolis part."
         return (
@@ -288,11 +288,8 @@ def _called(f: Callable[..., Any], variables: list[sympy.Expr]) -> Any:
 def _expressions(f: Any) -> list[sympy.Expr]:
     out = []
     for k, entry in enumerate(_listed("f", f)):
-        try:
-            expression = sympy.sympify(entry, strict=True)
-        except (sympy.SympifyError, TypeError, ValueError, AttributeError):
-            expression = None
-        if isinstance(entry, bool) or not isinstance(expression, sympy.Expr):
+        expression = expressions.as_expression(entry)
+        if expression is None:
             raise InputError(f"function {k + 1} is {entry!r:.80}; expected a SymPy expression, as in {EXAMPLE}.")
         if expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
             raise InputError(f"function {k + 1} is {entry!r:.80}, which is not finite.")

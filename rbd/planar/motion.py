@@ -54,7 +54,7 @@ class PlanarMotion:
         qddd: [rad/s^3].
         split: The tangential, centripetal and Coriolis parts of a, shape (samples, 2) each [m/s^2].
         unbounded: Times towards which joint accelerations grow without bound [s]: a singular beginning or end; else empty.
-        note: What is special, in words; empty if nothing is.
+        note: What is special; empty if nothing is.
     """
 
     chain: Chain
@@ -77,8 +77,8 @@ class PlanarMotion:
         return len(self.t)
 
     def __repr__(self) -> str:
-        told = f", {self.note}" if self.note else ""
-        return f"PlanarMotion({self.chain.n} links, planned in {self.space} space, {len(self)} samples{told})"
+        note = f", {self.note}" if self.note else ""
+        return f"PlanarMotion({self.chain.n} links, planned in {self.space} space, {len(self)} samples{note})"
 
     @lazy
     def speed(self) -> Array:
@@ -121,7 +121,7 @@ def endpoint_motion(
 
     Raises:
         NoSolution: the straight path leaves the reach of the chain; says where, and by how much.
-        SingularPose: no sample is left, or a chain of more than two links comes into line on the way.
+        SingularPose: no sample is left, or a chain of more than two links comes into line along the path.
         InputError: no such path, times that do not increase, lengths that are symbols.
     """
     arm = check_chain(chain).numeric
@@ -141,7 +141,7 @@ def endpoint_motion(
     x, v, a, j = (f(times_) for f in (path.displacement, path.velocity, path.acceleration, path.jerk))
     rates = joint_rates(chain, q, v, a, j)
     split = arm.split(q, rates.qd, rates.qdd)
-    unbounded, note = _told(arm, path, wanted, regular)
+    unbounded, note = _singular_notes(arm, path, wanted, regular)
     return PlanarMotion(chain, path, ENDPOINT, times_, x, v, a, j, q, rates.qd, rates.qdd, rates.qddd, split, unbounded, note)
 
 
@@ -165,9 +165,7 @@ def joint_motion(chain: Chain, path: MinimumJerk, *, times: Sequence[float] | Ar
     t = _check_times(times, path)
     q, qd, qdd, qddd = (f(t) for f in (path.displacement, path.velocity, path.acceleration, path.jerk))
     x, v, a, j = arm.position(q), arm.velocity(q, qd), arm.acceleration(q, qd, qdd), arm.jerk(q, qd, qdd, qddd)
-    note = (
-        "" if arm.n == 1 or _bent(arm, q).all() else f"in line at {_moments(t, ~_bent(arm, q))}, which the angles do not mind"
-    )
+    note = "" if arm.n == 1 or _bent(arm, q).all() else f"in line at {_times(t, ~_bent(arm, q))}, which the angles do not mind"
     return PlanarMotion(chain, path, JOINT, t, x, v, a, j, q, qd, qdd, qddd, arm.split(q, qd, qdd), (), note)
 
 
@@ -194,14 +192,14 @@ def _check_reach(arm: ChainNumbers, path: MinimumJerk) -> None:
     """Refuse a straight path that leaves the ring of reach: farthest from the base at an end, nearest perhaps between."""
     step = path.stop - path.start
     length2 = float(step @ step)
-    # Where along the way the base is nearest; shares near 0 and 1 are the ends.
+    # Where along the path the base is nearest; shares near 0 and 1 are the ends.
     share = 0.0 if length2 == 0.0 else float(np.clip(-(path.start @ step) / length2, 0.0, 1.0))
     points = np.array([path.start, path.stop, path.start + share * step])
     distance = arm.distance(points)
     worst = int(np.argmax(distance))
     if arm.reachable(distance[worst], TOLERANCE):
         return
-    where = ("the beginning, ", "the end, ", "a point on the way, ")[worst]
+    where = ("the beginning, ", "the end, ", "a point of the path, ")[worst]
     x, y = points[worst]
     hint = "Plan in joint space (joint_motion), or choose other ends." if worst == 2 else "Choose an end within reach."
     raise NoSolution(
@@ -228,7 +226,7 @@ def _integrated(
     if not regular.any() or not len(grid):
         return q
     first = inverse(chain, path.displacement(grid[0]), start=start).q
-    lost = "a chain of more than two links came into line, or nearly, on the way, where its joint rates have no bound"
+    lost = "a chain of more than two links came into line, or nearly, along the path, where its joint rates have no bound"
     calls = count(1)
 
     def rate(t: float, q: Array) -> Array:
@@ -272,7 +270,7 @@ def _inside(arm: ChainNumbers, points: Array) -> Array:
     return slack > 0.1 * IN_LINE**2 * arm.outer
 
 
-def _told(arm: ChainNumbers, path: MinimumJerk, times: Array, regular: Array) -> tuple[tuple[float, ...], str]:
+def _singular_notes(arm: ChainNumbers, path: MinimumJerk, times: Array, regular: Array) -> tuple[tuple[float, ...], str]:
     """Times towards which joint accelerations have no bound, and what was left out and why."""
     if arm.n == 1:
         return (), ""
@@ -282,19 +280,19 @@ def _told(arm: ChainNumbers, path: MinimumJerk, times: Array, regular: Array) ->
             continue
         r = float(np.hypot(*point))
         pose = "stretched out" if 2.0 * r > arm.outer + arm.inner else "folded"
-        told = f"{'begins' if begins else 'ends'} {pose}, a singular pose"
+        text = f"{'begins' if begins else 'ends'} {pose}, a singular pose"
         # Away from the edge by s, the bend grows like sqrt(s), and s like t^3: its second derivative like 1/sqrt(t).
         if r > 0.0 and abs(float(step @ point)) > 1e-9 * np.linalg.norm(step) * r:
             unbounded.append(0.0 if begins else path.duration)
-            told += f": joint accelerations grow without bound towards it, like 1/sqrt({'t' if begins else 'd - t'})"
-        notes.append(told)
+            text += f": joint accelerations grow without bound towards it, like 1/sqrt({'t' if begins else 'd - t'})"
+        notes.append(text)
     if not regular.all():
-        notes.append(f"left out as singular: {_moments(times, ~regular)}")
+        notes.append(f"left out as singular: {_times(times, ~regular)}")
     return tuple(unbounded), "; ".join(notes)
 
 
-def _moments(times: Array, there: Array) -> str:
-    """Times in words, the first few."""
+def _times(times: Array, there: Array) -> str:
+    """The first few times, for a message."""
     found = times[there]
-    told = ", ".join(f"{t:.4g}" for t in found[:3])
-    return f"t = {told} s" + (f" and {len(found) - 3} more" if len(found) > 3 else "")
+    first = ", ".join(f"{t:.4g}" for t in found[:3])
+    return f"t = {first} s" + (f" and {len(found) - 3} more" if len(found) > 3 else "")

@@ -268,7 +268,7 @@ class ChainNumbers:
         return np.where(inside[..., None], points, np.clip(r, self.inner, self.outer)[..., None] * units(away))
 
     def beyond(self, target: Array) -> str:
-        """Where an unreachable target lies, in words."""
+        """Where an unreachable target lies, for a message."""
         r = float(np.hypot(*target))
         if self.n == 1:
             side = "outside" if r > self.outer else "inside"

@@ -29,7 +29,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite
 from rbd.errors import InputError, SingularPose
-from rbd.planar.angles import beside, plain, samples, wrapped
+from rbd.planar.angles import nearest_turn, plain, samples, wrapped
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_start, check_tolerance, nearest_pose, triangle
 from rbd.planar.numeric import ROUND_OFF, ChainNumbers
@@ -54,7 +54,7 @@ class InversePath:
         distance: How far it is out of reach, shape (samples,) [m].
         singular: Whether the chain is in line there, shape (samples,): joint rates are then undetermined or without bound.
         switches: Samples at which two links go over to the other branch, through a singular pose.
-        note: What is special, in words; empty if nothing is.
+        note: What is special; empty if nothing is.
     """
 
     points: Array
@@ -127,7 +127,7 @@ def inverse_path(
         singular = s[:, 1] <= SINGULAR * s[:, 0]
         if stuck:
             notes.append(f"the chain had to jump to another pose at sample {stuck[0]}: sample the path more finely")
-    q = q + ((wrapped(q[0]) if near is None else beside(q[0], near)) - q[0])
+    q = q + ((wrapped(q[0]) if near is None else nearest_turn(q[0], near)) - q[0])
     notes += _notes(q, singular, switches)
     return InversePath(path, q, within, distance, singular, switches, "; ".join(notes))
 
@@ -154,7 +154,7 @@ def _one_branch(arm: ChainNumbers, points: Array, near: Array | None, branch: in
     bend, lean, toward = triangle(arm, points)
     r = np.hypot(points[:, 0], points[:, 1])
     somewhere = r > ROUND_OFF * arm.outer
-    if not somewhere.all():  # at the base the way to the target has no direction: the last one's is kept, or the next one's
+    if not somewhere.all():  # at the base the line to the target has no direction: the last one's is kept, or the next one's
         last = np.maximum.accumulate(np.where(somewhere, np.arange(len(r)), -1))
         following = int(np.argmax(somewhere)) if somewhere.any() else 0
         toward = toward[np.where(last < 0, following, last)]
@@ -167,7 +167,7 @@ def _one_branch(arm: ChainNumbers, points: Array, near: Array | None, branch: in
 
     sign = 1.0 - 2.0 * branch
     if near is not None:
-        gaps = [float(np.linalg.norm(beside(arm.from_segment(pose(0, s)), near) - near)) for s in (1.0, -1.0)]
+        gaps = [float(np.linalg.norm(nearest_turn(arm.from_segment(pose(0, s)), near) - near)) for s in (1.0, -1.0)]
         sign = 1.0 if gaps[0] <= gaps[1] else -1.0
     singular = np.sin(bend) < SINGULAR
     signs, switches = np.full(len(r), sign), []
@@ -185,7 +185,7 @@ def _meetings(arm: ChainNumbers, points: Array, singular: Array) -> list[tuple[i
     edges = np.diff(np.concatenate([[False], singular, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     found = [(int(i) - 1, int(j)) for i, j in zip(begins, ends, strict=True)]
-    if arm.inner == 0.0 and len(points) > 1:  # the way between two samples may lead through the base
+    if arm.inner == 0.0 and len(points) > 1:  # the path between two samples may lead through the base
         step = np.diff(points, axis=0)
         length = np.hypot(step[:, 0], step[:, 1])
         across = np.abs(points[:-1, 0] * step[:, 1] - points[:-1, 1] * step[:, 0])
@@ -197,11 +197,11 @@ def _meetings(arm: ChainNumbers, points: Array, singular: Array) -> list[tuple[i
 def _kink_less(pose, sign: float, before: int, after: int) -> bool:  # type: ignore[no-untyped-def]  # a local function
     """Whether the other branch continues the motion before a singular pose, and this one does not."""
     kinks = []
-    into = beside(pose(before, sign), pose(before - 1, sign)) - pose(before - 1, sign)
+    into = nearest_turn(pose(before, sign), pose(before - 1, sign)) - pose(before - 1, sign)
     for other in (sign, -sign):
         here = pose(after, other)
-        out = beside(pose(after + 1, other), here) - here
-        jump = beside(here, pose(before, sign)) - pose(before, sign)
+        out = nearest_turn(pose(after + 1, other), here) - here
+        jump = nearest_turn(here, pose(before, sign)) - pose(before, sign)
         kinks.append(float(np.linalg.norm(out - into) + np.linalg.norm(jump / (after - before) - 0.5 * (into + out))))
     return kinks[1] < KINK * kinks[0]
 
@@ -338,14 +338,14 @@ def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:
     where = f"at sample {k} of {len(pose)}" if len(pose) > 1 else "here"
     return (
         f"{where} the chain is in line, with its end point at ({x:g}, {y:g}) m{more}: joint rates are undetermined there, and "
-        "may be without bound nearby. Begin beside it, or ask for NaN there: at_singular='nan'."
+        "may be without bound nearby. Begin near it, or ask for NaN there: at_singular='nan'."
     )
 
 
 def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
     out: list[Array] = []
     for order, given in enumerate(motion):
-        wanted = given - _known(arm, q, out, order)
+        wanted = given - _lower(arm, q, out, out, order)
         rate = np.sum(J[:, :, 0] * wanted, axis=1) / arm.outer**2
         off = np.abs(wanted - J[:, :, 0] * rate[:, None]).max(axis=1, initial=0.0)
         size = np.abs(given).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
@@ -360,20 +360,21 @@ def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]
     return out
 
 
-def _known(arm: ChainNumbers, q: Array, rates: list[Array], order: int) -> Array:
-    """What the rates that are known contribute: nothing, J' q', or 2 J' q'' + J'' q'; shape (samples, 2)."""
+def _lower(
+    arm: ChainNumbers, q: Array, rates: list[Array], terms: list[Array], order: int, *, transposed: bool = False
+) -> Array:
+    """What lower rates contribute: nothing, J' x, or 2 J' x' + J'' x of x = q' (transposed: J^T, of x = l)."""
     if order == 0:
-        return np.zeros((len(q), 2))
-    Jd = arm.jacobian_rate(q, rates[0])
-    if order == 1:
-        return _times(Jd, rates[0])
-    return 2.0 * _times(Jd, rates[1]) + _times(arm.jacobian_second_rate(q, rates[0], rates[1]), rates[0])
+        return np.zeros((len(q), arm.n if transposed else 2))
+    Js = [arm.jacobian_rate(q, rates[0])] + ([arm.jacobian_second_rate(q, rates[0], rates[1])] if order > 1 else [])
+    Js = [np.swapaxes(J, 1, 2) for J in Js] if transposed else Js
+    return _times(Js[0], terms[0]) if order == 1 else 2.0 * _times(Js[0], terms[1]) + _times(Js[1], terms[0])
 
 
 def _two_links(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
     out: list[Array] = []
     for order, given in enumerate(motion):
-        out.append(np.linalg.solve(J, (given - _known(arm, q, out, order))[..., None])[..., 0])
+        out.append(np.linalg.solve(J, (given - _lower(arm, q, out, out, order))[..., None])[..., 0])
     return out
 
 
@@ -384,13 +385,8 @@ def _least(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[A
     multipliers: list[Array] = []
     for order, given in enumerate(motion):
         # The part of the rate that the multipliers known so far give, of q' = J^T l differentiated.
-        rest = np.zeros_like(q)
-        if order == 1:
-            rest = _times(np.swapaxes(arm.jacobian_rate(q, out[0]), 1, 2), multipliers[0])
-        elif order == 2:
-            rest = 2.0 * _times(np.swapaxes(arm.jacobian_rate(q, out[0]), 1, 2), multipliers[1])
-            rest += _times(np.swapaxes(arm.jacobian_second_rate(q, out[0], out[1]), 1, 2), multipliers[0])
-        wanted = given - _known(arm, q, out, order) - _times(J, rest)
+        rest = _lower(arm, q, out, multipliers, order, transposed=True)
+        wanted = given - _lower(arm, q, out, out, order) - _times(J, rest)
         multipliers.append(np.linalg.solve(G, wanted[..., None])[..., 0])
         out.append(_times(JT, multipliers[-1]) + rest)
     return out

@@ -5,7 +5,7 @@ it is then substituted in the others. What remains, phi(s) = 0, is kept as it is
 
     phi_d s_d' + phi_f s_f' = 0,   s_d' = -phi_d^-1 phi_f s_f',
 
-with as many angles s_d dependent as relations remain. Points on them are looked for in numbers, to tell relations that
+with as many angles s_d dependent as relations remain. Points on them are looked for numerically, to distinguish relations that
 contradict each other, or say nothing new where they hold, from relations that do their part.
 """
 
@@ -24,6 +24,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.planar.angles import Symbols
 from rbd.planar.chain import Chain
+from rbd.planar.expressions import as_expression
 
 STARTS = 60
 """Random configurations from which points on the relations are looked for."""
@@ -119,11 +120,8 @@ def _equation(chain: Chain, given: Any) -> Relation:
 
 
 def _expression(label: str, value: Any) -> sympy.Expr:
-    try:
-        out = None if isinstance(value, bool | str) else sympy.sympify(value, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError, AttributeError):
-        out = None
-    if not isinstance(out, sympy.Expr) or out.is_finite is False or out is sympy.nan or out.has(sympy.I):
+    out = as_expression(value)
+    if out is None or out.is_finite is False or out is sympy.nan or out.has(sympy.I):
         raise InputError(
             f"in the relation {label:.120} a side is {value!r:.80}; expected a finite real number or expression [rad]."
         )
@@ -295,9 +293,9 @@ def _points(
             numbers = [float(rng.uniform(0.8, 1.2) if p.is_positive else rng.uniform(0.1, 0.6)) for p in parameters]
             s = rng.uniform(-np.pi, np.pi, len(coordinates))
             anywhere.append(np.array(slope(*s, *numbers), dtype=float))
-            s, misfit = newton(lambda s, p=numbers: (value(*s, *p), slope(*s, *p)), s)
-            least = min(least, misfit)
-            if misfit < 1e-9:
+            s, residual = newton(lambda s, p=numbers: (value(*s, *p), slope(*s, *p)), s)
+            least = min(least, residual)
+            if residual < 1e-9:
                 found.append((dict(zip(parameters, numbers, strict=True)), s))
                 jacobians.append(np.array(slope(*s, *numbers), dtype=float))
     usable = [J for J in anywhere if np.isfinite(J).all()]
@@ -311,7 +309,7 @@ def _points(
 
 
 def newton(function: Any, s: Array) -> tuple[Array, float]:
-    """Gauss and Newton's method with least steps, halved until the misfit falls."""
+    """Gauss and Newton's method with least steps, halved until the residual falls."""
     phi, J = (np.array(x, dtype=float) for x in function(s))
     for _ in range(80):
         if not (np.isfinite(phi).all() and np.isfinite(J).all()):

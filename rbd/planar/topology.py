@@ -1,4 +1,4 @@
-"""A planar chain in the words of the text: base, end point, open, closed, serial, parallel, mobility, redundancy.
+"""What a planar chain is: base, end point, open, closed, serial, parallel, mobility, redundancy.
 
 `rbd.mechanism.classify` says the same of any robot in space; on the robot that a chain is exported to, both agree.
 Source: [Duarte2021], "Properties of kinematic chains".
@@ -28,18 +28,18 @@ MEANINGS = {
     "serial or parallel": "Serial: one link after another, no branches, no loops. Parallel: several ways lead to what moves.",
     "degrees of freedom": "Numbers that tell where all joints are: one angle per hinge, before anything constrains them.",
     "mobility": "Degrees of freedom that relations and pins leave: how many motions are independent.",
-    "freedoms of the end point": "Independent directions in which the end point can move: at most two in a plane.",
-    "redundancy": "Mobility less the freedoms of the end point: motions of the links that leave the end point where it is.",
+    "degrees of freedom of the end point": "Independent directions in which the end point can move: at most two in a plane.",
+    "redundancy": "Mobility less the degrees of freedom of the end point: motions that leave it where it is.",
 }
-"""One line for each word."""
+"""What each term means, in one line."""
 
 
 @dataclass(frozen=True)
 class Word:
-    """A word, what it is for this chain, and what it means.
+    """A term, what it is for this chain, and what it means.
 
     Attributes:
-        word: The word.
+        word: The term.
         value: Its value: a number or a phrase.
         meaning: One line.
     """
@@ -51,7 +51,7 @@ class Word:
 
 @dataclass(frozen=True)
 class ChainClass:
-    """What a planar chain is, in the words of the text. Ranks are generic: singular poses do not count.
+    """What a planar chain is. Ranks are generic: singular poses do not count.
 
     Attributes:
         base: Where it is held.
@@ -60,7 +60,7 @@ class ChainClass:
         closed: Whether there is a loop.
         degrees_of_freedom: Of its joints: n.
         mobility: What relations and pins leave of them.
-        end_freedoms: Freedoms of the end point.
+        end_dof: Those of the end point.
         note: What is special; empty if nothing is.
     """
 
@@ -70,17 +70,17 @@ class ChainClass:
     closed: bool
     degrees_of_freedom: int
     mobility: int
-    end_freedoms: int
+    end_dof: int
     note: str
 
     @property
     def redundancy(self) -> int:
-        """Mobility less the freedoms of the end point."""
-        return self.mobility - self.end_freedoms
+        """Mobility less the degrees of freedom of the end point."""
+        return self.mobility - self.end_dof
 
     @property
     def table(self) -> tuple[Word, ...]:
-        """All words with their values and meanings, in the order of the text."""
+        """All terms with their values and meanings."""
         values: dict[str, int | str] = {
             "base": self.base,
             "end point": self.end_point,
@@ -88,7 +88,7 @@ class ChainClass:
             "serial or parallel": self.kind,
             "degrees of freedom": self.degrees_of_freedom,
             "mobility": self.mobility,
-            "freedoms of the end point": self.end_freedoms,
+            "degrees of freedom of the end point": self.end_dof,
             "redundancy": self.redundancy,
         }
         return tuple(Word(word, value, MEANINGS[word]) for word, value in values.items())
@@ -104,7 +104,8 @@ def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array |
     """What a chain is called: open or closed, serial or parallel; its mobility and its redundancy.
 
     Args:
-        chain: A chain, or one under relations of its angles. A relation takes freedoms and closes no loop, as a gear does.
+        chain: A chain, or one under relations of its angles. A relation takes degrees of freedom and closes no loop, as a joint
+            coupling does.
         pinned: Where the end point is hinged to the ground, x and y [m]: the chain is then closed. Numbers, if the lengths
             are; else anything, and the chain is taken to reach it.
 
@@ -118,11 +119,11 @@ def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array |
         if pinned is not None:
             raise InputError("a pin came for a chain under relations; expected one without: classify(chain.chain, pinned=...).")
         rank = _end_rank(chain)
-        note = "Relations hold the end point where it is, though links move." if rank == 0 < chain.freedoms else ""
-        if chain.freedoms == 0:
+        note = "Relations hold the end point where it is, though links move." if rank == 0 < chain.mobility else ""
+        if chain.mobility == 0:
             note = "Relations leave nothing that moves: a structure."
         n = chain.chain.n
-        return ChainClass(base, f"the far end of link {n}", "serial", False, n, chain.freedoms, rank, note)
+        return ChainClass(base, f"the far end of link {n}", "serial", False, n, chain.mobility, rank, note)
     n = chain.n
     if pinned is None:
         return ChainClass(base, f"the far end of link {n}", "serial", False, n, n, min(n, 2), "")
@@ -160,8 +161,8 @@ def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:
 
 
 def _end_rank(chain: ConstrainedChain) -> int:
-    """Freedoms of the end point of a chain under relations: the largest rank of its Jacobian over configurations."""
-    if not chain.freedoms:
+    """Degrees of freedom of the end point of a chain under relations: the largest rank of its Jacobian over configurations."""
+    if not chain.mobility:
         return 0
     J = chain.jacobian()
     if J.is_zero_matrix:

@@ -1,4 +1,4 @@
-"""A planar chain as a URDF file and as a robot of `rbd`: the way from two links on paper to `rbd.solve` and `rbd.simulate`.
+"""A planar chain as a URDF file and as a robot for `rbd.solve` and `rbd.simulate`.
 
 The chain's plane is put into the world W in one of two ways. Either way a joint's axis points at who looks at the plane, so
 that angles are counter-clockwise as on paper:
@@ -184,7 +184,7 @@ def to_robot(
         name: Of the robot.
 
     Raises:
-        InputError: as `to_urdf`; masses beside dynamics, or dynamics of a gravity other than 0 and 9.81.
+        InputError: as `to_urdf`; masses given with dynamics, or dynamics of a gravity other than 0 and 9.81.
         ModelError: a chain without inertia, whose M is singular.
 
     >>> robot = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
@@ -195,7 +195,7 @@ def to_robot(
         given = (("masses", masses), ("lengths", lengths), ("centres", centres), ("inertias", inertias), ("bodies", bodies))
         own = ", ".join(what for what, value in (*given, ("plane", plane)) if value is not None)
         if own:
-            raise InputError(f"{own} came beside dynamics, which have their own; expected dynamics alone, or a chain.")
+            raise InputError(f"{own} came with dynamics, which have their own; expected dynamics alone, or a chain.")
         dyn = _known(chain, values)
         chain, values, plane = dyn.chain, None, "xy" if dyn.gravity == 0 else "xz"
         masses, centres, inertias = dyn.bodies.masses, dyn.bodies.centres, dyn.bodies.inertias

@@ -58,7 +58,7 @@ SUMMARY = {
 
 @dataclass(frozen=True)
 class ModelIssue:
-    """One thing that the doctor found.
+    """One issue that model validation found.
 
     Attributes:
         kind: What sort of thing: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...
@@ -73,7 +73,7 @@ class ModelIssue:
 
 @dataclass(frozen=True)
 class ModelReport:
-    """What the doctor found.
+    """What model validation found.
 
     Attributes:
         robot: Its name.
@@ -109,9 +109,9 @@ class ModelReport:
         kinds: dict[str, list[str]] = {}
         for finding in self.warnings:
             kinds.setdefault(finding.kind, []).append(finding.where)
-        told = [f"ERROR, {finding.text.rstrip('.')}" for finding in self.errors]
-        told += [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
-        return f"{self.robot}: {'; '.join(told)}. {REMEDY}" if told else ""
+        parts = [f"ERROR, {finding.text.rstrip('.')}" for finding in self.errors]
+        parts += [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
+        return f"{self.robot}: {'; '.join(parts)}. {REMEDY}" if parts else ""
 
 
 def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> ModelReport:
@@ -167,15 +167,15 @@ def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
             yield ModelIssue("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
     lost, rounding = file.mass - robot.mass, 1e-9 * max(1.0, file.mass)
     if abs(lost) > rounding:
-        told = f"the moving links of the file weigh {file.mass:.9g} kg, and the model {robot.mass:.9g} kg"
-        yield ModelIssue("mass", robot.name, f"{told}: mass was lost between them.")
+        text = f"the moving links of the file weigh {file.mass:.9g} kg, and the model {robot.mass:.9g} kg"
+        yield ModelIssue("mass", robot.name, f"{text}: mass was lost between them.")
 
 
 def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
     """Joints whose outboard bodies leave M singular or indefinite, at neutral or at random configurations.
 
     M = U D U^T, eliminated from the tips inward, has as D the articulated inertias: what a joint's motor feels when all
-    joints beyond it are free. It must be positive, and not nothing beside the composite inertia M_ii, felt when they are
+    joints beyond it are free. It must be positive, and not negligible against the composite inertia M_ii, felt when they are
     locked. Where every body has an inertia that a body can have, M is nowhere indefinite, and if regular at one
     configuration then nearly everywhere; else more configurations are tried.
     """
@@ -190,7 +190,7 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
             pin.cholesky.decompose(model, data)
             composite, articulated = np.diagonal(M), np.ravel(data.D)
             sound = (articulated > SINGULAR * composite) & (articulated > NOTHING * composite.max())
-            if not sound.all():  # the outermost tells: inward of it, D means nothing
+            if not sound.all():  # the outermost decides: inward of it, D means nothing
                 last = int(np.flatnonzero(~sound)[-1])
                 if last > outermost:
                     outermost, indefinite = last, bool(articulated[last] < -SINGULAR * np.abs(composite).max())
@@ -200,8 +200,8 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
     name = _joint_of(model, outermost, "idx_v", "nv")
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in _subtree(model, name)]
     what = "an indefinite inertia: M has a negative eigenvalue" if indefinite else "no inertia about it: M is singular"
-    told = f"the bodies beyond joint {name!r} ({_some(links)}) have {what}. Give them mass and inertia, or weld it."
-    yield ModelIssue("singular", name, told)
+    text = f"the bodies beyond joint {name!r} ({_some(links)}) have {what}. Give them mass and inertia, or weld it."
+    yield ModelIssue("singular", name, text)
 
 
 def _subtree(model: pin.Model, joint: str) -> set[int]:
@@ -254,13 +254,13 @@ class Bodies:
         for i in np.flatnonzero(broken | thin | massless):
             a, b, c = self.moments[i]
             if broken[i]:
-                told = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m2"
-                told += ": one is negative" if a < 0.0 else ": the largest is more than the sum of the others"
+                text = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m2"
+                text += ": one is negative" if a < 0.0 else ": the largest is more than the sum of the others"
             elif thin[i]:
-                told = f"{self.masses[i]:.3g} kg without extension: principal moments {a:.3g}, {b:.3g}, {c:.3g} kg m2"
+                text = f"{self.masses[i]:.3g} kg without extension: principal moments {a:.3g}, {b:.3g}, {c:.3g} kg m2"
             else:
-                told = f"an inertia of up to {c:.3g} kg m2, but no mass"
-            yield ModelIssue("inertia", self.names[i], f"{self.what} {self.names[i]!r} has {told}; no body has")
+                text = f"an inertia of up to {c:.3g} kg m2, but no mass"
+            yield ModelIssue("inertia", self.names[i], f"{self.what} {self.names[i]!r} has {text}; no body has")
 
 
 def _moments(tensors: Array) -> Array:
@@ -287,8 +287,8 @@ def _friction(model: pin.Model) -> Iterator[ModelIssue]:
     damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
     for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
         name = _joint_of(model, int(i), "idx_v", "nv")
-        told = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
-        yield ModelIssue("friction", name, told)
+        text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
+        yield ModelIssue("friction", name, text)
 
 
 def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[ModelIssue, bool]]:
@@ -298,15 +298,15 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
     for loop in robot.loops():
         found = [(where, *gap) for where, state in states if (gap := _gap(loop, state)) is not None]
         closed = [where + (f" (to {gap:.1g})" if gap > CLOSED else "") for where, gap, way in found if _closes(gap, way)]
-        told, fine = f"{type(loop).__name__}: ", bool(closed) or not found
+        text, fine = f"{type(loop).__name__}: ", bool(closed) or not found
         if closed:
-            told += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
+            text += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
         elif not found:
-            told += "has no place at which it is closed: it is not defined in these postures"
+            text += "has no place at which it is closed: it is not defined in these postures"
         else:
             where, least, _ = min(found, key=lambda each: each[1])
-            told += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
-        yield ModelIssue("loop", loop.name, told), fine
+            text += f"open in every posture, by {least:.3g} in {where} at least; rbd.mechanism.assemble closes it"
+        yield ModelIssue("loop", loop.name, text), fine
     for wheel in robot.wheels():
         yield ModelIssue("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
 

@@ -243,7 +243,7 @@ def meeting(p: Point, b: float, o: Point, c: float, side: float) -> tuple[float,
         side: 1.0 for an end on the left as one goes from o to p, -1.0 for one on the right.
 
     Raises:
-        InputError: they do not reach each other, or start at one point; the gap is told.
+        InputError: they do not reach each other, or start at one point; the message states the gap.
     """
     x, z = p[0] - o[0], p[1] - o[1]
     r = math.hypot(x, z)

@@ -171,7 +171,7 @@ def merge_robots(
         second: Another, or the same once more.
         placement: Where the second's world stands in the first's, pin.SE3 or a 4 x 4 matrix: moves a fixed base for good,
             and a floating one in `RobotPair.q`, `together` and `standing`. By default both worlds are one.
-        names: What stands before the names of joints and frames of each; they are to be told apart by it.
+        names: What stands before the names of joints and frames of each; they distinguish the two.
 
     Raises:
         InputError: something that is no robot, names that stay alike, or two different gravities.
@@ -191,7 +191,7 @@ def merge_robots(
     for what, one, other in (("joint", first.joints, second.joints), ("frame", first.frames(), second.frames())):
         both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
         if both:
-            raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that tell them apart, as ('a_', 'b_').")
+            raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that distinguish them, as ('a_', 'b_').")
     left = [c.name for robot in (first, second) for c in (*robot.loops(), *robot.wheels())]
     if left:
         warnings.warn(
@@ -206,7 +206,7 @@ def merge_robots(
 def _checked_names(names: Sequence[str]) -> tuple[str, str]:
     given = tuple(names) if isinstance(names, list | tuple) else ()
     if len(given) != 2 or not all(isinstance(n, str) and len(n) <= 100 for n in given):
-        raise InputError(f"names is {names!r:.80}; expected two words to stand before the names, as ('a_', 'b_').")
+        raise InputError(f"names is {names!r:.80}; expected two prefixes of the names, as ('a_', 'b_').")
     return given[0], given[1]
 
 

@@ -53,7 +53,7 @@ def four_bar(
 
     Raises:
         InputError: a length that is no number above zero, lengths that cannot close, or not at this crank angle; the
-            message tells what is missing.
+            message states what is missing.
         ModelError: files that cannot be written.
 
     >>> robot = four_bar(40, 120, 80, 100, crank_angle=math.radians(40))
@@ -87,7 +87,7 @@ def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os
     """N square four-bars in a row: N + 1 cranks on the ground, their tips joined by N couplers, all uniform bars alike.
 
     The benchmark A02 of IFToMM's library [Gonzalez2006] for length 1 m and mass 1 kg. All cranks stand at the angle phi of
-    `crank_0`, in the plane and with the signs of `four_bar`, and with one freedom
+    `crank_0`, in the plane and with the signs of `four_bar`, and with one degree of freedom
 
         m L^2 [(N + 1) / 3 + N] phi'' = -m g L [(N + 1) / 2 + N] cos phi
 
@@ -127,8 +127,8 @@ def too_long(**sides: float) -> str:
     missing = 2.0 * sides[longest] - sum(sides.values())
     if missing <= 0.0:
         return ""
-    told = ", ".join(f"{name} {length:g}" for name, length in sides.items())
-    return f"bars of {told} m cannot close: {longest} is {missing:.6g} m longer than the others together."
+    bars = ", ".join(f"{name} {length:g}" for name, length in sides.items())
+    return f"bars of {bars} m cannot close: {longest} is {missing:.6g} m longer than the others together."
 
 
 def _four_bar_angle(a: float, b: float, c: float, d: float) -> float:

@@ -11,9 +11,15 @@ forms.
 
 from rbd.modules import submodule as _submodule
 from rbd.testing.constraint_check import ConstraintReport, check_constraint
-from rbd.testing.contracts import ConstraintWrong, ContractBroken, SolverReport, SolverWrong
 from rbd.testing.reference import ReferenceProblem, box, reference_problems
-from rbd.testing.solver_check import check_solver, law_residuals
+from rbd.testing.solver_check import (
+    ConstraintWrong,
+    ContractBroken,
+    SolverReport,
+    SolverWrong,
+    check_solver,
+    law_residuals,
+)
 
 __all__ = [
     "ConstraintReport",

@@ -12,8 +12,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.rows import Patch, Rows
-from rbd.testing.contracts import ConstraintWrong
-from rbd.testing.solver_check import corner_rays
+from rbd.testing.solver_check import ConstraintWrong, corner_rays
 
 STEPS = (5e-3, 6e-4, 8e-5)
 """Time steps of the differences [s]. With speeds of order one, rounding and truncation both stay below 1e-9 at the first. The

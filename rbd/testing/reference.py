@@ -32,7 +32,7 @@ class ReferenceProblem:
     """A least-constraint problem with its answer.
 
     Attributes:
-        name: What it is, in words.
+        name: What it is.
         problem: The arrays.
         a: {law: acceleration, shape (nv,)} in closed form; "any" for all laws.
         forces: {constraint: as `Solution.forces`}, where they are unique and the same under all laws.
@@ -227,7 +227,7 @@ def _cranks(n: int, angle: float, rate: float) -> GaussProblem:
 
 
 def _sleigh(m: float, I: float, a: float, v: float, w: float) -> GaussProblem:  # noqa: E741
-    """A body on a planar joint with a blade at its origin, its centre of mass a ahead."""
+    """A body on a planar joint with a knife edge at its origin, its centre of mass a ahead."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelPlanar(), _HERE, "plane")
     model.appendBodyToJoint(joint, pin.Inertia(m, np.array([a, 0.0, 0.0]), np.diag([0.1, 0.1, I])), _HERE)
@@ -352,7 +352,7 @@ def _made_up() -> list[ReferenceProblem]:
             rows.append(Rows("again", Q @ r.J, Q @ r.bias, r.cone, feedback=Q @ r.feedback))
             forces = {}
         if law != "any":
-            forces = {}  # the rows are independent, so a tells them; under the other law they differ
+            forces = {}  # the rows are independent, so a determines them; under the other law they differ
         return ReferenceProblem(name, GaussProblem(M, M @ a - pull, rows), {law: a}, forces, source="built from its answer")
 
     return [

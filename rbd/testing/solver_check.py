@@ -1,23 +1,57 @@
-"""A solver against the equations of its law, written down once more, and against closed forms."""
+"""A solver against the equations of its law, written down once more, and against closed forms; errors of broken contracts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
 from rbd.arrays import Array
-from rbd.errors import InputError
+from rbd.errors import InputError, RbdError
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.law import Law
 from rbd.problem.problem import GaussProblem
 from rbd.solution import Solution
 from rbd.solvers import Solver
-from rbd.testing.contracts import SolverReport, SolverWrong
 from rbd.testing.reference import ReferenceProblem, reference_problems
+
+
+class ContractBroken(RbdError):
+    """A constraint or a solver does not do what it says."""
+
+
+class ConstraintWrong(ContractBroken):
+    """Rows that do not describe the motion they claim."""
+
+
+@dataclass(frozen=True)
+class SolverReport:
+    """What `check_solver` ran.
+
+    Attributes:
+        ran: {problem: largest residual, scaled as `Solution.residuals`}.
+        skipped: {problem: why the solver does not take it}.
+        failed: {problem: what is wrong}.
+    """
+
+    ran: dict[str, float]
+    skipped: dict[str, str]
+    failed: dict[str, str]
+
+
+class SolverWrong(ContractBroken):
+    """Answers that miss the law or the closed form.
+
+    Attributes:
+        report: What ran, what was skipped, what failed.
+    """
+
+    def __init__(self, message: str, report: SolverReport) -> None:
+        super().__init__(message)
+        self.report = report
 
 
 def check_solver(

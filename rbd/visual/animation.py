@@ -18,7 +18,7 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
-from rbd.visual.animation_frames import Pushes, PushesAt, Score, frames_of
+from rbd.visual.animation_frames import MotionPage, Pushes, PushesAt, frames_of
 from rbd.visual.page import screenshot, write_page
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene
@@ -37,7 +37,7 @@ LIVE_FPS = 30.0
 VIEWER_SECONDS = 20.0
 """How long a replay waits for a browser that it opened itself."""
 FAR = 5.0
-"""The camera follows a robot that goes so many times its own size, unless told otherwise."""
+"""The camera follows a robot that goes so many times its own size, unless asked otherwise."""
 
 
 def export_motion(
@@ -83,12 +83,12 @@ def export_motion(
     """
     target = a_page(path)
     shown = checked(trajectory)
-    score, scene = _staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
-    first, last = float(score.frames.times[0]), float(score.frames.times[-1])
+    motion, scene = _staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
+    first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
     begin = first if start is None else _a_time("start", start, first, last)
-    follows = score.goes_far(FAR) if follow is None else bool(follow)
+    follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
-    scene.stage_motion(score.whole(shown.events, settings), score.around(follows))
+    scene.stage_motion(motion.whole(shown.events, settings), motion.around(follows))
     write_page(target, scene.page(title))
     return target
 
@@ -135,11 +135,11 @@ def motion_sheet(
     shown = checked(trajectory)
     at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
-    score, scene = _staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
-    follows = score.goes_far(FAR) if follow is None else bool(follow)
+    motion, scene = _staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
+    follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
-    scene.stage_motion(score.whole((), {**settings, "sheet": sheet}), score.around(follows))
+    scene.stage_motion(motion.whole((), {**settings, "sheet": sheet}), motion.around(follows))
     with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
         page = Path(folder) / "sheet.html"
         write_page(page, scene.page())
@@ -168,15 +168,15 @@ def replay(
     shown = checked(trajectory)
     if scene is not None and not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
-    score, used = _staged(shown, LIVE_FPS, speed, external, scene=scene)
-    settings = {"title": shown.robot.name, "follow": score.goes_far(FAR), "trace": False}
-    used.stage_motion(score.opening(settings), score.around(bool(settings["follow"])))
+    motion, used = _staged(shown, LIVE_FPS, speed, external, scene=scene)
+    settings = {"title": shown.robot.name, "follow": motion.goes_far(FAR), "trace": False}
+    used.stage_motion(motion.opening(settings), motion.around(bool(settings["follow"])))
     try:
         with contextlib.suppress(KeyboardInterrupt):
             if scene is None:
                 used.open()
                 used.wait_for_viewer(VIEWER_SECONDS)
-            _pace(score, used, float(speed))
+            _pace(motion, used, float(speed))
     finally:
         if scene is None:
             used.close()
@@ -225,12 +225,12 @@ def positive(what: str, value: object, most: float, unit: str) -> float:
     return number
 
 
-def _pace(score: Score, scene: Scene, speed: float) -> None:
-    times = score.frames.times
+def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
+    times = motion.frames.times
     began = time.monotonic()
     i = 0
     while True:
-        scene.stage_moment(score.moment(i))
+        scene.stage_moment(motion.moment(i))
         if i == len(times) - 1:
             return
         now = times[0] + (time.monotonic() - began) * speed
@@ -247,8 +247,8 @@ def _staged(
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
     scene: Scene | None = None,
-) -> tuple[Score, Scene]:
-    """The score of a motion, and a scene with the robot as it starts."""
+) -> tuple[MotionPage, Scene]:
+    """The motion of a motion, and a scene with the robot as it starts."""
     speed = positive("speed", speed, MOST_SPEED, "")
     if speed < LEAST_SPEED:
         raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
@@ -261,12 +261,12 @@ def _staged(
     joints = sorted({part.joint for part in parts} - {0})
     weight = float(robot.mass * np.linalg.norm(robot.gravity))
     frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
-    return Score(frames, parts, scene.sizes, bool(ground), weight), scene
+    return MotionPage(frames, parts, scene.sizes, bool(ground), weight), scene
 
 
 def _a_title(title: str | None, trajectory: Trajectory) -> str:
     if title is not None and not isinstance(title, str):
-        raise InputError(f"title is {title!r:.80}; expected words.")
+        raise InputError(f"title is {title!r:.80}; expected text.")
     return title or str(trajectory.robot.name)
 
 

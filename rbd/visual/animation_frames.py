@@ -45,7 +45,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
 BINS = 100
 """Marks along the bar: events of one contact in the same hundredth of it share one."""
 MOST_WORDS = 8
-"""Events told by one mark; of more, the first ones and how many there are."""
+"""Events named by one mark; of more, the first ones and how many there are."""
 EVENT_KINDS = ("touches", "slips", "sticks", "leaves")
 """The most telling first: what a mark of several events looks like."""
 MOST_POSES_FRAMED = 100
@@ -147,7 +147,7 @@ def frames_of(
     given = {name: [str(mode) for mode in trajectory.modes.get(name, unknown)] for name in ordered}
     modes = {name: [words[i] for i in nearest] for name, words in given.items()}
     stretches = {name: _stretches(times, words) for name, words in given.items()}
-    for name in ordered:  # what chatters is told as coarsely as it is shown
+    for name in ordered:  # chatter is listed as coarsely as it is shown
         if len(stretches[name]) > MOST_STRETCHES:
             stretches[name] = _stretches(at, modes[name])
     pushed = _pushed(trajectory.robot, q, at, external)
@@ -240,7 +240,7 @@ def _pushed(robot: CheckedModel, q: Sequence[Array], times: Array, external: Pus
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class MotionPage:
     """A motion, ready to be written for the page.
 
     Attributes:
@@ -318,16 +318,16 @@ class Score:
         frames = self.frames
         played = {
             "times": [round(float(t), 9) for t in frames.times],
-            "rows": _packed(self.frames.rows.astype("<f4")),
+            "rows": _packed(frames.rows.astype("<f4")),
             "codes": _packed(self.codes.astype("u1")),
             "events": self.marks(events),
             "speeds": sorted({*SPEEDS, float(settings["speed"])}),  # type: ignore[arg-type]
         }
-        return json.dumps({"motion": {**self._cast(), **settings, **played}})
+        return json.dumps({"motion": {**self._setup(), **settings, **played}})
 
     def opening(self, settings: Mapping[str, object]) -> str:
         """The motion without its frames, as JSON: they come one by one, see `moment`."""
-        return json.dumps({"motion": {**self._cast(), **settings}})
+        return json.dumps({"motion": {**self._setup(), **settings}})
 
     def moment(self, i: int) -> str:
         """One frame, as JSON."""
@@ -358,8 +358,8 @@ class Score:
         code = {word: i for i, word in enumerate(self.words)}
         return [(round(a, 9), round(b, 9), code[mode]) for a, b, mode in self.frames.stretches[name] if mode != OPEN]
 
-    def _cast(self) -> dict[str, object]:
-        """Who plays: the same for a page and for a live scene."""
+    def _setup(self) -> dict[str, object]:
+        """Bodies, contacts, sizes: the same for a page and for a live scene."""
         frames, sizes = self.frames, self.sizes
         body = {joint: j for j, joint in enumerate(frames.joints)}
         parts = [
@@ -373,6 +373,8 @@ class Score:
             for t in frames.contacts
         ]
         pushes = [{"name": f"push on {t.name}", "color": PUSH_COLOR, "points": 1} for t in frames.pushes]
+        drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
+        note = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
         return {
             "parts": parts,
             "bodies": len(frames.joints),
@@ -382,17 +384,8 @@ class Score:
             "words": self.words,
             "com": COM_COLOR if len(frames.com) else "",
             "ground": self.ground,
-            "sizes": {
-                "body": sizes.body,
-                "shaft": sizes.shaft,
-                "line": sizes.line,
-                "lift": sizes.lift,
-                "longest": self.longest,
-                "metresPerNewton": sizes.metres_per_newton,
-            },
-            "note": f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
-            if contacts or pushes
-            else "",
+            "sizes": {**drawn, "longest": self.longest, "metresPerNewton": sizes.metres_per_newton},
+            "note": note if contacts or pushes else "",
         }
 
 

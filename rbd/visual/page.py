@@ -150,7 +150,7 @@ class Command(Protocol):
 class Recorder:
     """The `window` of a `meshcat.Visualizer` that needs no server.
 
-    It keeps what a viewer must be told to show the present scene, oldest first, and passes every new message on to
+    It keeps what a viewer must receive to show the present scene, oldest first, and passes every new message on to
     one listener, such as a live server. Messages are bytes (packed Meshcat commands) or text (JSON for our own page).
     """
 
@@ -185,7 +185,7 @@ class Recorder:
             self._keep(("", topic), text)
 
     def messages(self, *, after: int = 0) -> tuple[list[bytes | str], int]:
-        """What a viewer must be told that has seen the first `after` messages, oldest first, and the count till now."""
+        """What a viewer must receive that has seen the first `after` messages, oldest first, and the count till now."""
         with self._lock:
             return [message for number, message in self._kept.values() if number > after], self._count
 

@@ -93,14 +93,14 @@ def plot_ellipses(
         ax: Matplotlib axes, empty.
         chain: The chain, its lengths numbers.
         q_samples: Angles as the chain measures them [rad], shape (samples, n), or (n,).
-        kind: One of the three words.
+        kind: One of the three kinds.
         count: How many poses, evenly along the path of the end point.
 
     Returns:
         For each pose the link's line, the outline, the axes of the ellipse; then notes, the base and the arcs.
 
     Raises:
-        InputError: other axes, shapes or numbers, another word, or lengths that are symbols.
+        InputError: other axes, shapes or numbers, another kind, or lengths that are symbols.
     """
     an_axis(ax)
     if not isinstance(kind, str) or kind not in KINDS:
@@ -148,7 +148,7 @@ def _spread(samples: int, count: int) -> Array:
 
 
 def _along(path: Array, count: int) -> Array:
-    """Numbers of at most `count` samples, evenly along a path: ellipses over each other tell nothing."""
+    """Numbers of at most `count` samples, evenly along a path: ellipses over each other show nothing."""
     far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     if far[-1] == 0.0 or count == 1:
         return _spread(len(path), count)
@@ -319,7 +319,7 @@ def _played(motion: PlanarMotion) -> Iterator[Any]:
         file = Path(folder) / "chain.urdf"
         file.write_text(text, encoding="utf-8")
         with warnings.catch_warnings():
-            # It has no mass on purpose: then no centre of mass is drawn, of masses that nobody gave.
+            # It has no mass on purpose: then no centre of mass is drawn, of masses that were not given.
             warnings.simplefilter("ignore", ModelWarning)
             robot = load_robot(file, root="fixed")
         played = _Played(robot, motion.t, coordinates.to_robot(motion.q), coordinates.rates_to_robot(motion.qd))

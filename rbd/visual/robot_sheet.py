@@ -56,7 +56,7 @@ def contact_sheet(
     """Draw robots side by side, each at rest on its feet with the contact forces that carry it; returns the picture's path.
 
     The forces are those of `solve` under the torques of `hold`; every cell has a scale of its own. A robot is seen from
-    its front left, so far as its soles tell where that is.
+    its front left, if its soles show where that is.
 
     Args:
         robots: Robots that stand (`robot.standing()`, `robot.feet()`), or their names.

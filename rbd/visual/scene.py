@@ -241,18 +241,18 @@ class Scene:
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
-    def stage_motion(self, score: str, around: Array) -> None:
+    def stage_motion(self, motion: str, around: Array) -> None:
         """Hand the page all that it needs to move the robot by itself, in place of the marks; the next `show` ends that.
 
         Args:
-            score: JSON, as `animation` writes it.
+            motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
         """
         self._shown()
         assert self._data is not None
         self._viewer["marks"].delete()
         self._drawn, self._around, self._moving = [], around, True
-        self._recorder.post("motion", score)
+        self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
 
     def stage_moment(self, moment: str) -> None:
@@ -359,7 +359,7 @@ class Scene:
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, as the page takes them."""
         drawn = [mark.mesh.vertices for mark in self._drawn]
-        if self._cloud is None:  # dear, and the same until the next state
+        if self._cloud is None:  # costly, and the same until the next state
             self._cloud = self._extremes(data)
         fit = outermost(np.vstack([self._cloud, self._further, self._around, *drawn]))
         low, high = fit.min(axis=0), fit.max(axis=0)

@@ -13,7 +13,7 @@ from rbd.arrays import as_float
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place
 
-# Okabe and Ito's palette, told apart by colour-blind readers; its yellow and black serve badly on a light ground.
+# Okabe and Ito's palette, distinguishable by colour-blind readers; its yellow and black serve badly on a light ground.
 CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d31", "#5e4fa2", "#7f7f7f")
 PUSH_COLOR = "#c2187a"
 COM_COLOR = "#1a1a1a"
@@ -36,7 +36,7 @@ def contact_colors(names: Iterable[str]) -> dict[str, str]:
     try:
         unique = list(dict.fromkeys(names))
     except TypeError:
-        raise InputError(f"names are {names!r:.80}; expected a list of words.") from None
+        raise InputError(f"names are {names!r:.80}; expected a list of names.") from None
     return {name: CONTACT_COLORS[i % len(CONTACT_COLORS)] for i, name in enumerate(unique)}
 
 

@@ -129,7 +129,7 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
     Args:
         ax: Matplotlib axes, empty.
         trajectory: What `rbd.simulate` returns.
-        joint: A joint's name, or several; of a joint with several freedoms one of its coordinates, as "root_joint.z".
+        joint: A joint's name, or several; of a joint with several degrees of freedom one of its coordinates, as "root_joint.z".
         what: "q" (a continuous joint's angle goes on beyond a turn), "v", "a" or "tau".
 
     Returns:

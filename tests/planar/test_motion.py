@@ -154,7 +154,7 @@ def test_paths_that_leave_the_reach_are_refused_with_the_distance():
     """Beyond the stretched chain, through the hole around the base, off the circle of one link."""
     with pytest.raises(NoSolution, match=r"the end, \(1.2, 0.5\) m, is out of reach by 0.3 m"):
         endpoint_motion(TWO, minimum_jerk([1.0, 0.0], [1.2, 0.5], 1.0))
-    with pytest.raises(NoSolution, match=r"on the way, \(0, 0\) m, is out of reach by 0.4 m"):
+    with pytest.raises(NoSolution, match=r"of the path, \(0, 0\) m, is out of reach by 0.4 m"):
         endpoint_motion(Chain(2, lengths=(0.7, 0.3)), minimum_jerk([0.9, 0.0], [-0.9, 0.0], 1.0))
     with pytest.raises(NoSolution, match=r"circle of radius 1 m.*joint_motion"):
         endpoint_motion(Chain(1, lengths=[1.0]), minimum_jerk([1.0, 0.0], [0.0, 1.0], 1.0))

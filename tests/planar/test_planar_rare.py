@@ -113,7 +113,7 @@ def test_a_path_from_a_pose_nearly_in_line_ends_with_its_place_or_is_followed(mo
     assert end == pytest.approx(chain.numeric.position(np.array([0.0, np.pi + 0.01, -0.02])) - [0.1, 0.0], abs=1e-9)
     with pytest.raises(SingularPose, match=r"into line, or nearly, .* at about 0.000\d+ s. Begin near other angles"):
         begun(1e-6)
-    with pytest.raises(SingularPose, match="into line, or nearly, on the way"):
+    with pytest.raises(SingularPose, match="into line, or nearly, along the path"):
         begun(0.0)
 
 

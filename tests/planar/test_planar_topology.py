@@ -19,7 +19,7 @@ def test_open_chains_and_their_robots_agree(n: int):
     assert (ours.kind, ours.closed, ours.degrees_of_freedom, ours.mobility) == ("serial", False, n, n)
     assert (theirs.kind, theirs.closed, theirs.degrees_of_freedom, theirs.mobility) == ("serial", False, n, n)
     end = theirs.end_points[0]
-    assert (ours.end_freedoms, ours.redundancy) == (min(n, 2), max(n - 2, 0)) == (end.position_dof, end.position_redundancy)
+    assert (ours.end_dof, ours.redundancy) == (min(n, 2), max(n - 2, 0)) == (end.position_dof, end.position_redundancy)
 
 
 def test_a_pinned_chain_is_a_four_bar():
@@ -28,7 +28,7 @@ def test_a_pinned_chain_is_a_four_bar():
     theirs = mechanism.classify(mechanism.four_bar(1.0, 3.0, 2.0, 2.5).at())
     assert (ours.kind, ours.closed, ours.mobility, ours.degrees_of_freedom) == ("parallel", True, 1, 3)
     assert (theirs.kind, theirs.closed, theirs.mobility, theirs.degrees_of_freedom) == ("parallel", True, 1, 3)
-    assert ours.end_freedoms == 0 and ours.redundancy == 1
+    assert ours.end_dof == 0 and ours.redundancy == 1
 
 
 @pytest.mark.parametrize(
@@ -45,23 +45,23 @@ def test_a_pinned_chain_is_a_four_bar():
     ],
 )
 def test_pins_where_the_links_are_in_line(lengths, pin, mobility):
-    """N - 2 freedoms, none where the only pose is a line, one where that line may turn about the base."""
+    """N - 2 degrees of freedom, none where the only pose is a line, one where that line may turn about the base."""
     assert classify(Chain(len(lengths), lengths=lengths), pinned=pin).mobility == mobility
 
 
-def test_relations_take_freedoms_and_close_nothing():
+def test_relations_take_degrees_of_freedom_and_close_nothing():
     """The polar manipulator: one freedom, and one of its end point; held joints; an end point held by relations."""
     ell = sympy.Symbol("ell", positive=True)
     chain = Chain(2, lengths=(ell, ell))
     polar = classify(constrained(chain, 2 * chain.q[0] + chain.q[1] - sympy.pi))
-    assert (polar.mobility, polar.end_freedoms, polar.redundancy, polar.closed) == (1, 1, 0, False)
+    assert (polar.mobility, polar.end_dof, polar.redundancy, polar.closed) == (1, 1, 0, False)
     assert classify(constrained(chain, [{1: 0}, {2: 0}])).mobility == 0
-    assert classify(constrained(Chain(2), {1: 0})).end_freedoms == 1  # ell_1 is not in its Jacobian
+    assert classify(constrained(Chain(2), {1: 0})).end_dof == 1  # ell_1 is not in its Jacobian
     three = Chain(3)
     held = classify(constrained(three, [p - three.lengths[0] for p in three.position()]))
-    assert (held.mobility, held.end_freedoms, held.redundancy) == (1, 0, 1) and "hold the end point" in held.note
+    assert (held.mobility, held.end_dof, held.redundancy) == (1, 0, 1) and "hold the end point" in held.note
     freed = classify(constrained(Chain(4), {2: 1}))
-    assert (freed.degrees_of_freedom, freed.mobility, freed.end_freedoms, freed.redundancy) == (4, 3, 2, 1)
+    assert (freed.degrees_of_freedom, freed.mobility, freed.end_dof, freed.redundancy) == (4, 3, 2, 1)
 
 
 def test_every_word_has_its_line():

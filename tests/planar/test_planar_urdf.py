@@ -229,5 +229,5 @@ def test_dynamics_know_their_masses_and_their_plane():
     assert flat.name == "two" and rbd.dynamics.gravity_torque(flat.at([0.1, 0.2])).tolist() == [0.0, 0.0]
     assert robot_coordinates(dyn.chain).to_robot([0.5, 1.5]).tolist() == [0.5, 1.0]
     for given in ({"masses": [1, 1]}, {"lengths": [1, 1]}, {"bodies": "rods"}, {"plane": "xz"}):
-        with pytest.raises(InputError, match=f"{next(iter(given))} came beside dynamics"):
+        with pytest.raises(InputError, match=f"{next(iter(given))} came with dynamics"):
             to_robot(dyn, **given)
