@@ -20,7 +20,7 @@ from rbd.simulation.contact_points import slide, stopping
 from rbd.simulation.events import Event, EventDetection, Sample
 from rbd.simulation.motion import Motion
 from rbd.simulation.recording import constraint_forces, least_forces
-from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth
+from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import HalfStep, StepSystem
 
 SHORTEST = 1e-9
@@ -215,8 +215,8 @@ class TimeStepping:
             raise InputError(f"extrapolate is {self.extrapolate!r:.80}; expected True or False.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
-        """It takes all constraints."""
-        return None
+        """Names the first ground that accelerates; it takes all other constraints."""
+        return next(filter(None, map(reason_unknown_ground, motion.constraints)), None)
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""

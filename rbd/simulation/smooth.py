@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.constraint import anchored, ground_of, is_carried, rows_of
+from rbd.constraints.constraint import Constraint, anchored, ground_of, is_carried, rows_of
 from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
@@ -255,6 +255,17 @@ class SmoothMotion:
         return 1.5 * mean[0] - 0.6 * mean[1] + 0.1 * mean[2]
 
 
+def reason_unknown_ground(constraint: Constraint) -> str | None:
+    """Why the ground of a constraint cannot be followed over time, in words; None where it can."""
+    ground = ground_of(constraint)
+    if ground is None or ground.acceleration is None or not np.any(ground.acceleration):
+        return None
+    return (
+        f"the ground of {constraint.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
+        "without an acceleration, or take a second body in the model for what it touches, on=rbd.Body(...)."
+    )
+
+
 def reason_not_smooth(motion: Motion, state: State) -> str | None:
     """Why a motion is not smooth, in words; None where it is."""
     rows = rows_of(state, motion.constraints)
@@ -264,12 +275,8 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}), and this integrator takes "
                 "constraints that hold. Use integrator=rbd.TimeStepping(), or friction=None for a contact that holds."
             )
-        ground = ground_of(constraint)
-        if ground is not None and ground.acceleration is not None and np.any(ground.acceleration):
-            return (
-                f"the ground of {r.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
-                "without an acceleration."
-            )
+        if (unknown := reason_unknown_ground(constraint)) is not None:
+            return unknown
         if not isinstance(motion.stabilisation, Projection) or not len(r):
             continue
         off = 0.0 if r.error is None else max_abs(r.error)

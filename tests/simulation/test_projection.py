@@ -174,18 +174,23 @@ def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
     assert np.abs([found.q[-1, 2] - swing[0], found.v[-1, 2] - swing[1]]).max() < 1e-6
 
 
-def test_a_ground_that_accelerates_is_left_to_time_stepping():
-    """How it moves later is not known."""
+@pytest.mark.parametrize("integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping()], ids=repr)
+@pytest.mark.parametrize("friction", [None, 0.6])
+def test_a_ground_that_accelerates_is_refused(integrator, friction):
+    """How it moves later is not known: carried along at its first velocity, its forces would be of another motion."""
     pin_on = rbd.PointContact(
         "lift",
         "body",
         offset=(0.0, 0.0, 0.1),
-        friction=None,
+        friction=friction,
         on=rbd.Ground(velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 1.0)),
     )
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]))
-    with pytest.raises(rbd.errors.Unsupported, match="the ground of 'lift' accelerates, and how it moves is known at one"):
-        rbd.simulate(start, [pin_on], duration=0.1, step=0.01, integrator=rbd.RungeKutta4(), progress=False)
+    why = "the ground of 'lift' accelerates, and how it moves is known at one"
+    if friction is not None and not isinstance(integrator, rbd.TimeStepping):
+        why = "'lift' can break or slip"
+    with pytest.raises(rbd.errors.Unsupported, match=why):
+        rbd.simulate(start, [pin_on], duration=0.1, step=0.01, integrator=integrator, progress=False)
 
 
 class _Table:
