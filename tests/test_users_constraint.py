@@ -9,6 +9,7 @@ and between the tips of two cranks it is the coupler of a four-bar.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -323,3 +324,78 @@ def test_a_contact_kind_of_ones_own_strikes_and_rests_as_the_built_in_one():
     assert [e.t for e in mine.events] == pytest.approx([e.t for e in built_in.events], abs=1e-9)
     assert np.abs(mine.q - built_in.q).max() < 1e-9 and np.abs(mine.v - built_in.v).max() < 1e-8
     assert mine.forces["ball"][-1] == pytest.approx(built_in.forces["ball"][-1], abs=1e-6)
+
+
+class _Wrong(Buffer):
+    """A buffer one of whose arrays is replaced, among its points alone."""
+
+    def rows(self, state: rbd.State) -> rbd.Rows:
+        return Buffer(self.name, self.frame, self.radius).rows(state)
+
+    def points(self, state: rbd.State, t: float) -> rbd.constraints.ContactPoints:
+        return dataclasses.replace(super().points(state, t), **WRONG)
+
+
+WRONG: dict[str, object] = {}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"gaps": np.array([np.nan])}, r"gaps of the points of 'ball' is array\(\[nan\]\); expected distances"),
+        ({"gaps": np.zeros(2)}, r"gaps of the points of 'ball' has shape \(2,\); expected \(1,\)"),
+        ({"J": np.full((1, 6), np.inf)}, "J of the points of 'ball' is not finite"),
+        ({"J": np.zeros((1, 5))}, r"J of the points of 'ball' has shape \(1, 5\); expected \(1, 6\)"),
+        ({"bias": np.zeros(())}, r"bias of the points of 'ball' has shape \(\); expected \(1,\)"),
+        ({"velocity": None}, "velocity of the points of 'ball' is None"),
+        ({"positions": np.zeros(3)}, r"positions of the points of 'ball' has shape \(3,\); expected \(1, 3\)"),
+        ({"axes": None}, "axes of the points of 'ball' is None"),
+        ({"resultant": np.zeros((2, 1))}, r"resultant of the points of 'ball' has shape \(2, 1\); expected \(3, 1\) or"),
+        ({"cones": ("cone",)}, "expected a label and a set of forces for each point"),
+        ({"names": ("low", "high")}, "expected a label and a set of forces for each point"),
+    ],
+    ids=str,
+)
+def test_points_that_do_not_fit_are_refused_by_name(wrong, told, monkeypatch):
+    """A gap that is no number would let the body fall through its ground."""
+    monkeypatch.setitem(globals(), "WRONG", wrong)
+    start = rbd.State(box(M), np.r_[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+    with pytest.raises(rbd.InputError, match=told):
+        rbd.simulate(start, [_Wrong("ball", "box", 0.1)], duration=0.02, step=2e-3, progress=False)
+
+
+def test_points_may_be_lists():
+    """As other arguments may."""
+    start = rbd.State(box(M), np.r_[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+
+    class Listed(Buffer):
+        def points(self, state: rbd.State, t: float) -> rbd.constraints.ContactPoints:
+            found = super().points(state, t)
+            return dataclasses.replace(found, names=["low"], gaps=found.gaps.tolist(), J=found.J.tolist(), cones=[*found.cones])
+
+    moved = rbd.simulate(start, [Listed("ball", "box", 0.1)], duration=0.02, step=2e-3, progress=False)
+    assert moved.forces["ball"][-1, -1] == pytest.approx(M * G)
+
+
+def test_a_constraint_whose_rows_bear_another_name_is_not_simulated():
+    """Its forces could not be found under either."""
+
+    class Renamed(Buffer):
+        def rows(self, state: rbd.State) -> rbd.Rows:
+            return dataclasses.replace(super().rows(state), name="rows")
+
+    start = rbd.State(box(M), np.r_[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+    with pytest.raises(rbd.InputError, match="the rows of constraint 'ball' are named 'rows'; expected its own name"):
+        rbd.simulate(start, [Renamed("ball", "box", 0.1)], duration=0.02, step=2e-3, progress=False)
+
+
+def test_a_constraint_without_a_name_is_not_simulated():
+    """An error of the library, not one of Python."""
+
+    class Nameless:
+        def rows(self, state: rbd.State) -> rbd.Rows:
+            return Buffer("rows", "box", 0.1).rows(state)
+
+    start = rbd.State(box(M), np.r_[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+    with pytest.raises(rbd.InputError, match="it wants a name and rows"):
+        rbd.simulate(start, [Nameless()], duration=0.02, step=2e-3, progress=False)

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.constraint import Constraint, anchored, member, rows_of
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -188,11 +188,9 @@ class FromPoints:
             raise InputError(
                 f"points of {self.name!r:.80} gave a {type(found).__name__} in place of rbd.constraints.ContactPoints."
             )
-        structure = self._numbered(tuple(found.names), found.cones)
-        return Measured(
-            structure, found.J, found.velocity, found.bias, found.gaps, np.zeros(len(found.J)), found.resultant, None,
-            found.positions, found.axes,
-        )  # fmt: skip
+        x = _checked(self.name, found, len(state.v))
+        structure = self._numbered(x.names, x.cones)
+        return Measured(structure, x.J, x.velocity, x.bias, x.gaps, np.zeros(len(x.J)), x.resultant, None, x.positions, x.axes)
 
     def gaps(self, state: State, t: float) -> Array:
         """What `at` says."""
@@ -206,6 +204,40 @@ class FromPoints:
             numbers = tuple(self._numbers.setdefault(one, len(self._numbers)) for one in zip(labels, times, strict=True))
             known = self._seen[labels, cones] = Structure((self.name,) * len(labels), numbers, cones)
         return known
+
+
+def _checked(owner: str, found: ContactPoints, nv: int) -> ContactPoints:
+    """What a user's `points` gave, as arrays.
+
+    Raises:
+        InputError: sizes that do not fit each other, or numbers that are not finite; gaps may be infinite.
+    """
+    names, cones = (() if isinstance(given, str) else tuple(given) for given in (found.names, found.cones))
+    k, dims = len(names), [getattr(cone, "dim", None) for cone in cones]
+    if len(cones) != k or not all([isinstance(dim, int) for dim in dims]):
+        raise InputError(
+            f"points of {owner!r:.80}: names are {found.names!r:.80}, cones {found.cones!r:.80}; expected a label and a set of "
+            'forces for each point, e.g. names=("toe",), cones=(rbd.problem.FrictionCone(0.5),).'
+        )
+    p = sum(dims)  # type: ignore[arg-type]  # whole numbers
+    arrays: dict[str, Array | None] = {}
+    for what, *shapes in (
+        ("positions", (k, 3)), ("axes", (3, 3), (k, 3, 3)), ("gaps", (k,)), ("J", (p, nv)), ("velocity", (p,)), ("bias", (p,)),
+        ("resultant", (3, p), (6, p)),
+    ):  # fmt: skip
+        value = getattr(found, what)
+        if what == "resultant" and value is None:
+            arrays[what] = None
+            continue
+        told = f"{what} of the points of {owner!r:.80}"
+        arrays[what] = array = as_array(told, value)
+        if array.shape not in shapes:
+            raise InputError(f"{told} has shape {array.shape}; expected {' or '.join(map(str, shapes))}.")
+        if what != "gaps":
+            check_finite(told, array)
+        elif np.isnan(array).any():
+            raise InputError(f"{told} is {array!r:.80}; expected distances [m], -inf of what always acts.")
+    return ContactPoints(names, cones=cones, **arrays)  # type: ignore[arg-type]  # only the resultant may be None
 
 
 class FromRows:
