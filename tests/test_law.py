@@ -30,6 +30,13 @@ def test_what_is_no_law_is_refused(wrong):
         Law.of(wrong)
 
 
+@pytest.mark.parametrize("facets", [(8, 4), (4, 4)])
+def test_facets_out_of_order_are_refused(facets):
+    """They would print as a law that reads back as another."""
+    with pytest.raises(InputError, match="ascending, of the convex law"):
+        Law("convex", facets)
+
+
 def test_a_solver_may_say_its_law_as_it_prints():
     """Text in an `Answer` becomes the record."""
     P = rbd.GaussProblem(np.eye(1), np.ones(1))

@@ -149,6 +149,13 @@ class TestTheJointTable:
         with pytest.raises(rbd.errors.JointNotFound, match=r"no joint \[\]"):
             talos.joints[[]]  # type: ignore[index]
 
+    def test_a_base_has_no_one_coordinate(self, talos: rbd.Robot) -> None:
+        """Its x is not it."""
+        q = talos.neutral()
+        assert talos.joints["leg_left_4_joint"].coordinate(q) == q[10]
+        with pytest.raises(rbd.InputError, match="joint 'root_joint' has 6 degrees of freedom; expected one"):
+            talos.joints["root_joint"].coordinate(q)
+
     def test_it_is_printed_as_a_table(self) -> None:
         """One line a joint; a joint alone says the same."""
         bar = rbd.mechanism.slider_crank(0.3, 1.0)

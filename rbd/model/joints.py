@@ -155,7 +155,9 @@ class Joint:
         return float(self._model.upperDryFrictionLimit[self.v.start]) if self.nv == 1 else 0.0
 
     def coordinate(self, q: Array) -> float:
-        """Angle [rad] or displacement [m] of a joint with one degree of freedom; a continuous joint's in (-pi, pi]."""
+        """Angle [rad], of continuous joints in (-pi, pi], or displacement [m]; refused with several degrees of freedom."""
+        if self.nv != 1:
+            raise InputError(f"joint {self.name!r:.80} has {self.nv} degrees of freedom; expected one. See q[joint.q].")
         at = self.q.start
         return math.atan2(q[at + 1], q[at]) if self.is_continuous else float(q[at])
 

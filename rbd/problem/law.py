@@ -20,7 +20,7 @@ class Law:
         facets: Of the pyramids that replace the circular cones, ascending; empty where cones are circular, or there are none.
 
     Raises:
-        InputError: another kind; facets of another law than the convex one, or fewer than three.
+        InputError: another kind; facets of another law than the convex one, fewer than three, or not ascending.
     """
 
     kind: str
@@ -30,9 +30,10 @@ class Law:
         if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise InputError(f"law is {self.kind!r:.80}; expected 'bilateral', 'convex', 'convex, 4 facets' or 'coulomb'.")
         fits = isinstance(self.facets, tuple) and all(type(n) is int and n >= 3 for n in self.facets)
-        if not fits or (self.facets and self.kind != "convex"):
+        if not fits or list(self.facets) != sorted(set(self.facets)) or (self.facets and self.kind != "convex"):
             raise InputError(
-                f"facets of the {self.kind} law are {self.facets!r:.80}; expected e.g. (4,) of the convex law, or ()."
+                f"facets of the {self.kind} law are {self.facets!r:.80}; expected e.g. (4,), or (4, 8), "
+                "ascending, of the convex law, or ()."
             )
 
     @classmethod

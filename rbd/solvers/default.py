@@ -66,8 +66,8 @@ def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
     told = Law.of(checked_solver(solver).law)
     if asked is not None and told.kind not in (asked.kind, "bilateral"):
         raise InputError(
-            f"law is '{asked}', and solver={solver!r:.80} solves for the {told} law. Leave one of them out: law= alone chooses "
-            "a solver, and a solver has its law."
+            f"law is '{asked}', and solver={type(solver).__name__}(...) solves for the {told} law. Leave one of them out: "
+            "law= alone chooses a solver, and a solver has its law."
         )
     return solver
 
