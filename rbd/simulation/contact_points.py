@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.contact_points import Measured, Source, Structure
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FrictionCone
+from rbd.problem.cones import Box, Cone, Free, FrictionCone
 
 SLIDES = 1e-6
 """A point that slides slower than this [m/s] sticks."""
@@ -67,14 +67,13 @@ class Layout:
         owners = tuple(o for s in structures for o in s.owners)
         cones = tuple(c for s in structures for c in s.cones)
         widths = np.array([c.dim for c in cones], int)
-        names = [type(c).__name__ for c in cones]
         spans, point, row = [], 0, 0
         for s in structures:
             k, m = len(s.owners), int(s.widths.sum())
             spans.append((slice(point, point + k), slice(row, row + m)))
             point, row = point + k, row + m
         normals = np.cumsum(widths) - 1
-        rubs, boxes = (np.array([n == kind for n in names], bool) for kind in ("FrictionCone", "Box"))
+        rubs, boxes, free = (np.array([isinstance(c, kind) for c in cones], bool) for kind in (FrictionCone, Box, Free))
         slides = rubs | boxes
         rows = normals[slides][:, None] - np.where(rubs[slides][:, None], [2, 1], 0)
         kept = np.where(rubs[slides][:, None], 1.0, [1.0, 0.0]).reshape(-1, 2)
@@ -85,16 +84,16 @@ class Layout:
             cones,
             widths,
             normals,
-            np.array([n not in ("Free", "Box") for n in names], bool),
+            ~(free | boxes),
             rubs,
             slides,
             rows,
             kept,
             normals[rubs][:, None] - np.array([2, 1]),
-            np.repeat(np.array([isinstance(c, Free) for c in cones], bool), widths),
+            np.repeat(free, widths),
             np.array([c.mu if isinstance(c, FrictionCone) else 0.0 for c in cones]),
             tuple(spans),
-            "Box" in names,
+            bool(boxes.any()),
         )
 
 
