@@ -10,9 +10,9 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.least_constraint import answered, assembled
-from rbd.model.external_force import External
+from rbd.model.dynamics import External
 from rbd.model.state import State
-from rbd.problem.contact_force import CARRIES_NOTHING_N
+from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
 from rbd.solution import Solution
