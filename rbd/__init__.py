@@ -57,7 +57,7 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import (
         Rows as Rows,
     )
-    from rbd.robots.checkup import (
+    from rbd.robots.diagnosis import (
         doctor as doctor,
     )
     from rbd.robots.loop_file import (
@@ -105,7 +105,7 @@ _NAMES = {
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
-    "rbd.robots.checkup": "doctor",
+    "rbd.robots.diagnosis": "doctor",
     "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.robot": "Robot load_robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",

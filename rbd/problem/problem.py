@@ -57,6 +57,9 @@ class Law:
         facets = re.fullmatch(r"convex, (\d{1,4}(?: and \d{1,4})*) facets", given) if isinstance(given, str) else None
         return cls(given) if facets is None else cls("convex", tuple(sorted(map(int, facets[1].split(" and ")))))
 
+    def __repr__(self) -> str:
+        return f"Law({self.kind!r}{f', facets={self.facets}' if self.facets else ''})"
+
     def __str__(self) -> str:
         return self.kind + (f", {' and '.join(map(str, self.facets))} facets" if self.facets else "")
 

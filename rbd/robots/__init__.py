@@ -1,8 +1,7 @@
 """Robots: load them by name or file, stand them up, find their soles and loops, merge two, tell what is wrong with a model."""
 
 from rbd.modules import submodule as _submodule
-from rbd.robots.checkup import doctor
-from rbd.robots.diagnosis import ModelIssue, ModelReport
+from rbd.robots.diagnosis import ModelIssue, ModelReport, doctor
 from rbd.robots.merge import RobotPair, merge_robots
 from rbd.robots.robot import Robot, load_robot
 

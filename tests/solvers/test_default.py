@@ -51,7 +51,7 @@ def test_the_law_and_what_answered_stand_in_the_first_line():
     for s, method, law in (
         (glued, "closed form", "bilateral"),
         (pushed((30.0, 0.0, 0.0)), "QP", "coulomb"),
-        (pushed((80.0, 0.0, 0.0)), "cones: ConeSolver, Newton", "coulomb"),
+        (pushed((80.0, 0.0, 0.0)), "cones: ADMM, Newton", "coulomb"),
         (pushed((30.0, 0.0, 0.0), law="convex"), "closed form", "convex"),
         (pushed((30.0, 0.0, 0.0), solver=rbd.ProxQP()), "QP", "convex, 4 facets"),
     ):
