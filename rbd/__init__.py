@@ -41,7 +41,7 @@ if _TYPE_CHECKING:
         solve_problem as solve_problem,
     )
     from rbd.model import dynamics as dynamics
-    from rbd.model.external_force import (
+    from rbd.model.dynamics import (
         ExternalForce as ExternalForce,
     )
     from rbd.model.state import (
@@ -100,7 +100,7 @@ _NAMES = {
     """,
     "rbd.errors": "CannotHold InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
-    "rbd.model.external_force": "ExternalForce",
+    "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",

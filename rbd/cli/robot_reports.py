@@ -16,7 +16,7 @@ from rich.text import Text
 from rbd.arrays import Array
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.errors import ModelWarning, RbdError
-from rbd.problem.contact_force import ContactForce
+from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
 from rbd.robots.diagnosis import doctor
 from rbd.robots.robot import Robot, load_robot

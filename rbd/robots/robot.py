@@ -18,9 +18,8 @@ from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
-from rbd.model.build import build_model
 from rbd.model.checked_model import CheckedModel
-from rbd.model.files import check_freedoms, read
+from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT

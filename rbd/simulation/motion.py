@@ -12,8 +12,7 @@ from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import free_force
-from rbd.model.external_force import External
+from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
 from rbd.simulation.events import Sample
 

@@ -25,10 +25,10 @@ from rbd.errors import (
 )
 from rbd.least_constraint import warn_of_distant
 from rbd.mechanism.projection import Projection
-from rbd.model.external_force import External
+from rbd.model.dynamics import External
 from rbd.model.state import State
 from rbd.problem.cones import Free
-from rbd.problem.law import Law
+from rbd.problem.problem import Law
 from rbd.problem.residuals import USABLE
 from rbd.simulation.events import Event, Sample
 from rbd.simulation.integrators import RungeKutta4, TimeStepping

@@ -10,21 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, max_abs, range_of
 from rbd.constraints.constraint import Constraint
 from rbd.errors import NoSolution
 from rbd.least_constraint import answered, assembled
-from rbd.model.external_force import External
+from rbd.model.dynamics import External
 from rbd.model.state import State
-from rbd.problem.answer import Status
+from rbd.problem.answer import CARRIES_NOTHING_N, Status
 from rbd.problem.cones import NonNegative
-from rbd.problem.contact_force import CARRIES_NOTHING_N
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.rows import Rows
-from rbd.problem.subspaces import range_of
 from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.admm import ConeSolver

@@ -20,7 +20,7 @@ from PIL import Image
 
 import rbd
 from rbd.errors import InputError, PictureError
-from rbd.model.external_force import ExternalForce
+from rbd.model.dynamics import ExternalForce
 from rbd.problem.rows import Patch
 from rbd.robots.robot import load_robot
 from rbd.statics.equilibrium import hold
