@@ -25,8 +25,7 @@ from rbd.model.state import State
 from rbd.problem.contact_force import corner_split
 from rbd.problem.law import BILATERAL
 from rbd.problem.problem import GaussProblem
-from rbd.simulation.events import HOLDS, ConstraintForce, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
 from rbd.solution import Solution
 
 CLOSE = 3e-2
