@@ -1,8 +1,8 @@
-"""What holds a humanoid up, and how do we know?
+"""Which torques and contact forces keep a humanoid standing?
 
 Talos stands on two flat feet. We ask for the motor torques that keep it still, put them back into the equations of
-motion, and look at three answers: with the ground as it is (it pushes and rubs), with soles that hold whatever it
-takes (the textbook's contact), and without any ground.
+motion, and look at three answers: with frictional ground, with bilateral soles (the textbook's contact), and
+without any ground.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Result:
 
 
 def main(show: bool = True) -> Result:
-    # Robot: 32 motors and a base that nobody holds; standing() lays its soles flat on z = 0.
+    # Robot: 32 motors and a floating base; standing() lays its soles flat on z = 0.
     talos = rbd.load_robot("talos")
     state = talos.standing()
 

@@ -1,7 +1,7 @@
 """Pushed sideways at the torso, what gives first: the joints, the friction, or the edge of the foot?
 
-Three answers. Limp: the motors keep the torques of standing, so the joints give way and the feet hardly notice. Braced:
-the motors answer the push as well as any torques can, the far foot unloads, and at some force the robot tips. Slippery:
+Three answers. Limp: the motors keep the torques of standing, so the joints give way and the contact forces hardly change.
+Braced: the motors balance the push as well as torques can, the far foot unloads, and at some force the robot tips. Slippery:
 braced as on a rough floor, but on ice, where the contact law matters.
 """
 
@@ -73,7 +73,7 @@ def main(show: bool = True) -> Result:
 
 
 def last_push(brace) -> tuple[float, str]:
-    """The largest push that torques can answer [N], and what stands in the way of more."""
+    """The largest push that torques can balance [N], and the limit that prevents more."""
     low_N, high_N, reason = 0.0, 200.0, ""
     while high_N - low_N > 1e-4:
         middle_N = 0.5 * (low_N + high_N)
@@ -106,7 +106,7 @@ def plot_push(ax, result: Result) -> list:
 def check(result: Result) -> None:
     """Statics of a rigid body, and what each law does to a foot that slides."""
     assert abs(result.tips_at_N - result.rigid_N) < 0.01, "it tips where the weight's moment about the edge is used up"
-    assert "no forces" in result.reason, "neither friction nor a motor was in the way"
+    assert "no forces" in result.reason, "neither friction nor a motor was the limit"
     far_N = [hold.contacts[FAR].normal for hold in result.braced]
     assert np.all(np.diff(far_N) < 0.0) and far_N[-1] < 2.0, "the far foot unloads, to nothing where it tips"
     carried_N, weight_N = sum(c.normal for c in result.limp.contacts.values()), result.braced[0].state.robot.mass * GRAVITY

@@ -1,7 +1,7 @@
 """How do I bring my own robot, of which `rbd` knows nothing but a URDF?
 
 The walker of `urdf/walker.urdf` has no SRDF, no posture and no feet that anyone has named. Three things are needed: a
-configuration in which it stands, its soles, and a look at what the doctor says of the file.
+configuration in which it stands, its soles, and the report of the model check (the doctor).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Where does the convex relaxation part from Coulomb's law, and does it matter for a humanoid?
+"""Where does the convex law differ from Coulomb's, and does it matter for a humanoid?
 
-First a box, whose answer fits on a thumbnail. Then Talos on ice (mu = 0.05), braced against a push to its side that would be
-held on a rough floor: while the soles stick the two laws agree to the last digit; where they slip, the convex law lifts them.
+First a box, with a closed form. Then Talos on ice (mu = 0.05), with torques that would balance a push to its side on a
+rough floor: while the soles stick the two laws agree to the last digit; where they slip, the convex law lifts them.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """What if the ground moves, or what is touched is another robot?
 
-A parcel on a conveyor belt: put down on it, carried along, and when the belt brakes. Then two Talos face to face, fist to
+A parcel on a conveyor belt: put down on it, moving with it, and when the belt brakes. Then two Talos face to face, fist to
 fist: each braces itself against a push of its own choice, and one of them may be the stronger.
 """
 
@@ -37,7 +37,7 @@ def main(show: bool = True) -> Result:
         state = parcel.at(v=np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
         return rbd.solve(state, np.zeros(0), [belt])
 
-    belt = {"put down on it": on_belt(0.0), "carried along": on_belt(BELT_SPEED)}
+    belt = {"put down on it": on_belt(0.0), "moving with it": on_belt(BELT_SPEED)}
     belt |= {f"belt brakes at {brake} m/s2": on_belt(BELT_SPEED, -brake) for brake in (3, 6)}
     print(f"{'A parcel of 98.1 N:':<24}{'belt on it':>12}{'gains':>14}{'on the belt':>14}")
     for what, s in belt.items():
@@ -95,7 +95,7 @@ def fists(state: rbd.State) -> list[rbd.PointContact]:
 
 
 def fist_force(s: rbd.Solution) -> float:
-    """What the second presses with on each fist of the first, on average [N]."""
+    """The normal force of the second on each fist of the first, on average [N]."""
     return 0.5 * (s.contacts["left fist"].normal + s.contacts["right fist"].normal)
 
 
@@ -103,7 +103,7 @@ def check(result: Result) -> None:
     """Coulomb on the belt; action and reaction between the robots."""
     limit, gains = BELT_MU * GRAVITY, {what: s.a[0] for what, s in result.belt.items()}
     assert abs(gains["put down on it"] - limit) < 1e-8 and abs(gains["belt brakes at 6 m/s2"] + limit) < 1e-8, "it slips"
-    assert abs(gains["carried along"]) < 1e-8 and abs(gains["belt brakes at 3 m/s2"] + 3.0) < 1e-8, "it sticks"
+    assert abs(gains["moving with it"]) < 1e-8 and abs(gains["belt brakes at 3 m/s2"] + 3.0) < 1e-8, "it sticks"
     for s in [*result.belt.values(), *result.fists.values()]:
         assert s.status is rbd.problem.Status.SOLVED and s.residuals.centroidal.scaled < 1e-9, "momentum is balanced"
     even, weaker, limp = result.fists.values()

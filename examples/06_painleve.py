@@ -1,8 +1,8 @@
 """Why does chalk that is pushed across a board chatter, when chalk that is drawn does not?
 
 A uniform rod slides on rough ground, its lower end ahead (pushed) or behind (drawn). Friction turns it: pushed, it turns the
-tip into the ground. If it does so faster than the ground pushes the tip up, Coulomb's law and rigid bodies have no answer,
-or two (Painleve, 1895). No picture of forces shows that; a solver has to notice.
+tip into the ground. If it does so faster than the normal force pushes the tip up, Coulomb's law with rigid bodies has no
+solution, or two (Painleve, 1895). A solver has to detect that.
 """
 
 from dataclasses import dataclass
@@ -76,12 +76,12 @@ def motions(problem: rbd.GaussProblem) -> int:
 
 
 def pressing(mu: float, angle: float) -> float:
-    """Acceleration of the tip, upwards, for each newton that the ground presses with [1/kg]: (1 + 3 c (c - mu s)) / m."""
+    """Acceleration of the tip, upwards, for each newton of normal force [1/kg]: (1 + 3 c (c - mu s)) / m."""
     return (1.0 + 3.0 * np.cos(angle) * (np.cos(angle) - mu * np.sin(angle))) / MASS_kg
 
 
 def plot_pressing(ax) -> list:
-    """How pressing moves the tip, against the rod's angle, for several frictions; returns the artists."""
+    """How the normal force moves the tip, against the rod's angle, for several frictions; returns the artists."""
     angle, artists = np.radians(np.linspace(1.0, 89.0, 200)), []
     for mu, color in ((0.5, "#0072b2"), (4 / 3, "0.3"), (2.0, "#d55e00")):
         artists += ax.plot(np.degrees(angle), [pressing(mu, th) for th in angle], color=color, label=f"mu = {mu:.3g}")

@@ -18,7 +18,7 @@ UP = 2  # row of the vertical force in a wrench in world axes
 
 @dataclass(frozen=True)
 class Result:
-    """The derivatives; the motor that moves most weight, how far its rule holds, and what it did on the way."""
+    """The derivatives; the motor that moves most weight, how far its rule holds, and what it did up to there."""
 
     talos: rbd.Robot
     derivatives: rbd.analysis.Derivatives

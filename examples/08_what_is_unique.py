@@ -1,8 +1,8 @@
-"""Which of the forces under two feet are facts, and which did the solver choose?
+"""Which forces under two feet are unique, and which did the solver choose?
 
 Twice the same Talos, standing still with the same torques. On its soles: what each foot carries follows from the torques, what
-each corner carries does not. With brakes on all joints it is a table on two legs: the torques say nothing any more, and the
-feet may share the weight in many ways. Last a real table, whose ranges are a line of algebra.
+each corner carries does not. With all joints locked it is a table on two legs: the torques no longer decide, and the feet
+may share the weight in many ways. Last a real table, whose ranges are a line of algebra.
 """
 
 from __future__ import annotations

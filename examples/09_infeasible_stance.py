@@ -1,8 +1,8 @@
-"""Why is there no answer: who contradicts whom, and what comes nearest?
+"""Why is there no solution: which constraints contradict each other, and which motion comes nearest?
 
-Talos stands with the brakes of both legs closed, one foot on the ground, the other on a lift that starts upwards. Glued
-down, its feet and its brakes ask for what no motion gives. We look at the proof, at the motion that misses least, and at
-real contacts, which let go. Then a trap: a foot glued down at its four corners, which turns.
+Talos stands with the brakes of both legs closed, one foot on the ground, the other on a lift that starts upwards. With
+bilateral soles, its feet and brakes require what no motion gives. We look at the proof, at the motion that violates the rows
+least, and at unilateral contacts, which break. Then a common mistake: a foot that turns, fixed at its four corners.
 """
 
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ def main(show: bool = True) -> Result:
         tried[len(opened)] = rbd.solve(state, tau, kept, check=False)
         print(f"Open {' and '.join(opened)}: {tried[len(opened)].status}.")
 
-    # Contacts that only push and rub can open: then there is an answer.
+    # Unilateral contacts with friction can break: then there is an answer.
     real = rbd.solve(state, tau, stance(0.7))
     normal_N = {name: contact.normal for name, contact in real.contacts.items()}
     print(f"Real soles: {normal_N['left_sole']:.1f} N on the ground, {normal_N['right_sole']:.1f} N on the lift.")

@@ -57,7 +57,7 @@ def main(show: bool = True) -> Result:
         print(f"Norton's coupler and rocker, {name}: {x[0]:.4f} and {x[1]:.4f} {unit}")
     solution = rbd.solve(still, np.zeros(1), norton.loops(), solver=rbd.KKT())
     pin_N = float(np.linalg.norm(solution.forces["coupler_pin"]))
-    print(f"Let go at rest, its pin carries {pin_N / (norton.mass * 9.81):.4f} of its weight; {solution.status}.")
+    print(f"Released at rest, its pin carries {pin_N / (norton.mass * 9.81):.4f} of its weight; {solution.status}.")
     if show:
         from rbd.visual import Scene
 

@@ -1,6 +1,6 @@
 """A piston engine turns: how do piston and torque follow the crank, and where is it stuck?
 
-A slider-crank with crank r and rod l, its slider in line with the crank's pivot. The piston's place, speed and acceleration
+A slider-crank with crank r and rod l, its slider in line with the crank's pivot. The piston's position, speed and acceleration
 against the textbook's closed form; the torque that holds a pressure on the piston, by virtual work through the loop's own
 Jacobian; and the two poses where no pressure turns the crank.
 """
@@ -63,7 +63,7 @@ def over_a_turn(engine: rbd.Robot, q: np.ndarray) -> tuple[float, float, float, 
 
 
 def dead_centres(engine: rbd.Robot, start: rbd.State) -> list[float]:
-    """Crank angles where the loop cannot tell the crank's rate from the piston's: singular with the piston as input."""
+    """Crank angles where the piston's rate does not decide the crank's: singular with the piston as input."""
     found = []
     for angle in (0.0, np.pi):
         q = assemble(start, engine.loops(), fixed={"crank_joint": angle}).q

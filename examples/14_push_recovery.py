@@ -3,9 +3,9 @@
 It stands on two soles with friction, its motors holding the posture (`rbd.control.HoldPosture`): torques that carry its weight,
 and a spring and a damper at the joints. Three pushes to its left. Events tell which corner of which sole leaves, and when.
 
-What could be done at best? Of a mass at height z over ankles that press at p, y'' = (g / z) (y - p). With p at the outer edge
+What could be done at best? Of a mass at height z over a centre of pressure p, y'' = (g / z) (y - p). With p at the outer edge
 of the sole it comes back if y + y' sqrt(z / g) is inside, so an impulse up to m sqrt(g / z) (edge - y) could be answered
-without a step; whoever only holds a posture falls sooner.
+without a step; a controller that only holds a posture falls sooner.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def main(show: bool = True) -> Result:
         given = {"controller": hold, "external": push(force_N), "progress": False}
         ways[force_N] = way = rbd.simulate(state, soles, duration=1.0, step=2e-3, **given)
         lifts[force_N] = next((e for e in way.events if e.kind == "leaves"), None)
-        print(f"{force_N:5.0f} N: {told(way, lifts[force_N])}")
+        print(f"{force_N:5.0f} N: {outcome(way, lifts[force_N])}")
     print(f"An ideal ankle could answer {ideal_N:.0f} N without a step.")
     small = ways[PUSHES_N[0]]
     residual, impulse = small.residuals["law"].max(), 100.0 * missing(small)
@@ -64,7 +64,7 @@ def push(force_N: float) -> rbd.control.Push:
     return rbd.control.Push("torso_2_link", (0.0, force_N, 0.0), start=START, duration=LASTS)
 
 
-def told(way: rbd.Trajectory, lift: rbd.simulation.Event | None) -> str:
+def outcome(way: rbd.Trajectory, lift: rbd.simulation.Event | None) -> str:
     """What happened, in words."""
     sway_mm = 1e3 * np.abs(way.com[:, 1] - way.com[0, 1])
     if lift is None:

@@ -1,4 +1,4 @@
-"""A linkage is let go and swings: does its loop stay closed, does its energy stay, and what if it passes a singular pose?
+"""A linkage is released and swings: does its loop stay closed, does its energy stay, and what if it passes a singular pose?
 
 A four-bar swings about its lowest pose: energy and loop error over time, at two steps, and with the loop kept by projection,
 by Baumgarte's feedback, or not at all. Then two square four-bars in a row, the benchmark A02 of IFToMM's library: at every

@@ -1,6 +1,6 @@
 """A box is sent across a floor: where does it stop, and does it tip over its front edge before?
 
-A flat box slides with -mu g and stops after v0^2 / (2 mu g), at any step. A tall crate is pressed by the floor ahead of its
+A flat box slides with -mu g and stops after v0^2 / (2 mu g), at any step. The floor's force on a tall crate acts ahead of its
 middle, by mu times its height: from mu = 0.2 / 0.5 on it tips. Last, the crate set turning about its front edge, which sticks:
 with enough energy to bring its middle over the edge it falls, with less it comes back, and when is a quadrature,
 
@@ -42,18 +42,18 @@ def main(show: bool = True) -> Result:
     tipped = {mu: simulated(crate, mu, SENT, 0.6, 0.005) for mu in (0.39, 0.41, 0.6)}
     for mu, way in tipped.items():
         end = next(e.t for e in way.events if e.kind == "sticks")
-        print(f"  mu = {mu:.2f}: slides for {end:.3f} s, and leans by {np.degrees(tilt(way)[-1]):.2f} deg after 0.6 s")
+        print(f"  mu = {mu:.2f}: slides for {end:.3f} s, and tilts by {np.degrees(tilt(way)[-1]):.2f} deg after 0.6 s")
 
     inertia, arm, start = edge(crate)
     needed = np.sqrt(2.0 * crate.mass * GRAVITY * arm * (1.0 - np.sin(start)) / inertia)
     top = np.pi / 2.0 - start
     falls = {part: bool(tilt(turn(crate, part * needed, 1.5, 150)).max() > top + 0.1) for part in (0.99, 1.01)}
-    told = ", ".join(f"at {part} times that it {'falls' if falls[part] else 'comes back'}" for part in falls)
-    print(f"Set turning about its edge it needs {needed:.4f} rad/s to fall: {told}.")
+    outcomes = ", ".join(f"at {part} times that it {'falls' if falls[part] else 'comes back'}" for part in falls)
+    print(f"Set turning about its edge it needs {needed:.4f} rad/s to fall: {outcomes}.")
 
     w0, angle, k = 1.2 * needed, np.radians(25.0), 2.0 * crate.mass * GRAVITY * arm / inertia
     end = quad(lambda th: (w0**2 - k * (np.sin(start + th) - np.sin(start))) ** -0.5, 0.0, angle)[0]
-    print(f"At {w0:.4f} rad/s it leans by 25 deg after {end:.6f} s (quadrature). Simulated till then:")
+    print(f"At {w0:.4f} rad/s it tilts by 25 deg after {end:.6f} s (quadrature). Simulated till then:")
     errors = []
     for steps in (25, 50, 100, 200):
         errors.append(abs(tilt(turn(crate, w0, end, steps))[-1] - angle))
@@ -90,7 +90,7 @@ def tilt(way: rbd.Trajectory) -> np.ndarray:
 
 
 def edge(crate: rbd.Robot) -> tuple[float, float, float]:
-    """Inertia about the front edge, distance to the middle, and the angle from the floor of the way there."""
+    """Inertia about the front edge, distance to the middle, and the angle of the line to it from the floor."""
     arm = np.hypot(LENGTH, HEIGHT["crate"])
     inertia = crate.model.inertias[1].inertia[1, 1] + crate.mass * arm**2
     return float(inertia), float(arm), float(np.arctan2(HEIGHT["crate"], LENGTH))

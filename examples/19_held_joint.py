@@ -1,8 +1,8 @@
-"""One joint of a two-link arm is held at zero: what is left of its Jacobian, and how does its end point move?
+"""One joint of a two-link arm is locked at zero: what is left of its Jacobian, and how does its end point move?
 
 Problem 2 of the text [Duarte2021]. With the first joint held the second link turns about an elbow that stands still; with the
 second held both links are one. Either way what is left is a single link, known by its Jacobian of one column. The second case
-is a singular pose of the free arm, where both columns point the same way: nothing of that troubles the arm that is held.
+is a singular pose of the free arm, where both columns are parallel: the constrained arm is regular there.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ def main(show: bool = True) -> Result:
     arm = rbd.planar.Chain(2)
     print("Free:        J =", short(arm.jacobian().tolist()))
     held, apart = {}, {}
-    for joint, told in ((1, "first"), (2, "second")):
+    for joint, ordinal in ((1, "first"), (2, "second")):
         chain = held[joint] = rbd.planar.constrained(arm, {joint: 0})
-        print(f"With the {told} joint held at 0:")
+        print(f"With the {ordinal} joint held at 0:")
         J = chain.full_jacobian()
         print("  the free J =", short(J.tolist()), " det J =", short(sp.simplify(J.det())))
         for what in ("jacobian", "position", "velocity", "acceleration"):

@@ -45,8 +45,8 @@ def main(show: bool = True) -> Result:
     angles = np.radians(np.linspace(10.0, 80.0, 8))
     q = np.column_stack([angles, np.pi - 2.0 * angles])
     heights = half.numeric.position(q)[:, 1]
-    told = (f"{np.degrees(a):.0f} deg {y:.4f} m" for a, y in zip(angles[::2], heights[::2], strict=True))
-    print("Links of 0.5 m:", ", ".join(told))
+    pairs = (f"{np.degrees(a):.0f} deg {y:.4f} m" for a, y in zip(angles[::2], heights[::2], strict=True))
+    print("Links of 0.5 m:", ", ".join(pairs))
     if show:
         from matplotlib.figure import Figure  # in the extra `plot`
 

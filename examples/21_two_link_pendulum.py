@@ -17,7 +17,7 @@ import rbd.planar
 
 G = 9.81
 START = np.radians([120.0, 100.0])
-"""Let go from here, both links above the horizontal [rad from the downward vertical]."""
+"""Released from here, both links above the horizontal [rad from the downward vertical]."""
 CLOSED = {"points": (2.0 - sqrt(2.0), 2.0 + sqrt(2.0)), "rods": (3.0 - 6.0 / sqrt(7.0), 3.0 + 6.0 / sqrt(7.0))}
 """Squared rates of the small swings over g/l, of textbooks."""
 
@@ -47,8 +47,8 @@ def main(show: bool = True) -> Result:
     for bodies, closed in CLOSED.items():
         modes = rbd.planar.dynamics(metre, bodies=bodies, masses=(1, 1), gravity=G).linearised().modes()
         squares[bodies] = np.array(modes.squared, dtype=float) / G
-        told = " and ".join(f"{x:.9f}" for x in squares[bodies])
-        print(f"Small swings, two equal {bodies}: w^2 = {told} g/l; closed form {closed[0]:.9f} and {closed[1]:.9f}")
+        shown = " and ".join(f"{x:.9f}" for x in squares[bodies])
+        print(f"Small swings, two equal {bodies}: w^2 = {shown} g/l; closed form {closed[0]:.9f} and {closed[1]:.9f}")
 
     rods = rbd.planar.dynamics(metre, bodies="rods", masses=(1, 1), gravity=G)
     times = np.linspace(0.0, 2.0, 201)
@@ -62,7 +62,7 @@ def main(show: bool = True) -> Result:
     way = rbd.simulate(robot.at(coordinates.to_robot(START)), duration=2.0, step=5e-4)
     by_robot = coordinates.from_robot(way.q[::20])
     energy = rods.function(rods.energy)(path[:, :2], path[:, 2:])
-    print(f"Two rods of 1 m and 1 kg, let go at ({', '.join(f'{x:.0f}' for x in np.degrees(START))}) deg from the vertical:")
+    print(f"Two rods of 1 m and 1 kg, released at ({', '.join(f'{x:.0f}' for x in np.degrees(START))}) deg from the vertical:")
     for k in (0, 50, 100, 150, 200):
         a, b = np.degrees(path[k, :2]), np.degrees(by_robot[k])
         print(f"  {times[k]:.1f} s: {a[0]:9.3f} {a[1]:9.3f} deg by Lagrange, {b[0]:9.3f} {b[1]:9.3f} deg by rbd.simulate")

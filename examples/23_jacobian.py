@@ -1,6 +1,6 @@
 """What is the Jacobian matrix of f(x, y) = (x^2 y, 5 x + sin y), and what is it good for?
 
-Problem 6 of the text [Duarte2021]. It is the best linear map beside a point: what is left falls with the square of the step.
+Problem 6 of the text [Duarte2021]. It is the best linear approximation near a point: the error is quadratic in the step.
 And so Newton's method, which follows it, finds where f has a wanted value, doubling its digits at each step. Inverse
 kinematics of chains of many links is the same: f is where the hand is.
 """
