@@ -247,12 +247,21 @@ def test_a_word_that_is_not_registered_is_refused_by_name(tmp_path: Path):
         loop_file.read_loop_file(path)
 
 
+def test_it_is_no_coupling(tmp_path: Path, word: None):
+    """Its words are read among loops and wheels."""
+    path = tmp_path / "x.yaml"
+    path.write_text("couplings: [{name: rod, kind: rod, frame_a: a, frame_b: b, length: 1}]")
+    with pytest.raises(rbd.errors.ModelError, match="kind of .*'rod'.* is 'rod'.*Expected one of coupling"):
+        loop_file.read_loop_file(path)
+
+
 @pytest.mark.parametrize(
     ("word_", "kind", "says"),
     [
         ("", Rod, "expected a short one"),
         (3, Rod, "expected a short one"),
         ("point", Rod, "stands for .* already"),
+        ("knife_edge", rbd.KnifeEdge, "stands for .* already"),
         ("rod", 3, "makes no constraint"),
         ("rod", lambda length: None, "no parameter `name`"),
     ],

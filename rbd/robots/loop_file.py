@@ -150,7 +150,7 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
     own = {key: p for key, p in given.items() if key not in ("name", "kind") and p.kind not in open_ended}
     needed = tuple(key for key, p in own.items() if p.default is inspect.Parameter.empty)
     known = KINDS.get(word)
-    if known is not None and known.make is not kind:
+    if known is not None and (known.part or known.make is not kind):
         raise InputError(f"{word!r:.80} stands for {known.make!r:.120} already; expected another word.")
     KINDS[word] = Kind("", kind, dict.fromkeys(own, "plain"), needed)
 
@@ -250,7 +250,8 @@ class _Reader:
         value = top.get(part, [])
         if not isinstance(value, list):
             self.stop(f"{part} is {_shown(value)}; expected a list: a line for each, beginning with a dash.")
-        words = [word for word, kind in KINDS.items() if kind.part in (part, "")]
+        users = "" if part != "couplings" else part
+        words = [word for word, kind in KINDS.items() if kind.part in (part, users)]
         out = []
         for i, each in enumerate(value):
             entry = self.mapping(f"{part}[{i}]", each)
