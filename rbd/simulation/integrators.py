@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import DOP853
 
-from rbd.arrays import Array, as_float, zeros
+from rbd.arrays import Array, as_float, max_abs, zeros
+from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
@@ -22,6 +23,8 @@ from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import HalfStep, StepSystem
 
+TILTS = 1e-9
+"""A ground that turns slower than this about an axis in its plane keeps its normal [rad/s]: rounding of the normal."""
 SHORTEST = 1e-9
 """No step is tried below this [s]."""
 
@@ -214,8 +217,9 @@ class TimeStepping:
             raise InputError(f"extrapolate is {self.extrapolate!r:.80}; expected True or False.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
-        """Names the first ground that accelerates; it takes all other constraints."""
-        return next(filter(None, map(reason_unknown_ground, motion.constraints)), None)
+        """Names the first ground that accelerates, or tilts under a contact that can break; it takes all other constraints."""
+        reasons = (reason_unknown_ground(c) or _tilts(c, state) for c in motion.constraints)
+        return next(filter(None, reasons), None)
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""
@@ -238,6 +242,24 @@ def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) ->
     state = half.start.at.state
     a = (half.answer.v - state.v) * (2.0 / half.h) - system.bases.spin(state.v)
     return Sample.of(half.start.t, state, a, zeros(state.robot.nu), dict, events=events)
+
+
+def _tilts(constraint: Constraint, state: State) -> str | None:
+    """Why the plane of a contact with friction cannot be followed, in words; None where it can."""
+    ground = ground_of(constraint)
+    if ground is None or ground.velocity is None or member(constraint, "friction") is None:
+        return None
+    (rows,) = rows_of(state, (constraint,))
+    turn = np.asarray(ground.velocity)[3:]
+    normal = ground.normal if rows.patch is None else rows.patch.axes[:, 2]
+    n = np.zeros(3) if normal is None else np.asarray(normal)
+    if max_abs(turn - (turn @ n) * n) <= TILTS:
+        return None
+    return (
+        f"the ground of {constraint.name!r:.80} tilts: its angular velocity is not along its normal, and the plane of a "
+        "contact that can break stays as it is. Give it an angular velocity along its normal, take friction=None for a contact "
+        "that holds, or a second body in the model for what it touches, on=rbd.Body(...)."
+    )
 
 
 def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:

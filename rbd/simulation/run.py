@@ -245,7 +245,9 @@ def _record_every(given: int) -> int:
 def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integrator:
     if given is None:
         held = all(isinstance(r.cone, Free) for r in rows_of(state, motion.constraints))
-        return RungeKutta4() if held else TimeStepping()
+        if held:
+            return RungeKutta4()
+        given = TimeStepping()
     if isinstance(given, type) or not (hasattr(given, "run") and hasattr(given, "reason_unsupported")):
         raise InputError(
             f"integrator is {given!r:.80}; expected rbd.RungeKutta4(), rbd.DormandPrince8() or rbd.TimeStepping()."

@@ -15,6 +15,7 @@ from smooth_models import along, chain, swinging
 import rbd
 from rbd.arrays import inertia_factor
 from rbd.mechanism.projection import correction, project_position
+from rbd.testing import box
 
 STEP = 1e-3
 
@@ -174,7 +175,7 @@ def test_what_a_belt_carries_along_goes_with_it(integrator, anchor):
     assert np.abs([found.q[-1, 2] - swing[0], found.v[-1, 2] - swing[1]]).max() < 1e-6
 
 
-@pytest.mark.parametrize("integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping()], ids=repr)
+@pytest.mark.parametrize("integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping(), None], ids=repr)
 @pytest.mark.parametrize("friction", [None, 0.6])
 def test_a_ground_that_accelerates_is_refused(integrator, friction):
     """How it moves later is not known: carried along at its first velocity, its forces would be of another motion."""
@@ -187,10 +188,27 @@ def test_a_ground_that_accelerates_is_refused(integrator, friction):
     )
     start = rbd.State(flat_body(2.0, 0.02), np.array([0.0, -0.1, 0.0]))
     why = "the ground of 'lift' accelerates, and how it moves is known at one"
-    if friction is not None and not isinstance(integrator, rbd.TimeStepping):
+    if friction is not None and not isinstance(integrator, rbd.TimeStepping | None):
         why = "'lift' can break or slip"
-    with pytest.raises(rbd.errors.Unsupported, match=why):
+    with pytest.raises(rbd.InputError if integrator is None and friction is None else rbd.errors.Unsupported, match=why):
         rbd.simulate(start, [pin_on], duration=0.1, step=0.01, integrator=integrator, progress=False)
+
+
+def test_a_ground_that_tilts_is_refused_under_friction():
+    """Its plane would stay: a box that turns with it at 0.5 rad/s would be level for ever. In its plane it may turn."""
+    sole = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
+    start = rbd.State(box(10.0), np.r_[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], np.r_[0.05, 0.0, 0.0, 0.0, 0.5, 0.0])
+
+    def moved(spin, friction, begin):
+        ground = rbd.Ground(point=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0, *spin), about=(0.0, 0.0, 0.0))
+        floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=sole, friction=friction, on=ground)
+        return rbd.simulate(begin, [floor], duration=0.1, step=0.01, progress=False)
+
+    with pytest.raises(rbd.errors.Unsupported, match="the ground of 'floor' tilts: its angular velocity is not along"):
+        moved((0.0, 0.5, 0.0), 0.6, start)
+    assert moved((0.0, 0.5, 0.0), None, start).q[-1, 4] == pytest.approx(np.sin(0.025), abs=1e-6)
+    turning = start.with_velocity(np.r_[np.zeros(5), 0.5])
+    assert moved((0.0, 0.0, 0.5), 0.6, turning).q[-1, 5] == pytest.approx(np.sin(0.025), abs=1e-6)
 
 
 class _Table:
