@@ -57,14 +57,12 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import (
         Rows as Rows,
     )
-    from rbd.robots.diagnosis import (
-        doctor as doctor,
-    )
     from rbd.robots.loop_file import (
         register_constraint as register_constraint,
     )
     from rbd.robots.robot import (
         Robot as Robot,
+        doctor as doctor,
         load_robot as load_robot,
     )
     from rbd.simulation import (
@@ -105,9 +103,8 @@ _NAMES = {
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
-    "rbd.robots.diagnosis": "doctor",
     "rbd.robots.loop_file": "register_constraint",
-    "rbd.robots.robot": "Robot load_robot",
+    "rbd.robots.robot": "Robot doctor load_robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",

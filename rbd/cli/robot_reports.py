@@ -18,8 +18,7 @@ from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.errors import ModelWarning, RbdError
 from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
-from rbd.robots.diagnosis import doctor
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.robot import Robot, doctor, load_robot
 from rbd.solution import Solution
 from rbd.statics.equilibrium import Hold, hold
 

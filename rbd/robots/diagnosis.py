@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,8 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.files import RobotFile, read
+from rbd.model.files import RobotFile
 from rbd.model.state import State
-from rbd.robots.loop_file import ROOTS
 
 SINGULAR = 1e-9
 """A joint's articulated inertia over its composite one (see `_weightless`); the real robots' are above 3e-4."""
@@ -132,35 +131,6 @@ def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array],
     notes = [] if errors else list(_loops(robot, postures))
     warnings += [f for f, closed in notes if not closed]
     return ModelReport(robot.name, tuple(errors), tuple(warnings), tuple(f for f, closed in notes if closed))
-
-
-def doctor(robot: CheckedModel) -> ModelReport:
-    """What is wrong with a robot, and what of its file the dynamics leave out.
-
-    Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
-    indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
-    limits, missing meshes, missing effort limits, damping and friction, mimicked joints, loops that no posture closes. Notes:
-    loops and wheels, and where the loops are closed. M is tried at neutral and at
-    random configurations (the same ones each time); no mesh is opened.
-
-    Where the file is no longer there, what was found when it was loaded, and a note that says so.
-
-    Args:
-        robot: A `Robot`, as `load_robot` returns it.
-
-    Raises:
-        InputError: not a robot.
-        ModelError: its file is broken since.
-    """
-    if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
-        raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-    known: Any = robot  # a `Robot`, whose module stands above this one
-    source = known.source
-    if known.report is not None and not source.urdf.is_file():
-        gone = ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
-        return replace(known.report, notes=(*known.report.notes, gone))
-    file = read(source.urdf, known.limits, base=ROOTS[known.root], folders=source.package_dirs, leave_out=known.leave_out)
-    return examine(robot, file, known.postures, source.package_dirs)
 
 
 def refuse(report: ModelReport, file: str) -> None:

@@ -26,8 +26,7 @@ from rbd.problem.cones import Free
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import SLIDES, Snapshot, slide
-from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 from rbd.solution import Solution

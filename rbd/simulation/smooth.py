@@ -24,8 +24,7 @@ from rbd.model.chart import Charts
 from rbd.model.state import State
 from rbd.problem.answer import corner_split
 from rbd.problem.problem import BILATERAL, GaussProblem
-from rbd.simulation.events import HOLDS, ConstraintForce, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
 from rbd.solution import Solution
 
 CLOSE = 3e-2
