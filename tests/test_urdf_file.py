@@ -17,8 +17,8 @@ from work import calls
 import rbd
 from rbd.errors import InputError, ModelError, RbdError
 from rbd.model.files import read
+from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.urdf import check_urdf
-from rbd.model.xml import FileLimits, read_xml
 from rbd.robots import catalogue
 
 BODY = (

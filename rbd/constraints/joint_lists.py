@@ -10,7 +10,7 @@ from typing import Any
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.xml import read_xml
+from rbd.model.input_files import read_xml
 
 
 def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimit]:

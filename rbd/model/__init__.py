@@ -1,8 +1,8 @@
 """Robot files to a checked model; states; terms of the equations of motion. Knows Pinocchio, and no problem or solver."""
 
 from rbd.model.dynamics import ExternalForce
+from rbd.model.input_files import FileLimits
 from rbd.model.state import State
-from rbd.model.xml import FileLimits
 from rbd.modules import submodule as _submodule
 
 __all__ = ["ExternalForce", "FileLimits", "State"]

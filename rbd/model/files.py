@@ -14,10 +14,10 @@ import pinocchio as pin
 
 from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
+from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.mjcf import Mjcf, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
-from rbd.model.xml import FileLimits, read_xml
 
 MOST_MESHES = 5_000
 """So many names of meshes are looked up; no robot has more."""

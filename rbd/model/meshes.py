@@ -18,10 +18,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import ModelError
-from rbd.model.mesh_files import LARGEST, MISSING, OUTSIDE, check_mesh, check_scale, find_mesh
+from rbd.model.input_files import LARGEST, MISSING, OUTSIDE, FileLimits, check_mesh, check_scale, find_mesh
 from rbd.model.mjcf import LEAVABLE, Mjcf, Shape, Surface, carry_out_includes, convex_hull, read_mjcf
 from rbd.model.mjcf.bodies import WORLD
-from rbd.model.xml import FileLimits
 
 Element = ElementTree.Element
 STAND_IN_M = 0.05

@@ -13,9 +13,9 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.model.checked_model import CheckedModel
+from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT, Complaints
-from rbd.model.xml import FileLimits, read_xml
 
 
 def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[float]]) -> Array:

@@ -21,10 +21,10 @@ from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
+from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT
-from rbd.model.xml import FileLimits, read_xml
 from rbd.problem.ground import On, surfaces_of
 from rbd.robots import catalogue
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse

@@ -20,8 +20,8 @@ from rbd.arrays import Array, as_float
 from rbd.errors import InputError, ModelError, ModelWarning, RbdError
 from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
+from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
-from rbd.model.xml import FileLimits
 from rbd.robots import catalogue
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot, load_robot

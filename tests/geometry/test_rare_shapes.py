@@ -12,7 +12,7 @@ import pytest
 import rbd
 from rbd.constraints.convex.solids import convex_shape
 from rbd.errors import ModelError, ModelWarning
-from rbd.model.mesh_files import check_mesh, check_scale, find_mesh
+from rbd.model.input_files import check_mesh, check_scale, find_mesh
 from rbd.robots.underside import flat_underside
 from rbd.visual.robot_meshes import read_collada
 
@@ -102,7 +102,7 @@ def test_a_mesh_is_a_file_of_the_package_and_of_a_sensible_size(tmp_path: Path, 
     check_mesh(inside, [tmp_path])
     with pytest.raises(ModelError, match="names a material file outside the package folders"):
         check_mesh(outside, [tmp_path])
-    monkeypatch.setattr("rbd.model.mesh_files.MOST_BYTES", 10)
+    monkeypatch.setattr("rbd.model.input_files.MOST_BYTES", 10)
     with pytest.raises(ModelError, match="is larger than 0 MiB"):
         check_mesh(inside, [tmp_path])
 

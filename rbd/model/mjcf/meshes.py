@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import ModelError, nearest
-from rbd.model.mesh_files import mesh_bytes
+from rbd.model.input_files import mesh_bytes
 from rbd.model.mjcf.elements import Defaults, check_attributes
 from rbd.model.mjcf.poses import rotation
 from rbd.model.mjcf.settings import Settings, keyword, numbers

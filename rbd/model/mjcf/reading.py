@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.mjcf.bodies import Body, BodyReader, moving_mass
 from rbd.model.mjcf.elements import Defaults, check_attributes, check_elements
 from rbd.model.mjcf.joints import FREEDOMS, Joint, Motor, Remark, read_motors
 from rbd.model.mjcf.meshes import Meshes
 from rbd.model.mjcf.settings import Settings, numbers, read_settings
 from rbd.model.urdf import LARGEST, LONGEST_NAME, Complaints
-from rbd.model.xml import FileLimits, read_xml
 
 Element = ElementTree.Element
 
