@@ -437,7 +437,7 @@ class TestRefused:
                 m = int(state.q[0] == 0.0)
                 return rbd.Rows("fleeting", np.eye(6)[:m], np.zeros(m), rbd.problem.Free(m))
 
-        with pytest.raises(rbd.errors.NotDifferentiable, match=r"q\[0\]: their rows come and go"):
+        with pytest.raises(rbd.errors.NotDifferentiable, match=r"q\[0\]: their rows appear and disappear"):
             resting_box((0.5, 0, 0), [Fleeting()], rbd.KKT()).derivatives()
 
     def test_what_is_no_answer(self) -> None:

@@ -18,7 +18,7 @@ from rbd.model.state import State
 from rbd.simulation.events import Sample
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
-"""How constraints that hold are kept: by projection, by feedback, or not at all."""
+"""How bilateral constraints are kept: by projection, by feedback, or not at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Motion:
         external: Forces of the world: constant, or as a function of state and time.
         law: "coulomb" or "convex", of contacts that can slip.
         restitution: Newton's coefficient of each constraint that is named; 0 of the others.
-        stabilisation: How constraints that hold are kept.
+        stabilisation: How bilateral constraints are kept.
         record_every: Every how many times a sample is recorded; of the others forces need not be known.
     """
 

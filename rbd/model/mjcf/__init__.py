@@ -1,4 +1,4 @@
-"""MJCF files, read as MuJoCo reads them; what cannot be expressed is refused or told by name."""
+"""MJCF files, read as MuJoCo reads them; what cannot be expressed is refused or reported by name."""
 
 from rbd.model.mjcf.building import build, passive
 from rbd.model.mjcf.include import carry_out_includes
