@@ -41,7 +41,7 @@ if _TYPE_CHECKING:
         solve_problem as solve_problem,
     )
     from rbd.model import dynamics as dynamics
-    from rbd.model.external_force import (
+    from rbd.model.dynamics import (
         ExternalForce as ExternalForce,
     )
     from rbd.model.state import (
@@ -57,14 +57,12 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import (
         Rows as Rows,
     )
-    from rbd.robots.checkup import (
-        doctor as doctor,
-    )
     from rbd.robots.loop_file import (
         register_constraint as register_constraint,
     )
     from rbd.robots.robot import (
         Robot as Robot,
+        doctor as doctor,
         load_robot as load_robot,
     )
     from rbd.simulation import (
@@ -100,14 +98,13 @@ _NAMES = {
     """,
     "rbd.errors": "CannotHold InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
-    "rbd.model.external_force": "ExternalForce",
+    "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
-    "rbd.robots.checkup": "doctor",
     "rbd.robots.loop_file": "register_constraint",
-    "rbd.robots.robot": "Robot load_robot",
+    "rbd.robots.robot": "Robot doctor load_robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",

@@ -1,4 +1,4 @@
-"""Checked arrays, vectors and scalars; small linear algebra that is fast enough for every call."""
+"""Checked arrays, vectors and scalars; small linear algebra, fast enough for every call; null spaces and ranks."""
 
 from __future__ import annotations
 
@@ -15,6 +15,14 @@ from rbd.errors import InputError, SingularInertia
 Array: TypeAlias = np.ndarray
 Owner = TypeVar("Owner")
 Value = TypeVar("Value")
+RANK = 1e-9
+"""Singular values up to this, over the largest, are zero: of Jacobians, of generators, of columns made of them.
+
+Rounding leaves 1e-15 of dependent rows, and the poses of a loop that is closed to 1e-12 a little more; what is independent on a
+robot, such as the lever arm of a millimetre, is at 1e-3 or above.
+"""
+SQUARED = 1e-11
+"""The same of matrices such as J M^-1 J^T, whose singular values are squares: 3e-6 of what they are squares of."""
 
 
 def is_finite(value: Array) -> bool:
@@ -84,6 +92,50 @@ def as_float(value: object) -> float:
         return float(value)
     except (OverflowError, TypeError):  # a time difference counts as an integer of NumPy's
         return math.nan
+
+
+def check_positive(what: str, value: float, most: float) -> float:
+    """A number in (0, most].
+
+    Raises:
+        InputError: it is none.
+    """
+    found = as_float(value)
+    if not 0.0 < found <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}.")
+    return found
+
+
+def check_whole(what: str, value: int, most: int = 1_000_000) -> int:
+    """A whole number from 1.
+
+    Raises:
+        InputError: it is none, or too large.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to {most}.")
+    return value
+
+
+def check_seed(seed: int) -> int:
+    """A seed of draws.
+
+    Raises:
+        InputError: no whole number from 0.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise InputError(f"seed is {seed!r:.80}; expected a whole number from 0 to 2^63 - 1.")
+    return int(seed)
+
+
+def check_flag(what: str, value: bool) -> None:
+    """Refuse what is neither True nor False.
+
+    Raises:
+        InputError: with what was expected.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{what} is {value!r:.80}; expected True or False.")
 
 
 def as_vector3(what: str, value: Sequence[float] | Array) -> Array:
@@ -190,3 +242,32 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
 def _without_lazies(owner: object) -> dict[str, object]:
     kind = type(owner)
     return {name: value for name, value in vars(owner).items() if not isinstance(getattr(kind, name, None), lazy)}
+
+
+def null_space(A: Array, tolerance: float = RANK, *, unit: bool = False) -> Array:
+    """Orthonormal columns that A takes to zero, shape (n, n - rank).
+
+    Args:
+        A: Shape (m, n).
+        tolerance: Singular values up to this, over the largest, are zero.
+        unit: Measure them against one in place of the largest: A has columns of unit length, or is part of a unitary matrix.
+    """
+    if not A.size:
+        return np.eye(A.shape[1])
+    _, s, Vt = np.linalg.svd(A)
+    return np.asarray(Vt[_count(s, tolerance, unit) :].T)
+
+
+def range_of(A: Array, tolerance: float = RANK) -> Array:
+    """Orthonormal columns that span what A reaches, shape (m, rank)."""
+    U, s, _ = np.linalg.svd(A, full_matrices=False)
+    return np.asarray(U[:, : _count(s, tolerance, False)])
+
+
+def rank_of(A: Array, tolerance: float = RANK, *, unit: bool = False) -> int:
+    """The number of singular values that are not zero; arguments as of `null_space`."""
+    return _count(np.linalg.svd(A, compute_uv=False), tolerance, unit) if A.size else 0
+
+
+def _count(s: Array, tolerance: float, unit: bool) -> int:
+    return int((s > tolerance * (1.0 if unit else float(s[0]))).sum()) if len(s) else 0

@@ -24,14 +24,12 @@ from rbd.errors import (
     Unsupported,
 )
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import free_force
-from rbd.model.external_force import External
+from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.contact_motion import REST_SPEED, opening_words
 from rbd.problem.force_set import at_rest
-from rbd.problem.law import COULOMB, Law
-from rbd.problem.problem import GaussProblem, MomentumBalance, checked
+from rbd.problem.problem import COULOMB, GaussProblem, Law, MomentumBalance, checked
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver

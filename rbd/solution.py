@@ -8,21 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.analysis.admissible_forces import Admissible, admissible
-from rbd.analysis.feedback import feedback_acceleration
+from rbd.analysis.conditions import relaxed, row_weights, smallest_violation
 from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.analysis.infeasibility import Contradiction, contradiction
 from rbd.analysis.sensitivity import Derivatives
 from rbd.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
-from rbd.analysis.violation import relaxed, row_weights, smallest_violation
 from rbd.arrays import Array, lazy, max_abs
+from rbd.constraints.stabilisation import feedback_acceleration
 from rbd.errors import InputError, NoSolution, Unsupported
-from rbd.problem.answer import Answer, Status
+from rbd.problem.answer import Answer, Status, corner_split
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
-from rbd.problem.contact_force import corner_split
 from rbd.problem.contact_motion import opening_words
 from rbd.problem.force_set import at_rest
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.problem import GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers import Solver
@@ -145,7 +143,7 @@ class Solution(Answer):
         Returns:
             A solution whose `force_choice` says so; `multipliers`, `weights`, `forces` and `corner_forces` belong together, and
             its residuals certify them. Where rounding keeps those above 1e-9, or they were not found within
-            `rbd.problem.limits.FORCE_CHOICE_WORK`, the forces stay as they were, and it says that.
+            `rbd.problem.programs.FORCE_CHOICE_WORK`, the forces stay as they were, and it says that.
 
         Raises:
             InputError: on a weight that is not positive or does not fit.
@@ -203,7 +201,7 @@ class Solution(Answer):
 
     @lazy
     def feedback_acceleration(self) -> Array:
-        """The part of a that the rows' feedback makes, shape (nv,): zero without stabilisation; see `rbd.analysis.feedback`.
+        """The part of a that the rows' feedback makes, shape (nv,): zero without stabilisation.
 
         Through the active rows as they are: a less this is the motion that they alone would make.
         """
@@ -317,7 +315,7 @@ def nearest_motion(
     """The motion of least violation, and of these the nearest to free motion in the metric of inertia.
 
     Of a problem that has an answer it is that answer, with no violation. Else the least violation comes first
-    (`rbd.analysis.violation`); then, among all accelerations with that violation, Gauss's problem: the rows with s added to
+    (`rbd.analysis.conditions`); then, among all accelerations with that violation, Gauss's problem: the rows with s added to
     their feedback can be met together.
 
     Args:

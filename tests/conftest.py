@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,13 @@ import rbd
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What takes minutes is run by `make exhaustive`."""
     parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
+
+
+def pytest_collection_finish() -> None:
+    """What is collected stays to the end, so the garbage collector need not look through it: an eighth of the time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 100)
 
 
 @pytest.fixture(scope="session")

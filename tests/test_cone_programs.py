@@ -7,7 +7,7 @@ import pytest
 
 from rbd.problem.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.cones import project_cones
-from rbd.problem.limits import Work
+from rbd.problem.programs import Work
 
 MU = 0.6
 CONE = ConeSet(np.zeros((0, 3)), np.zeros(0), np.eye(3)[None], np.zeros((1, 3)), np.array([MU]))

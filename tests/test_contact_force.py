@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rbd.problem.contact_force import ContactForce
+from rbd.problem.answer import ContactForce
 from rbd.problem.rows import Patch
 
 R_WC = pin.exp3(np.array([0.5, -0.8, 0.3]))

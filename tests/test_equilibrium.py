@@ -386,8 +386,8 @@ def test_a_robot_that_leans_is_told_by_how_much(talos: rbd.Robot) -> None:
         q[talos.model.joints[talos.joint_id(joint)].idx_q] -= 0.15
     state = rbd.State(talos, rbd.robots.posture.stand(talos, q, talos.feet()))
     corners = rbd.robots.posture.corner_points(state, talos.feet())[:, :2]
-    outside = -rbd.constraints.convex.polygon.inside_distance(
-        state.com[:2], rbd.constraints.convex.polygon.convex_hull(corners)
+    outside = -rbd.constraints.convex.polygons.inside_distance(
+        state.com[:2], rbd.constraints.convex.polygons.convex_hull(corners)
     )
     with pytest.raises(CannotHold, match="centre of mass at x = ") as caught:
         rbd.hold(state, talos.soles())

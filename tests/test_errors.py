@@ -14,7 +14,7 @@ from rbd.errors import InputError, NoSolution, RbdError, RbdWarning, nearest
 
 CLASSES = [
     c
-    for room in (errors, testing.contracts)
+    for room in (errors, testing.solver_check)
     for _, c in inspect.getmembers(room, inspect.isclass)
     if c.__module__ == room.__name__ and issubclass(c, Exception)
 ]

@@ -11,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import FrameNotFound, InputError
-from rbd.model.external_force import External, generalised
+from rbd.model.dynamics import External, generalised
 
 OFFSET = (0.11, -0.07, 0.23)  # [m], off every axis
 FORCE, MOMENT = np.array([3.0, -80.0, 20.0]), np.array([1.0, 5.0, -7.0])

@@ -16,7 +16,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.convex.polygon import convex_hull, inside_distance
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import FrameNotFound, InputError, ModelError, ModelWarning
 from rbd.model.meshes import Geometry, _equivalent_box, load_geometry
 from rbd.robots.underside import flat_underside

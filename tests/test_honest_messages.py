@@ -149,7 +149,7 @@ class TestFriction:
 
     def test_a_search_cut_short_says_so(self, monkeypatch):
         """One linear program is not enough."""
-        monkeypatch.setattr("rbd.problem.limits.FRICTION_PROGRAMS", 1)
+        monkeypatch.setattr("rbd.problem.programs.FRICTION_PROGRAMS", 1)
         robot = box(MASS)
         external = rbd.ExternalForce("box", (0.3 * WEIGHT, 0.1 * WEIGHT, 0.0), offset=(0.0, 0.0, -0.1))
         state = rbd.State(robot, pin.neutral(robot.model))

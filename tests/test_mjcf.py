@@ -18,7 +18,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.model.mjcf.mesh_data import read_mesh
+from rbd.model.mjcf.meshes import read_mesh
 
 GRAVITY = 9.81
 NO_GRAVITY = '<option><flag gravity="disable"/></option>'

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from rbd.constraints.convex.polygon import convex_hull, inside_distance
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 

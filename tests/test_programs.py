@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd.problem import limits
-from rbd.problem.limits import Work
-from rbd.problem.programs import Outcome, between, linear_program, nonnegative
+from rbd.problem import programs
+from rbd.problem.programs import Outcome, Work, between, linear_program, nonnegative
 
 
 def test_a_linear_program_tells_how_it_ended():
@@ -26,7 +25,7 @@ def test_at_its_limit_a_linear_program_is_not_found(monkeypatch, limit, value, r
     A = rng.normal(size=(40, 20))
     cost, b = -np.abs(A).sum(axis=0), np.ones(40)
     assert linear_program(cost, np.abs(A), b, bounds=(0.0, None)).solved
-    monkeypatch.setattr(limits, limit, value)
+    monkeypatch.setattr(programs, limit, value)
     found = linear_program(cost, np.abs(A), b, bounds=(0.0, None))
     assert found.outcome is Outcome.NOT_FOUND and np.isnan(found.value) and not found.x.size
 
@@ -47,7 +46,7 @@ def test_nonnegative_least_squares_gives_up_at_its_limit(monkeypatch, rng):
     A = rng.normal(size=(30, 20))
     x = nonnegative(A, A @ np.abs(rng.normal(size=20)))
     assert x is not None and (x >= 0.0).all()
-    monkeypatch.setattr(limits, "LEAST_SQUARES_PIVOTS", 0.05)
+    monkeypatch.setattr(programs, "LEAST_SQUARES_PIVOTS", 0.05)
     assert nonnegative(A, A @ np.ones(20)) is None
 
 

@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 
 import rbd
 from rbd.analysis.sensitivity import SMOOTH, Derivatives, _slope
-from rbd.model.external_force import generalised
+from rbd.model.dynamics import generalised
 from rbd.testing import box
 
 G, MASS, MU = 9.81, 10.0, 0.6

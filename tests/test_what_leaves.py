@@ -282,7 +282,7 @@ class TestProjectVelocity:
         assert project_velocity(state, []).v is state.v
         friction = rbd.JointFriction("rub", talos.actuated_names[0], 1.0)
         assert np.array_equal(project_velocity(state, [friction]).v, state.v)
-        with pytest.raises(rbd.InputError, match="a State was expected first"):
+        with pytest.raises(rbd.InputError, match="a State of a robot was expected first"):
             project_velocity(talos, [])
 
 

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 import rbd
 from rbd.analysis.admissible_forces import admissible
 from rbd.analysis.extent import Reach
-from rbd.problem.limits import ENDS_WORK, Work
+from rbd.problem.programs import ENDS_WORK, Work
 
 ROUNDS = 120
 

@@ -17,13 +17,12 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.analysis.modes import RESOLUTION, Modes, Need, modes_of
-from rbd.arrays import Array, block_diagonal
+from rbd.arrays import RANK, Array, block_diagonal
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
 from rbd.problem.contact_motion import centripetal
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
-from rbd.problem.subspaces import RANK
 
 CONSISTENT = 1e-6
 """Largest part of a change, over its largest entry, that may be left over by rows that repeat each other."""

@@ -21,17 +21,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal, lazy
+from rbd.arrays import Array, block_diagonal, lazy, null_space, rank_of
+from rbd.problem.answer import corner_map
 from rbd.problem.cone_programs import Separable
 from rbd.problem.cones import LineCone, NonNegative, Product, WrenchCone, project_cones
-from rbd.problem.contact_force import corner_map
 from rbd.problem.force_set import Element, at_rest
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.problem.scales import Scales
-from rbd.problem.subspaces import null_space, rank_of
 
 STILL = SOLVED
 """Accelerations below this, over the terms of their own row or point, count as zero: it is what `solved` means."""

@@ -17,12 +17,10 @@ import numpy as np
 from scipy.sparse import csr_array, hstack, identity
 
 from rbd.analysis.admissible_forces import Admissible
-from rbd.arrays import Array, lazy, max_abs
+from rbd.arrays import Array, lazy, max_abs, null_space
 from rbd.problem.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.cones import pyramid
-from rbd.problem.limits import Work
-from rbd.problem.programs import LinearAnswer, linear_program
-from rbd.problem.subspaces import null_space
+from rbd.problem.programs import LinearAnswer, Work, linear_program
 
 EXACT = 1e-10
 """How near an end is come to, over the size of the forces."""

@@ -21,10 +21,8 @@ from rbd.analysis.extent import Reach
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.problem.cone_programs import ConeSet, least, least_squares
-from rbd.problem.law import Law
-from rbd.problem.limits import FORCE_CHOICE_WORK, Work
-from rbd.problem.problem import GaussProblem
-from rbd.problem.programs import least_distance
+from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"
@@ -52,7 +50,7 @@ def minimum_norm(
 
     Raises:
         InputError: on weights that are not positive or do not fit.
-        NoSolution: where they were not found within the limit of `rbd.problem.limits.FORCE_CHOICE_WORK`.
+        NoSolution: where they were not found within the limit of `rbd.problem.programs.FORCE_CHOICE_WORK`.
     """
     found = admissible(problem, a, f, weights, law)
     x = shortest(found, metric(found, weight))
@@ -106,7 +104,7 @@ def _root(name: str, given: object, size: int, each: int) -> Array:
 
 
 def shortest(adm: Admissible, T: Array | None = None) -> Array | None:
-    """Where |T s(x)| is least, shape (n,); None where it was not found within `rbd.problem.limits.FORCE_CHOICE_WORK`."""
+    """Where |T s(x)| is least, shape (n,); None where it was not found within `rbd.problem.programs.FORCE_CHOICE_WORK`."""
     if not adm.null.shape[1]:
         return adm.start.copy()
     E, e = adm.corners, (adm.corners @ adm.start + adm.corners_at) / adm.size

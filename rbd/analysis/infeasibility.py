@@ -20,13 +20,10 @@ from itertools import combinations
 import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
-from rbd.arrays import Array, max_abs
+from rbd.arrays import RANK, Array, max_abs, null_space, range_of
 from rbd.problem.force_set import at_rest
-from rbd.problem.law import CONVEX, Law
-from rbd.problem.limits import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
-from rbd.problem.problem import GaussProblem, checked
-from rbd.problem.programs import linear_program
-from rbd.problem.subspaces import RANK, null_space, range_of
+from rbd.problem.problem import CONVEX, GaussProblem, Law, checked
+from rbd.problem.programs import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS, linear_program
 
 CONTRADICTS = 1e-8
 """Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
@@ -48,7 +45,7 @@ class Contradiction:
         violation: Every motion misses some of these rows by at least this [m/s2, rad/s2]; of a point that rubs, its
             distance to the dual cone.
         smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
-            set might be smaller, as the search ended at a limit (`rbd.problem.limits`).
+            set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
         unbalanced: Largest entry of |J^T f|. The proof holds for motions with sum |a_i| < 1 / unbalanced.
         law: The law whose rows they are.
         met: {bilateral constraint: the part of its required -offset that some acceleration gives, shape (m,)}, by least

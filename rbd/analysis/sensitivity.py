@@ -14,15 +14,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.analysis.active_set import CONSISTENT, ActiveSet
-from rbd.arrays import Array
+from rbd.arrays import RANK, Array
 from rbd.errors import NotDifferentiable, Unsupported
-from rbd.model.dynamics import HasRows
-from rbd.model.external_force import External, generalised
+from rbd.model.dynamics import External, HasRows, generalised
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone
 from rbd.problem.rows import Rows
-from rbd.problem.subspaces import RANK
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,14 +17,12 @@ from scipy.linalg import blas
 from rbd.analysis.admissible_forces import Admissible
 from rbd.analysis.extent import End, Reach
 from rbd.analysis.modes import modes_of
-from rbd.arrays import Array
-from rbd.problem.answer import Answer
-from rbd.problem.contact_force import CARRIES_NOTHING_N
-from rbd.problem.law import Law
-from rbd.problem.limits import ENDS_WORK, Work
+from rbd.arrays import Array, rank_of
+from rbd.problem.answer import CARRIES_NOTHING_N, Answer
+from rbd.problem.problem import Law
+from rbd.problem.programs import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
-from rbd.problem.subspaces import rank_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ class Range:
 
     @property
     def found(self) -> bool:
-        """Whether both ends were found within `rbd.problem.limits.ENDS_WORK`."""
+        """Whether both ends were found within `rbd.problem.programs.ENDS_WORK`."""
         return not (math.isnan(self.lowest) or math.isnan(self.highest))
 
     def __str__(self) -> str:
@@ -130,7 +128,7 @@ class Uniqueness:
             the other laws, whose motion is unique, and where it stands alone. The ranges are of the motion returned.
         exact: Whether the ends are exact, to 1e-9 of the forces; False where circular cones have no room left inside and were
             widened by 1e-10.
-        found: Whether all ends and freedoms were found within `rbd.problem.limits.ENDS_WORK`. Ends that were not are NaN, and
+        found: Whether all ends and freedoms were found within `rbd.problem.programs.ENDS_WORK`. Ends that were not are NaN, and
             printed as "?"; where even the dimension of the set was not found, the two freedoms are upper bounds.
     """
 

@@ -86,7 +86,7 @@ def stand(
     """
     from rbd.cli.robot_reports import StandReport
     from rbd.least_constraint import solve
-    from rbd.model.external_force import ExternalForce
+    from rbd.model.dynamics import ExternalForce
     from rbd.problem.cones import check_friction
     from rbd.robots.robot import load_robot
     from rbd.solvers.default import slip_law

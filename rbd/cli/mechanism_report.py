@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_seed, check_whole
 from rbd.cli.terminal import in_options
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
@@ -31,7 +31,6 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
-from rbd.mechanism.arguments import check_seed, check_whole
 from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.model.state import State
 from rbd.robots.robot import Robot

@@ -16,10 +16,9 @@ from rich.text import Text
 from rbd.arrays import Array
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.errors import ModelWarning, RbdError
-from rbd.problem.contact_force import ContactForce
+from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
-from rbd.robots.checkup import doctor
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.robot import Robot, doctor, load_robot
 from rbd.solution import Solution
 from rbd.statics.equilibrium import Hold, hold
 

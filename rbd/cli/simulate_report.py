@@ -18,7 +18,7 @@ from rbd.cli.terminal import Table, counted, facts, rounded, save_figure
 from rbd.control.schedules import Push
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.simulation.events import HOLDS, OPEN, SLIPS
+from rbd.simulation.motion import HOLDS, OPEN, SLIPS
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import RESIDUALS
 

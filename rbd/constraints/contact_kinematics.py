@@ -20,8 +20,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, lazy
 from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting
-from rbd.constraints.convex.rounds import Ball
-from rbd.constraints.convex.solids import ConvexShape
+from rbd.constraints.convex.solids import Ball, ConvexShape
 from rbd.constraints.surface import contact_axes
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State

@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.errors import InputError
-from rbd.model.external_force import External, ExternalForce
+from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 
 Controller: TypeAlias = Callable[[State, float], Array]

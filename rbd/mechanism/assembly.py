@@ -8,14 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, max_abs
+from rbd.arrays import Array, as_float, check_flag, check_seed, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotAssemble, InputError
-from rbd.mechanism.arguments import check_descent, check_flag, check_seed, check_state, check_whole
 from rbd.mechanism.closure import ASIDE, Closure, ConstraintResidual, Descent, around, descend, minimise, position_residual
 from rbd.mechanism.partition import independent_columns
 from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, displacement, distance, draw
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
@@ -150,6 +149,17 @@ def _failure(closure: Closure, at: ConstraintResidual, tolerance: float, most: i
         if closure.fixed and elsewhere is None:
             say.append(_without_each_fixed(closure, at.q, tolerance, most))
     return CannotAssemble(" ".join(say), q=at.q, distances=left, minimum=minimum, elsewhere=elsewhere)
+
+
+def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterations") -> None:
+    """Refuse settings that are none.
+
+    Raises:
+        InputError: with what was expected.
+    """
+    if not 0.0 < as_float(tolerance) <= 1e-3:
+        raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
+    check_whole(what, max_iterations, 100_000)
 
 
 def distances(at: ConstraintResidual, tolerance: float) -> dict[str, float]:

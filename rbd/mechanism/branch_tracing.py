@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite, max_abs
+from rbd.arrays import Array, as_array, as_float, check_finite, check_flag, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError, NoSolution
-from rbd.mechanism.arguments import check_descent, check_flag, check_state, check_whole
-from rbd.mechanism.assembly import TOLERANCE, assemble
+from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent
 from rbd.mechanism.closure import Closure, descend
 from rbd.mechanism.continuation import Curve, Drive, Point, Step
 from rbd.mechanism.poses import LimitViolation, beyond_limits, distance
 from rbd.model.checked_model import FARTHEST
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 
 _SHOWN = 6
 ARRIVED = 1e-9

@@ -9,10 +9,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import qr
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_positive, check_seed
 from rbd.constraints.constraint import Constraint, loop_dof
 from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, RowName, null_space
-from rbd.mechanism.arguments import check_positive, check_seed
 from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
 from rbd.model.state import State
 

@@ -20,13 +20,12 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import qr
 
-from rbd.arrays import Array, as_array, max_abs
+from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space
 from rbd.errors import InputError
-from rbd.mechanism.arguments import check_positive, check_seed, check_state
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 
 Fields = Callable[[Array], Array]
 """q -> velocities without units, shape (nv, k), one column a field."""

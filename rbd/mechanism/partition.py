@@ -20,9 +20,8 @@ from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
-from rbd.mechanism.arguments import check_state
 from rbd.mechanism.closure import SINGULAR, Closure, branches_meet, position_residual, rank_of
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 from rbd.problem.cones import Box, Free, NonNegative
 
 Rates = Mapping[str, "float | Sequence[float] | Array"]

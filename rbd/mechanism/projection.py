@@ -31,8 +31,7 @@ from rbd.arrays import Array, as_float, inertia_factor, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
 from rbd.errors import InputError, SingularInertia
-from rbd.mechanism.arguments import check_state
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 from rbd.problem.cones import Box
 from rbd.solvers.kkt import independent_factor
 

@@ -16,15 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, max_abs
+from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold, Linearised, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.arguments import check_positive, check_seed, check_state
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 
 KINDS = {
     "configuration": "J loses rank: more velocities are allowed here than nearby",

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, check_seed, max_abs
 from rbd.constraints.constraint import Constraint, frames_of
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
 from rbd.errors import InputError
-from rbd.mechanism.arguments import check_seed, check_state
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 
 GROUND = "the ground"
 

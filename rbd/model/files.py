@@ -1,4 +1,4 @@
-"""A robot's file, read and checked once: URDF or MJCF."""
+"""A robot's file, URDF or MJCF: read and checked once, and Pinocchio's model of it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rbd.errors import ModelError
+import numpy as np
+import pinocchio as pin
+
+from rbd.errors import InputError, ModelError
+from rbd.model import mjcf
 from rbd.model.mjcf import Mjcf, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
-from rbd.model.urdf import Complaints, UrdfFile, check_shapes, check_urdf
+from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 from rbd.model.xml import FileLimits, read_xml
 
 MOST_MESHES = 5_000
@@ -152,3 +156,47 @@ def _without_scheme(name: str) -> str:
     if not separator:
         return name
     return rest.lstrip("/") if scheme == "package" else rest
+
+
+def build_model(file: RobotFile, root: str) -> pin.Model:
+    """Pinocchio's model of a checked file, with the rotor inertias that Pinocchio's own reader of URDF drops.
+
+    Args:
+        file: As `rbd.model.files.read` gives it.
+        root: "free_flyer", "planar" or "fixed".
+
+    Raises:
+        InputError: a root that this file does not take.
+        ModelError: Pinocchio cannot build it.
+    """
+    path = file.path
+    if file.mjcf is not None and root == "planar":
+        raise InputError(
+            f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
+        )
+    try:
+        if file.mjcf is not None:
+            model = mjcf.build(file.mjcf)
+        else:
+            assert file.urdf is not None
+            base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
+            model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
+            _add_rotors(model, file.urdf)
+    except (ValueError, RuntimeError, IndexError) as error:
+        reason = str(error).strip().split("\n")[0].rstrip(".")
+        raise ModelError(
+            f"Pinocchio cannot build {path.name}: {reason:.400}. What its parser printed on stderr says more."
+        ) from None
+    if file.mjcf is not None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
+        raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
+    return model
+
+
+def _add_rotors(model: pin.Model, urdf: UrdfFile) -> None:
+    """The rotor inertias of the file's <dynamics armature>, on the diagonal of M; Pinocchio's reader drops them."""
+    armature = np.array(model.armature)
+    for joint in urdf.joints.values():
+        if joint.armature and model.existJointName(joint.name):
+            made = model.joints[model.getJointId(joint.name)]
+            armature[made.idx_v : made.idx_v + made.nv] = joint.armature
+    model.armature = armature

@@ -167,6 +167,17 @@ class State:
             return data.Ag.copy(), rate_bias, data.mass[0]
 
 
+def check_state(state: State) -> State:
+    """The state itself.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q).")
+    return state
+
+
 def _again(robot: CheckedModel, q: Array, v: Array) -> State:
     """A state from what another one had: q is taken as it is, because normalising it once more may change its last bit."""
     state = State.__new__(State)

@@ -25,7 +25,7 @@ from scipy.linalg import lapack
 
 from rbd.arrays import Array, max_abs
 from rbd.problem.cones import project_cones
-from rbd.problem.limits import Work
+from rbd.problem.programs import Work
 
 _STEPS = 60
 _DONE = 1e-13

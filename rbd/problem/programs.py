@@ -1,7 +1,14 @@
-"""Linear programs and least squares with bounds, by SciPy, within `rbd.problem.limits`: the only file that calls them.
+"""Linear programs and least squares with bounds, by SciPy; how much work one question may cost: every limit, with its reason.
 
-An answer, or None: what the library refuses, fails on or does not finish within the limit is told apart by `Outcome`, and is
-never an exception nor a number.
+This is the only file that calls SciPy's programs. What they refuse, fail on or do not finish within the limit is told apart by
+`Outcome`, or is None; it is never an exception nor a number.
+
+The limits are those of all programs and searches of the package. They count work (pivots, steps, multiplications), not seconds,
+so that an answer repeats bit by bit on any machine. Where a library cannot count, or may stand still within one step, a clock
+stands behind the count: far above what the count allows on an idle machine, so that it acts only when something is wrong. What
+was not found within a limit is reported as not found.
+
+No call into a compiled library lasts much longer than `PROGRAM_SECONDS`, so Ctrl-C is answered within that time.
 """
 
 from __future__ import annotations
@@ -15,7 +22,71 @@ from scipy.optimize import linprog, lsq_linear, nnls
 from scipy.sparse import csr_array
 
 from rbd.arrays import Array, is_finite
-from rbd.problem import limits
+
+PROGRAM_SECONDS = 2.0
+"""Clock limit of one linear program [s]. Robots need milliseconds; HiGHS has been seen not to end at all."""
+PROGRAM_PIVOTS = 20_000
+"""Simplex pivots of one linear program. A hundred contacts need a few hundred."""
+LEAST_SQUARES_PIVOTS = 10
+"""Pivots of a nonnegative least-squares problem for each unknown. SciPy's own limit is 3; degenerate problems need 5."""
+BOUNDED_STEPS = 200
+"""Iterations of a least-squares problem between bounds. They need 10 to 30."""
+
+QP_STEPS = 300
+"""Outer iterations of a quadratic program. Robots need 8 to 22, and a setting that needs 100 seldom ends at all."""
+QP_STEPS_LAST = 1000
+"""The same for the last settings that are tried."""
+QP_INNER_STEPS = 100
+"""Inner iterations. Robots need a few; with ProxSuite's own limit of 1500, hopeless programs take minutes."""
+QP_WORK = 2e8
+"""Iterations times (unknowns and rows) squared, of all settings of one quadratic program: 1 to 3 s. Robots need 1e6."""
+QP_SETTING_WORK = 1e8
+"""The same of one setting, were every inner iteration used."""
+QP_FEWEST_STEPS = 30
+"""Outer iterations that a setting has at least, however large the program."""
+
+SEARCH_WORK = 3e9
+"""Multiplications of all starts of one `rbd.ConeSolver`, about 3 s: steps times unknowns cubed. A hundred contacts need 1e8."""
+
+ENDS_WORK = 1.2e10
+"""Multiplications for all ranges of one `Solution.uniqueness()`, about 4 s on one core."""
+FORCE_CHOICE_WORK = 4e9
+"""Multiplications for the forces of minimum norm, about 1.5 s on one core. A hundred contacts need a hundredth of it."""
+
+FRICTION_PROGRAMS = 400
+"""Linear programs in the search for the least coefficient of friction that holds a pose. Two soles need some fifty."""
+
+CERTIFICATE_SETS = 1000
+"""Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
+CERTIFICATE_PROGRAMS = 100
+"""Linear programs that are solved in that search."""
+CERTIFICATE_LEFT_OUT = 300
+"""Linear programs that may be solved in all to see which members of a contradiction can be left out."""
+CERTIFICATE_CUTS = 30
+"""Rounds of refinement of circular cones in a contradiction."""
+VIOLATION_CUTS = 40
+"""Rounds of refinement of circular cones in the least violation."""
+MODE_NODES = 5000
+"""Nodes of the tree of contact modes of points that already slide."""
+MODE_WORK = 5e9
+"""Multiplications of that tree, about 2 s: a hundred points reach it long before the nodes."""
+
+
+class Work:
+    """What is left of a number of multiplications.
+
+    Attributes:
+        left: Negative once more was spent than there was.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self.left = float(limit)
+
+    def spend(self, amount: float) -> bool:
+        """Whether the amount was there."""
+        self.left -= amount
+        return self.left >= 0.0
+
 
 NONE = np.zeros(0)
 
@@ -85,7 +156,7 @@ def linear_program(
     given = [x if isinstance(x, np.ndarray) else x.data for x in (cost, A_ub, b_ub, A_eq, b_eq) if x is not None]
     if not all(is_finite(x) for x in given):
         return _nothing(Outcome.NOT_FOUND)
-    options: dict[str, Any] = {"time_limit": limits.PROGRAM_SECONDS, "maxiter": limits.PROGRAM_PIVOTS}
+    options: dict[str, Any] = {"time_limit": PROGRAM_SECONDS, "maxiter": PROGRAM_PIVOTS}
     if tolerance is not None:
         options |= {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
     try:
@@ -109,7 +180,7 @@ def nonnegative(A: Array, b: Array) -> Array | None:
     if not (is_finite(A) and is_finite(b)):
         return None
     try:
-        return np.asarray(nnls(A, b, maxiter=int(limits.LEAST_SQUARES_PIVOTS * A.shape[1]))[0])
+        return np.asarray(nnls(A, b, maxiter=int(LEAST_SQUARES_PIVOTS * A.shape[1]))[0])
     except (RuntimeError, ValueError, np.linalg.LinAlgError):  # the limit, or a singular set of columns
         return None
 
@@ -138,7 +209,7 @@ def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array,
 def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     """The x within its bounds with about the least |A x - b|, shape (n,); as near as it was found: judge by its residual."""
     try:
-        found = lsq_linear(A, b, (lower, upper), tol=1e-14, max_iter=limits.BOUNDED_STEPS).x
+        found = lsq_linear(A, b, (lower, upper), tol=1e-14, max_iter=BOUNDED_STEPS).x
     except (ValueError, np.linalg.LinAlgError):
         found = np.linalg.lstsq(A, b, rcond=None)[0]
     return np.minimum(np.maximum(found, lower), upper)

@@ -14,8 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, add_wrench, is_finite, lazy, max_abs
 from rbd.problem.force_set import ForceSet
-from rbd.problem.law import CONVEX, Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import CONVEX, GaussProblem, Law
 from rbd.problem.scales import Scales
 
 SOLVED = 1e-9

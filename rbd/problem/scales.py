@@ -24,8 +24,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.problem.force_set import ForceSet
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, Law
 
 
 class Scales:

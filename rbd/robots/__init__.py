@@ -1,10 +1,9 @@
 """Robots: load them by name or file, stand them up, find their soles and loops, merge two, tell what is wrong with a model."""
 
 from rbd.modules import submodule as _submodule
-from rbd.robots.checkup import doctor
 from rbd.robots.diagnosis import ModelIssue, ModelReport
 from rbd.robots.merge import RobotPair, merge_robots
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.robot import Robot, doctor, load_robot
 
 __all__ = ["ModelIssue", "ModelReport", "Robot", "RobotPair", "doctor", "load_robot", "merge_robots"]
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
-from rbd.constraints.convex.polygon import convex_hull, inside_distance
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT, Complaints

@@ -1,10 +1,11 @@
-"""Robot and load_robot: a checked model with its postures, its feet and a way to stand."""
+"""Robot, load_robot and doctor: a checked model with its postures, its feet, a way to stand, and what is wrong with it."""
 
 from __future__ import annotations
 
 import os
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -18,16 +19,15 @@ from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
-from rbd.model.build import build_model
 from rbd.model.checked_model import CheckedModel
-from rbd.model.files import check_freedoms, read
+from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT
 from rbd.model.xml import FileLimits, read_xml
 from rbd.problem.ground import On, surfaces_of
 from rbd.robots import catalogue
-from rbd.robots.diagnosis import ModelReport, examine, refuse
+from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
 from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
 from rbd.robots.loops import Mechanism, mechanism
 from rbd.robots.posture import configuration, semantic_postures, stand
@@ -303,8 +303,7 @@ def load_robot(
             are not in its own folder.
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
         loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` beside the robot's
-        file, if
-            there is one, and the <equality> of an MJCF. None leaves all loops open.
+            file, if there is one, and the <equality> of an MJCF. None leaves all loops open.
         leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
             else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
             a motor without limits in place of those of the file.
@@ -345,6 +344,31 @@ def load_robot(
     if report.errors or report.warnings:
         warnings.warn(report.summary(), ModelWarning, stacklevel=2)
     return robot
+
+
+def doctor(robot: Robot) -> ModelReport:
+    """What is wrong with a robot, and what of its file the dynamics leave out.
+
+    Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
+    indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
+    limits, missing meshes, missing effort limits, damping and friction, mimicked joints, loops that no posture closes. Notes:
+    loops and wheels, and where the loops are closed. M is tried at neutral and at
+    random configurations (the same ones each time); no mesh is opened.
+
+    Where the file is no longer there, what was found when it was loaded, and a note that says so.
+
+    Raises:
+        InputError: not a robot.
+        ModelError: its file is broken since.
+    """
+    if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
+        raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    source = robot.source
+    if robot.report is not None and not source.urdf.is_file():
+        gone = ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
+        return replace(robot.report, notes=(*robot.report.notes, gone))
+    file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
+    return examine(robot, file, robot.postures, source.package_dirs)
 
 
 def _loop_file(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopFile | None:

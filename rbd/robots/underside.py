@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygon import convex_hull
+from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import ModelError
 from rbd.model.meshes import Geometry
 

@@ -2,8 +2,8 @@
 
 from rbd.mechanism.projection import Projection
 from rbd.modules import submodule as _submodule
-from rbd.simulation.events import Event
 from rbd.simulation.integrators import DormandPrince8, RungeKutta4, TimeStepping
+from rbd.simulation.motion import Event
 from rbd.simulation.run import simulate
 from rbd.simulation.trajectory import Trajectory
 

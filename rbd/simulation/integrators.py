@@ -17,8 +17,7 @@ from rbd.arrays import Array, as_float, zeros
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
-from rbd.simulation.events import Event, EventDetection, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import Event, EventDetection, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth
 from rbd.simulation.time_step import HalfStep, StepSystem

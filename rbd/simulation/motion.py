@@ -1,21 +1,25 @@
-"""What is simulated: a robot, its constraints, and what pushes it."""
+"""A motion: what is simulated, what is known of it at one time, and its events with their detection."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
-from rbd.arrays import Array, zeros
+import numpy as np
+
+from rbd.arrays import Array, lazy, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import free_force
-from rbd.model.external_force import External
+from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
-from rbd.simulation.events import Sample
+from rbd.simulation.contact_points import SLIDES, Layout, slide
+
+OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
+"""Modes of a constraint: no force; at rest; sliding; bilateral; a joint limit or a frictionless contact that pushes."""
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
 """How bilateral constraints are kept: by projection, by feedback, or not at all."""
@@ -61,6 +65,124 @@ class Motion:
         return tau, free_force(state, tau, external)[0]
 
 
+@dataclass(frozen=True, eq=False)
+class ConstraintForce:
+    """What one constraint does to the robot at one time.
+
+    Attributes:
+        force: Force (3,) of a point, wrench (6,) of a surface at its centre: on the robot, world axes [N, N m]. A constraint
+            without a resultant (a function, a joint) gives its row forces (m,); zeros where it is inactive.
+        mode: "open", "sticks", "slips", "holds" or "pushes"; of several points, that of the one that slips, else of the one
+            that is closed.
+        points: Where it touches, in W, shape (k, 3) [m]; None of what is no contact.
+        point_forces: The force at each point, on the robot, world axes, shape (k, 3) [N]; None of what is no contact.
+    """
+
+    force: Array
+    mode: str
+    points: Array | None = None
+    point_forces: Array | None = None
+
+
+@dataclass(frozen=True)
+class Event:
+    """A beginning or an end of contact.
+
+    Attributes:
+        t: When [s].
+        name: Of the constraint.
+        kind: "touches" (with an impact, or softly), "leaves", "slips" or "sticks".
+        point: Which of its points, from 0.
+        speed: Of a touch: how fast it approached [m/s, rad/s]; else zero.
+        impulse: Of a touch: normal impulse of the impact [N s, N m s]; else zero.
+    """
+
+    t: float
+    name: str
+    kind: str
+    point: int = 0
+    speed: float = 0.0
+    impulse: float = 0.0
+
+    def __str__(self) -> str:
+        impact = f" at {self.speed:.3g} m/s, impulse {self.impulse:.3g} N s" if self.speed else ""
+        return f"{self.t:.6f} s: {self.name}[{self.point}] {self.kind}{impact}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sample:
+    """A motion at one time: what an integrator yields, and an entry of a `Trajectory`.
+
+    Attributes:
+        robot: The robot.
+        t: Time [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,) [m/s, rad/s].
+        a: Acceleration, shape (nv,) [m/s2, rad/s2]: M a + h = S^T tau + tau_ext + J^T f, with f the constraints' forces.
+        tau: Motor torques, shape (nu,) [N, N m].
+        constraint_forces: Makes {constraint: its force} when called; expensive, so an integrator's is called where recorded.
+        law: Residual of the contact law, scaled.
+        drift: Largest position error of the bilateral constraints [m, rad].
+        drift_rate: Largest velocity error of the bilateral constraints [m/s, rad/s].
+        penetration: Depth of the deepest contact [m, rad]; zero or more.
+        events: Those since the sample before, in order of time.
+    """
+
+    robot: CheckedModel
+    t: float
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    constraint_forces: Callable[[], Mapping[str, ConstraintForce]]
+    law: float = 0.0
+    drift: float = 0.0
+    drift_rate: float = 0.0
+    penetration: float = 0.0
+    events: tuple[Event, ...] = ()
+
+    @classmethod
+    def of(
+        cls, t: float, state: State, a: Array, tau: Array, forces: Callable[[], Mapping[str, ConstraintForce]], **more: Any
+    ) -> Sample:
+        """The sample at a state; `forces` are the `constraint_forces`, and `more` the attributes after them."""
+        out = cls(state.robot, t, state.q, state.v, a, tau, forces, **more)
+        out.__dict__["state"] = state  # known, so it need not be computed again
+        return out
+
+    def __repr__(self) -> str:
+        return f"Sample({self.robot.name!r}, t={self.t:g})"
+
+    @lazy
+    def state(self) -> State:
+        """The robot at (q, v)."""
+        return State(self.robot, self.q, self.v)
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """{constraint: force on the robot}, as `Trajectory.forces`."""
+        return {name: x.force for name, x in self._acting.items()}
+
+    @property
+    def points(self) -> dict[str, Array]:
+        """{contact: where it touches, shape (k, 3)} in W [m], the points that there are at this time."""
+        return {name: x.points for name, x in self._acting.items() if x.points is not None}
+
+    @property
+    def point_forces(self) -> dict[str, Array]:
+        """{contact: force at each of these points, shape (k, 3)} in W [N]."""
+        return {name: x.point_forces for name, x in self._acting.items() if x.point_forces is not None}
+
+    @property
+    def modes(self) -> dict[str, str]:
+        """{constraint: "open", "sticks", "slips", "holds" or "pushes"}."""
+        return {name: x.mode for name, x in self._acting.items()}
+
+    @lazy
+    def _acting(self) -> Mapping[str, ConstraintForce]:
+        return self.constraint_forces()
+
+
 class Integrator(Protocol):
     """How a motion is carried from one time to the next."""
 
@@ -69,3 +191,144 @@ class Integrator(Protocol):
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times, the first at `state`."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepRecord:
+    """What event detection needs of a step.
+
+    Attributes:
+        t: Its beginning [s].
+        h: Its length [s].
+        layout: The points.
+        force: Row forces in its middle, shape (p,).
+        velocity: Of the points at its beginning, shape (p,).
+        velocity_end: Of the points at its end, shape (p,).
+        closed: Which points are in contact throughout, shape (k,).
+    """
+
+    t: float
+    h: float
+    layout: Layout
+    force: Array
+    velocity: Array
+    velocity_end: Array
+    closed: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactRecord:
+    """What event detection needs of an impact.
+
+    Attributes:
+        t: When [s].
+        layout: The points.
+        arrives: Which of them approached, shape (k,).
+        speed: Normal velocities before, shape (k,).
+        impulse: Normal impulses, shape (k,).
+        bounces: Which of them leave again, shape (k,).
+    """
+
+    t: float
+    layout: Layout
+    arrives: Array
+    speed: Array
+    impulse: Array
+    bounces: Array
+
+
+class EventDetection:
+    """Events of a motion: each step is compared with the two before; times within a step are extrapolated from these.
+
+    It belongs to the loop over the steps, and is all that remembers what came before.
+    """
+
+    def __init__(self) -> None:
+        self._events: list[Event] = []
+        self._layout: Layout | None = None
+        self._closed, self._slides = np.zeros(0, bool), np.zeros(0, bool)
+        self._past: list[StepRecord] = []
+
+    def add(self, passed: Iterable[StepRecord | ImpactRecord]) -> None:
+        """Look at steps and impacts, in order of time."""
+        for each in passed:
+            if isinstance(each, StepRecord):
+                self._step(each)
+            else:
+                self._impact(each)
+
+    def taken(self) -> tuple[Event, ...]:
+        """The events since the last call, in order of time."""
+        out = tuple(sorted(self._events, key=lambda e: e.t))
+        self._events.clear()
+        return out
+
+    def _step(self, now: StepRecord) -> None:
+        layout, closed = now.layout, now.closed
+        is_new = self._is_new(layout)
+        slides = closed & (slide(layout, now.velocity_end) > SLIDES)
+        if not is_new and not (np.array_equal(closed, self._closed) and np.array_equal(slides, self._slides)):
+            self._compare(layout, now, closed, slides)
+        self._closed, self._slides = closed, slides
+        self._past = self._past[-1:] + [now]
+
+    def _compare(self, layout: Layout, now: StepRecord, closed: Array, slides: Array) -> None:
+        ended, begun, both = self._closed & ~closed, ~self._closed & closed, self._closed & closed & layout.rubs
+        for i in np.flatnonzero(ended).tolist():
+            row = int(layout.normals[i])
+            self._record(self._zero(now, [float(s.force[row]) for s in self._past]), layout, i, "leaves")
+        for i in np.flatnonzero(begun).tolist():
+            self._record(now.t, layout, i, "touches")
+        for i in np.flatnonzero(both & self._slides & ~slides).tolist():
+            self._record(self._stops(now, layout, i), layout, i, "sticks")
+        for i in np.flatnonzero(both & ~self._slides & slides).tolist():
+            self._record(self._zero(now, [1.0 - _used(layout, i, s.force) for s in self._past]), layout, i, "slips")
+
+    def _impact(self, impact: ImpactRecord) -> None:
+        self._is_new(impact.layout)
+        for i in np.flatnonzero(impact.arrives).tolist():
+            self._record(impact.t, impact.layout, i, "touches", -float(impact.speed[i]), float(impact.impulse[i]))
+        self._closed = np.where(impact.arrives, ~impact.bounces, self._closed)
+        self._past = []
+
+    def _is_new(self, layout: Layout) -> bool:
+        """Whether points have entered or left the contact set; then there is nothing to compare with."""
+        if layout is self._layout:
+            return False
+        k = len(layout.owners)
+        self._layout = layout
+        self._closed, self._slides = np.zeros(k, bool), np.zeros(k, bool)
+        self._past = []
+        return True
+
+    def _record(self, t: float, layout: Layout, i: int, kind: str, speed: float = 0.0, impulse: float = 0.0) -> None:
+        self._events.append(Event(float(t), layout.owners[i], kind, layout.numbers[i], speed, impulse))
+
+    def _zero(self, now: StepRecord, values: list[float]) -> float:
+        """When a quantity becomes zero: after the middle of the last step, by a straight line through the last two middles.
+
+        Args:
+            now: The step in which it does.
+            values: Its values in the middle of the steps before.
+        """
+        if len(self._past) < 2:
+            return now.t
+        one, two = self._past
+        f1, f2 = values
+        t1, t2 = one.t + 0.5 * one.h, two.t + 0.5 * two.h
+        after = t2 + f2 * (t2 - t1) / (f1 - f2) if f1 > f2 > 0.0 else now.t
+        return min(max(after, t2), now.t + now.h)
+
+    def _stops(self, now: StepRecord, layout: Layout, i: int) -> float:
+        """When sliding ends in this step, by a straight line through the speeds at its beginning and at the last one's."""
+        speed = float(slide(layout, now.velocity)[i])
+        before = float(slide(layout, self._past[-1].velocity)[i]) if self._past else speed
+        after = speed * self._past[-1].h / (before - speed) if before > speed else now.h
+        return now.t + min(after, now.h)
+
+
+def _used(layout: Layout, i: int, force: Array) -> float:
+    """|f_t| / (mu f_n) of a point with friction; zero where it carries nothing."""
+    n = int(layout.normals[i])
+    limit = float(layout.mu[i] * force[n])
+    return float(np.hypot(force[n - 2], force[n - 1])) / limit if limit > 0.0 else 0.0

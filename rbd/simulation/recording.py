@@ -23,12 +23,10 @@ from rbd.constraints.contact_points import Measured, Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
 from rbd.problem.cones import Free
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import SLIDES, Snapshot, slide
-from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 from rbd.solution import Solution

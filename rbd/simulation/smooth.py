@@ -22,11 +22,9 @@ from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
 from rbd.model.state import State
-from rbd.problem.contact_force import corner_split
-from rbd.problem.law import BILATERAL
-from rbd.problem.problem import GaussProblem
-from rbd.simulation.events import HOLDS, ConstraintForce, Sample
-from rbd.simulation.motion import Motion
+from rbd.problem.answer import corner_split
+from rbd.problem.problem import BILATERAL, GaussProblem
+from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
 from rbd.solution import Solution
 
 CLOSE = 3e-2

@@ -36,8 +36,7 @@ from rbd.model.chart import Bases
 from rbd.model.state import State
 from rbd.simulation.contact_gaps import BodySizes, Correction, GapTolerances, first_crossing
 from rbd.simulation.contact_points import SLIDES, Layout, PointMatching, Points, Snapshot, stopping, turned_back
-from rbd.simulation.events import ImpactRecord, StepRecord
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
 _AT_REST = 1e-7

@@ -15,11 +15,10 @@ from rbd.arrays import Array, as_float
 from rbd.control.schedules import ExternalAt
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external_force import External
+from rbd.model.dynamics import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
-from rbd.simulation.events import ConstraintForce, Event, Sample
-from rbd.simulation.motion import Integrator, Motion
+from rbd.simulation.motion import ConstraintForce, Event, Integrator, Motion, Sample
 from rbd.simulation.recording import Recording
 from rbd.simulation.trajectory_contents import (
     arrays_of,

@@ -25,7 +25,7 @@ from rbd.model.xml import FileLimits
 from rbd.robots import catalogue
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot, load_robot
-from rbd.simulation.events import Event
+from rbd.simulation.motion import Event
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in, xarray_or_error
 

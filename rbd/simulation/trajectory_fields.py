@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.events import Event
+from rbd.simulation.motion import Event
 
 Fields: TypeAlias = Mapping[str, Any]
 """The fields of a `Trajectory` by name."""

@@ -33,8 +33,7 @@ from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
 from rbd.solvers.admm import ConeSolver, holding
-from rbd.solvers.contact_solve import StickingSolver
-from rbd.solvers.kkt import independent_factor
+from rbd.solvers.kkt import StickingSolver, independent_factor
 from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 

@@ -5,8 +5,7 @@ from typing import Protocol
 from rbd.errors import InputError
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, Law
 
 
 class Solver(Protocol):

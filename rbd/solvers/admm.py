@@ -15,9 +15,8 @@ from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
 from rbd.problem.force_set import ForceSet
-from rbd.problem.law import CONVEX, COULOMB, Law
-from rbd.problem.limits import SEARCH_WORK, Work
-from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.problem import CONVEX, COULOMB, GaussProblem, Law, checked
+from rbd.problem.programs import SEARCH_WORK, Work
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
 from rbd.solvers.interior_point import solve_interior_point

@@ -23,11 +23,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array
-from rbd.problem import limits
-from rbd.problem.limits import Work
-from rbd.problem.programs import least_distance
-from rbd.problem.subspaces import SQUARED, null_space
+from rbd.arrays import SQUARED, Array, null_space
+from rbd.problem import programs
+from rbd.problem.programs import Work, least_distance
 from rbd.solvers import qp
 
 FREE, LOW, HIGH, OPEN = 0, 1, 2, -1
@@ -61,8 +59,8 @@ class Mixed:
     lower: Array
     upper: Array
     first: Sequence[int] = ()
-    budget: int = limits.MODE_NODES
-    work: float = limits.MODE_WORK
+    budget: int = programs.MODE_NODES
+    work: float = programs.MODE_WORK
 
 
 @dataclass(frozen=True, eq=False)

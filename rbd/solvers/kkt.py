@@ -1,21 +1,26 @@
-"""The closed form for bilateral constraints."""
+"""The closed form for bilateral constraints, and for contacts that stick if their force sets allow it."""
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array
+from rbd.arrays import RANK, Array, max_abs
 from rbd.problem.answer import Answer
-from rbd.problem.force_set import at_rest
-from rbd.problem.law import BILATERAL, Law
-from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.problem import BILATERAL, GaussProblem, Law, checked
 from rbd.problem.residuals import SOLVED
-from rbd.problem.subspaces import RANK
 from rbd.solvers.refinement import refined
+
+_DAMPING = 1e-7
+"""Over the largest diagonal entry of D: what lets rows repeat each other. A round leaves so much of what was missed."""
+_TO_AND_FRO = 4
+"""Rounds that are tried; what slips goes no farther."""
+_ROUNDS = 6
 
 
 @dataclass(frozen=True)
@@ -101,3 +106,87 @@ def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
 def constrained(P: GaussProblem, f: Array) -> Array:
     """A = a_free + M^-1 J^T f."""
     return P.a_free + blas.dtrsv(P.factor, P.whitened @ f, lower=1, trans=1)
+
+
+class StickingSolver:
+    """Sets of weights that are the row impulses themselves, asked whether they can hold every row still.
+
+    Args:
+        parts: The sets; G is the identity.
+    """
+
+    def __init__(self, parts: ForceSet) -> None:
+        self._bounded = np.flatnonzero(np.isfinite(parts.lower) | np.isfinite(parts.upper))
+        self._lower, self._upper = parts.lower[self._bounded], parts.upper[self._bounded]
+        self._cones = parts.cone_columns.ravel()
+        self._all_cones = np.array_equal(self._cones, np.arange(parts.size))
+        self._mu = parts.mu
+
+    def impulses(self, D: Array, u: Array, guess: Array, exact: float, *, others: bool = True) -> tuple[Array, float] | None:
+        """(impulses w, how far D w + u is from zero, scaled), or None if no row impulses near the guess hold all rows still.
+
+        Of rows that repeat each other it is the nearest answer to the guess, in the Euclidean norm: by Newton's steps with
+        D + k 1, k small, in place of D.
+
+        Args:
+            D: Row velocities of unit impulses, shape (m, m).
+            u: Row velocities without impulses, shape (m,).
+            guess: Where to start, shape (m,).
+            exact: An answer's error, over the largest of u, in units where each diagonal entry of D is one.
+            others: Whether to look farther from the guess where the nearest answer is outside the sets.
+        """
+        sizes = [size for size in D.diagonal().tolist() if size > 0.0]  # a row that moves nothing, as in a plane, is still
+        rate = max_abs(u)
+        if not sizes or rate == 0.0:
+            return None
+        top, least = max(sizes), min(sizes)
+        damped = D.copy()
+        damped.ravel()[:: len(u) + 1] += _DAMPING * top
+        R, info = lapack.dpotrf(damped, lower=0, clean=0)
+        if info != 0:
+            return None
+        w, missed = guess, D @ guess + u
+        unit = math.sqrt(top / least) / rate  # an upper bound: of the scaled error, over the largest entry of `missed`
+        last = False
+        for i in range(_ROUNDS):
+            w = w - lapack.dpotrs(R, missed)[0]
+            if i == 0 and not self._allow(w):  # near enough to tell
+                other = self._allowed(w, R, D, u) if others else None
+                if other is None:
+                    return None
+                w = other
+            missed = D @ w + u
+            merit = unit * max_abs(missed)
+            if merit <= exact and (others or last):  # from zero one more round, to rounding: what rests is not to creep
+                return (w, merit) if i == 0 or self._allow(w) else None
+            last = merit <= exact
+        return None
+
+    def _allowed(self, w: Array, R: Array, D: Array, u: Array) -> Array | None:
+        """Other impulses that hold all rows still, in their sets, by going to and fro between both; None if none is found soon.
+
+        Four corners carry what three could: where the nearest choice makes one pull, another does not.
+        """
+        if not self._all_cones:
+            return None
+        for _ in range(_TO_AND_FRO):
+            x, y, n = w.reshape(-1, 3).T
+            pushes = np.maximum(n, 0.01 * np.abs(n).mean())
+            shrink = np.minimum(0.99 * self._mu * pushes / np.maximum(np.hypot(x, y), 1e-300), 1.0)
+            inside = np.column_stack([shrink * x, shrink * y, pushes]).ravel()
+            w = inside - lapack.dpotrs(R, D @ inside + u)[0]
+            if self._allow(w):
+                return w
+        return None
+
+    def _allow(self, w: Array) -> bool:
+        """Whether impulses are in their sets."""
+        if self._cones.size:
+            x, y, n = (w if self._all_cones else w[self._cones]).reshape(-1, 3).T
+            # mu n is never below |w_t| where n is negative.
+            if not (np.hypot(x, y) <= self._mu * n).all():
+                return False
+        if self._bounded.size:
+            some = w[self._bounded]
+            return bool(((self._lower <= some) & (some <= self._upper)).all())
+        return True

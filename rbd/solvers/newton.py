@@ -19,9 +19,8 @@ from typing import TypeAlias
 import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
-from rbd.arrays import Array, identity, max_abs
+from rbd.arrays import Array, identity, max_abs, null_space
 from rbd.problem.force_set import ForceSet
-from rbd.problem.subspaces import null_space
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""

@@ -13,8 +13,7 @@ import numpy as np
 from rbd.arrays import Array, identity, is_finite, max_abs, zeros
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet
-from rbd.problem.law import BILATERAL, CONVEX, Law
-from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.problem import BILATERAL, CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import nonnegative
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp

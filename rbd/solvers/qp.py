@@ -18,9 +18,8 @@ from functools import lru_cache
 import numpy as np
 
 from rbd.arrays import Array, check_finite, identity, is_finite, zeros
-from rbd.problem import limits
-from rbd.problem.limits import Work
-from rbd.problem.programs import least_distance, linear_program
+from rbd.problem import programs
+from rbd.problem.programs import Work, least_distance, linear_program
 
 # ProxSuite's AVX builds answer in one of two ways, last digits apart, by where malloc puts their buffers; the plain one always
 # alike, for 12 us more a program (docs/design/repeatable.md). To its loader, None is a build that is not there.
@@ -42,7 +41,7 @@ class Setting:
     rho: float = 1e-9
     mu_eq: float = 1e-8
     mu_in: float = 1e-1
-    max_iter: int = limits.QP_STEPS
+    max_iter: int = programs.QP_STEPS
 
 
 POLICY = (
@@ -50,8 +49,8 @@ POLICY = (
     Setting(precondition=True),
     Setting(mu_in=1e-2),
     Setting(precondition=True, rho=1e-6, mu_eq=1e-3),
-    Setting(eps_abs=1e-12, precondition=True, rho=1e-7, mu_eq=1e-5, max_iter=limits.QP_STEPS_LAST),
-    Setting(eps_abs=1e-11, rho=1e-8, mu_eq=1e-6, mu_in=1e-3, max_iter=limits.QP_STEPS_LAST),
+    Setting(eps_abs=1e-12, precondition=True, rho=1e-7, mu_eq=1e-5, max_iter=programs.QP_STEPS_LAST),
+    Setting(eps_abs=1e-11, rho=1e-8, mu_eq=1e-6, mu_in=1e-3, max_iter=programs.QP_STEPS_LAST),
 )
 """Settings in the order they are tried."""
 
@@ -78,7 +77,7 @@ def attempts(
     policy: tuple[Setting, ...] = POLICY,
     work: Work | None = None,
 ) -> Iterator[QPResult]:
-    """One result a setting, until the caller stops asking or `rbd.problem.limits.QP_WORK` is spent.
+    """One result a setting, until the caller stops asking or `rbd.problem.programs.QP_WORK` is spent.
 
     Args:
         H: Positive semidefinite, shape (n, n).
@@ -89,7 +88,7 @@ def attempts(
         l: Lower bounds, shape (k,); -inf where there is none, None where there are none.
         u: Upper bounds, likewise.
         policy: Settings to try, in order.
-        work: What is left for several programs together; `rbd.problem.limits.QP_WORK` for this one if not given.
+        work: What is left for several programs together; `rbd.problem.programs.QP_WORK` for this one if not given.
 
     Raises:
         InputError: if an entry is NaN or infinite: ProxSuite would run on and call it solved.
@@ -101,8 +100,8 @@ def attempts(
             check_finite(f"{what} of the QP", value)
     low, high = _bounds(l, k, -_UNBOUNDED), _bounds(u, k, _UNBOUNDED)
     total, size = 0, float(n + p + k) ** 2
-    work = Work(limits.QP_WORK) if work is None else work
-    steps = max(limits.QP_FEWEST_STEPS, int(limits.QP_SETTING_WORK / (limits.QP_INNER_STEPS * max(size, 1.0))))
+    work = Work(programs.QP_WORK) if work is None else work
+    steps = max(programs.QP_FEWEST_STEPS, int(programs.QP_SETTING_WORK / (programs.QP_INNER_STEPS * max(size, 1.0))))
     for i, setting in enumerate(policy):
         if i == 1 and unit and (found := _nearest_to_zero(A, b, C, l, total)) is not None:
             yield found
@@ -111,7 +110,7 @@ def attempts(
         qp = _QP(n, p, k)
         s = qp.settings
         s.eps_abs, s.eps_rel, s.initial_guess, s.max_iter = setting.eps_abs, 0.0, _NO_GUESS, min(setting.max_iter, steps)
-        s.max_iter_in = limits.QP_INNER_STEPS
+        s.max_iter_in = programs.QP_INNER_STEPS
         if k:
             # Else it calls solved what pushes at bounds 1e-3 away. Of an objective of 1e5, 1e-9 is below rounding: hence 1e-10.
             s.check_duality_gap, s.eps_duality_gap_abs, s.eps_duality_gap_rel = True, 10.0 * setting.eps_abs, 1e-10

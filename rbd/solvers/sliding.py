@@ -14,13 +14,11 @@ from itertools import combinations, islice, product
 
 import numpy as np
 
-from rbd.arrays import Array, identity, max_abs
+from rbd.arrays import SQUARED, Array, identity, max_abs, null_space
 from rbd.problem.answer import Answer
 from rbd.problem.contact_motion import Sliding
-from rbd.problem.law import COULOMB
-from rbd.problem.problem import GaussProblem, checked
+from rbd.problem.problem import COULOMB, GaussProblem, checked
 from rbd.problem.residuals import SOLVED
-from rbd.problem.subspaces import SQUARED, null_space
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained
 from rbd.solvers.newton import scaled, solve_newton, steps_from

@@ -11,17 +11,15 @@ import numpy as np
 
 from rbd.arrays import Array, is_finite, lazy
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
-from rbd.constraints.convex.polygon import convex_hull, inside_distance
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
 from rbd.least_constraint import warn_of_distant
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import checked, free_force
-from rbd.model.external_force import External
+from rbd.model.dynamics import External, checked, free_force
 from rbd.model.state import State
-from rbd.problem.contact_force import ContactForce, corner_split
+from rbd.problem.answer import ContactForce, corner_split
 from rbd.problem.force_set import at_rest
-from rbd.problem.limits import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS
-from rbd.problem.programs import Outcome, linear_program
+from rbd.problem.programs import FRICTION_PROGRAMS, PROGRAM_PIVOTS, PROGRAM_SECONDS, Outcome, linear_program
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows
 from rbd.solvers import qp

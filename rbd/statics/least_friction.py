@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem import limits
+from rbd.problem import programs
 from rbd.problem.programs import linear_program
 
 MOST = 10.0
@@ -30,7 +30,7 @@ MET = 1e-8
 
 
 class LimitReached(Exception):  # noqa: N818  it becomes a message, not raised to a user
-    """The search took more than `rbd.problem.limits.FRICTION_PROGRAMS` linear programs, or one of them was not solved."""
+    """The search took more than `rbd.problem.programs.FRICTION_PROGRAMS` linear programs, or one of them was not solved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Balance:
         Raises:
             LimitReached: where it is not found within the limits.
         """
-        self._left, self._rays = limits.FRICTION_PROGRAMS, self._first_rays()
+        self._left, self._rays = programs.FRICTION_PROGRAMS, self._first_rays()
         low = float(self.mu[self.yields].min()) if self.yields.any() else 0.0  # below, nothing changes
         high = float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
         if self._balances(low).met:
@@ -124,7 +124,7 @@ class Balance:
         Raises:
             LimitReached: where it is not found within the limits.
         """
-        self._left, self._rays = limits.FRICTION_PROGRAMS, self._first_rays()
+        self._left, self._rays = programs.FRICTION_PROGRAMS, self._first_rays()
         return self._balances(0.0).met
 
     def _first_rays(self) -> list[tuple[int, Array]]:

@@ -1,8 +1,7 @@
 """One problem answered several times: by both laws, by several solvers."""
 
 from rbd.modules import submodule as _submodule
-from rbd.studies.agreement import SolverComparison, compare_solvers
-from rbd.studies.laws import LawComparison, compare_laws
+from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
 
 __all__ = ["LawComparison", "SolverComparison", "compare_laws", "compare_solvers"]
 

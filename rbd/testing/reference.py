@@ -16,7 +16,7 @@ from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall
 from rbd.least_constraint import gauss_problem
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external_force import ExternalForce
+from rbd.model.dynamics import ExternalForce
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
 from rbd.problem.ground import Ground

@@ -12,8 +12,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, RbdError
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
-from rbd.problem.law import Law
-from rbd.problem.problem import GaussProblem
+from rbd.problem.problem import GaussProblem, Law
 from rbd.solution import Solution
 from rbd.solvers import Solver
 from rbd.testing.reference import ReferenceProblem, reference_problems

@@ -14,7 +14,7 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.simulation.events import OPEN, Event
+from rbd.simulation.motion import OPEN, Event
 from rbd.visual.marks import Push, Sizes, pushes, scale_note
 from rbd.visual.robot_meshes import RobotPart, hull_of
 from rbd.visual.shapes import outermost

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygon import convex_hull, inside_distance
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import InputError
-from rbd.problem.contact_force import ContactForce
+from rbd.problem.answer import ContactForce
 from rbd.visual import shapes
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import COM_COLOR, PUSH_COLOR, SUPPORT_COLOR

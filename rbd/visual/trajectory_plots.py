@@ -16,7 +16,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
-from rbd.simulation.events import HOLDS, OPEN, PUSHES, SLIPS, STICKS
+from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.plots import an_axis, frame, note
 from rbd.visual.style import CONTACT_COLORS, contact_colors

@@ -13,7 +13,7 @@ from rbd.analysis.admissible_forces import ray_weights
 from rbd.analysis.force_choice import _least_distance, minimum_norm
 from rbd.errors import InputError, NoSolution, UnknownName
 from rbd.problem.cones import project_cones, pyramid
-from rbd.problem.law import Law
+from rbd.problem.problem import Law
 from rbd.problem.rows import Patch, Rows
 from rbd.testing import box
 
@@ -404,8 +404,8 @@ class TestOtherWays:
         s = many_legs(0.5)
         monkeypatch.setattr("rbd.analysis.force_choice._least_distance", lambda *_: None)
         monkeypatch.setattr("rbd.analysis.force_choice.least_squares", lambda *_: None)
-        monkeypatch.setattr("rbd.problem.limits.PROGRAM_PIVOTS", 0)
-        monkeypatch.setattr("rbd.problem.limits.PROGRAM_SECONDS", 0.0)
+        monkeypatch.setattr("rbd.problem.programs.PROGRAM_PIVOTS", 0)
+        monkeypatch.setattr("rbd.problem.programs.PROGRAM_SECONDS", 0.0)
         kept = s.with_forces()
         assert kept.force_choice == "as ProxQP left it" and np.array_equal(kept.multipliers, s.multipliers)
 

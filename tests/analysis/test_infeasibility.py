@@ -13,12 +13,11 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.conditions import conditions_of
+from rbd.analysis.conditions import conditions_of, smallest_violation
 from rbd.analysis.infeasibility import Contradiction, _polished, contradiction, split
-from rbd.analysis.violation import smallest_violation
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
-from rbd.problem.law import CONVEX
+from rbd.problem.problem import CONVEX
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers.qp import QPResult
 from rbd.testing.reference import box
@@ -420,8 +419,8 @@ def test_a_search_that_ends_at_its_limit_does_not_claim_the_smallest(monkeypatch
 
 def test_a_linear_program_that_gives_up_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a pivot no certificate is found; None, not a wrong one."""
-    monkeypatch.setattr("rbd.problem.limits.PROGRAM_PIVOTS", 0)
-    monkeypatch.setattr("rbd.problem.limits.PROGRAM_SECONDS", 0.0)
+    monkeypatch.setattr("rbd.problem.programs.PROGRAM_PIVOTS", 0)
+    monkeypatch.setattr("rbd.problem.programs.PROGRAM_SECONDS", 0.0)
     assert contradiction(ladder_of_stops(3)) is None
 
 
@@ -611,17 +610,17 @@ def test_a_violation_is_judged_by_its_own_conditions(monkeypatch: pytest.MonkeyP
     expected, miss = smallest_violation(P, CONVEX)
     assert miss < 1e-9
     if way == "cuts":
-        monkeypatch.setattr("rbd.analysis.violation.VIOLATION_CUTS", 1)
+        monkeypatch.setattr("rbd.analysis.conditions.VIOLATION_CUTS", 1)
     else:
-        monkeypatch.setattr("rbd.analysis.violation.least_distance", lambda *_: None)
+        monkeypatch.setattr("rbd.analysis.conditions.least_distance", lambda *_: None)
     if way == "nothing":
-        monkeypatch.setattr("rbd.analysis.violation.qp.attempts", lambda *_, **__: iter(()))
+        monkeypatch.setattr("rbd.analysis.conditions.qp.attempts", lambda *_, **__: iter(()))
     elif way == "zeros":
 
         def at_zero(H: Array, *_: object, **__: object) -> Iterator[QPResult]:
             yield QPResult(np.zeros(len(H)), np.zeros(P.nv), np.zeros(0), 1)
 
-        monkeypatch.setattr("rbd.analysis.violation.qp.attempts", at_zero)
+        monkeypatch.setattr("rbd.analysis.conditions.qp.attempts", at_zero)
     s, optimality = smallest_violation(P, CONVEX)
     if way == "no guess" or (way == "cuts" and P.nv == 1):  # stops need no rays
         assert optimality < 1e-9 and np.abs(s - expected).max() < 1e-9

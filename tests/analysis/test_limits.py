@@ -1,6 +1,6 @@
 """At the limit of friction, and at the limits of work: exact forces, or a word that they were not found.
 
-Each limit of `rbd.problem.limits` is reached on purpose; what then comes back is an answer with its certificate, our own
+Each limit of `rbd.problem.programs` is reached on purpose; what then comes back is an answer with its certificate, our own
 error, or NaN that is printed as "?" and told by `found`.
 """
 
@@ -19,7 +19,7 @@ import rbd
 from rbd.analysis import extent, force_choice
 from rbd.errors import CannotHold, InputError, NoSolution, RbdError
 from rbd.model.checked_model import CheckedModel
-from rbd.problem import limits
+from rbd.problem import programs
 from rbd.testing import box
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -252,8 +252,8 @@ class TestWork:
     def test_a_dimension_that_was_not_found_is_told(self, monkeypatch):
         """Without one pivot no linear program tells which planes hold all forces."""
         s = sole()
-        monkeypatch.setattr(limits, "PROGRAM_SECONDS", 0.0)
-        monkeypatch.setattr(limits, "PROGRAM_PIVOTS", 0)
+        monkeypatch.setattr(programs, "PROGRAM_SECONDS", 0.0)
+        monkeypatch.setattr(programs, "PROGRAM_PIVOTS", 0)
         assert not s.uniqueness().found
 
     def test_forces_of_least_norm_that_were_not_found_stay_as_they_were(self, monkeypatch):
@@ -267,8 +267,8 @@ class TestWork:
 
     def test_whether_a_robot_can_be_held_may_not_be_found(self, monkeypatch, talos):
         """Not "cannot be held": nobody knows."""
-        monkeypatch.setattr(limits, "PROGRAM_PIVOTS", 0)
-        monkeypatch.setattr(limits, "PROGRAM_SECONDS", 0.0)
+        monkeypatch.setattr(programs, "PROGRAM_PIVOTS", 0)
+        monkeypatch.setattr(programs, "PROGRAM_SECONDS", 0.0)
         with pytest.raises(CannotHold, match="was not found within"):
             rbd.hold(talos.standing(), talos.soles(0.5))
 
@@ -281,8 +281,8 @@ class TestWork:
     def test_derivatives_without_a_program_are_refused(self, monkeypatch):
         """A box on four points: whether its forces have room takes a linear program."""
         s = sole((0.6 * 98.1 * (1.0 - 1e-8), 0.0, 0.0))
-        monkeypatch.setattr(limits, "PROGRAM_PIVOTS", 0)
-        monkeypatch.setattr(limits, "PROGRAM_SECONDS", 0.0)
+        monkeypatch.setattr(programs, "PROGRAM_PIVOTS", 0)
+        monkeypatch.setattr(programs, "PROGRAM_SECONDS", 0.0)
         with pytest.raises(RbdError):
             s.derivatives()
 

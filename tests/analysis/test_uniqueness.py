@@ -13,7 +13,7 @@ import rbd
 from rbd.analysis.extent import Reach
 from rbd.errors import NoSolution
 from rbd.problem.cones import pyramid
-from rbd.problem.limits import Work
+from rbd.problem.programs import Work
 from rbd.problem.rows import Rows
 from rbd.testing import box
 

@@ -13,7 +13,7 @@ import pytest
 
 import rbd
 from rbd.constraints.collision import CollisionContacts, CollisionShapes
-from rbd.constraints.convex.polygon import convex_hull
+from rbd.constraints.convex.polygons import convex_hull
 from rbd.constraints.convex.solids import convex_shape
 from rbd.testing import check_constraint
 

@@ -10,7 +10,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
-from rbd.problem.contact_force import corner_split
+from rbd.problem.answer import corner_split
 from rbd.problem.rows import Patch, Rows
 
 BODY = '<inertial pos="0 0 0" mass="2" diaginertia=".02 .03 .04"/>'

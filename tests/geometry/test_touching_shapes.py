@@ -8,11 +8,8 @@ import pinocchio as pin
 import pytest
 
 from rbd.constraints.convex.closest_points import meeting
-from rbd.constraints.convex.outlines import inside, on_edge, outline, overlap
-from rbd.constraints.convex.polygon import convex_hull
-from rbd.constraints.convex.reduced import MOST_POINTS, across, spread
-from rbd.constraints.convex.rounds import Ball, Oval, Rim
-from rbd.constraints.convex.solids import ConvexShape, convex_shape
+from rbd.constraints.convex.polygons import convex_hull, inside, on_edge, outline, overlap
+from rbd.constraints.convex.solids import MOST_POINTS, Ball, ConvexShape, Oval, Rim, across, convex_shape, spread
 from rbd.errors import ModelError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -33,7 +30,7 @@ def mesh_of(points: np.ndarray) -> coal.BVHModelBase:
 
 
 def test_an_outline_is_the_convex_hull(rng):
-    """The same corners as `rbd.constraints.convex.polygon.convex_hull`, and only them; of one place one, of a line two."""
+    """The same corners as `rbd.constraints.convex.polygons.convex_hull`, and only them; of one place one, of a line two."""
     for _ in range(20):
         points = rng.normal(size=(15, 2))
         corners = points[outline([tuple(p) for p in points.tolist()])]

@@ -9,8 +9,7 @@ import numpy as np
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.events import ConstraintForce, Event, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import ConstraintForce, Event, Motion, Sample
 from rbd.testing import box
 
 GRAVITY = 9.81

@@ -9,7 +9,7 @@ from rbd.constraints.contact_points import sources_of
 from rbd.problem.force_set import at_rest
 from rbd.simulation.contact_points import Points
 from rbd.simulation.velocity_problem import solve_velocity
-from rbd.solvers.contact_solve import StickingSolver
+from rbd.solvers.kkt import StickingSolver
 
 Array = np.ndarray
 EXACT = 1e-13

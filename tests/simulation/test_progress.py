@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from work import calls
 
-from rbd.simulation import progress
-from rbd.simulation.progress import progress_of
-from rbd.simulation.run import _times
+from rbd.simulation import run as entry
+from rbd.simulation.run import _times, progress_of
 
 TIMES = np.linspace(0.0, 10.0, 1001).tolist()
 SHOW, HIDE = "\x1b[?25h", "\x1b[?25l"
@@ -39,14 +38,14 @@ class Clock:
 @pytest.fixture(autouse=True)
 def clock(monkeypatch) -> Clock:
     found = Clock()
-    monkeypatch.setattr(progress, "time", found)
+    monkeypatch.setattr(entry, "time", found)
     return found
 
 
 @pytest.fixture
 def terminal(monkeypatch) -> Terminal:
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress, "PACE", 0.0)
+    monkeypatch.setattr(entry, "PACE", 0.0)
     return Terminal()
 
 
@@ -54,7 +53,7 @@ def run(stderr: io.StringIO | None, shown: bool = True, stop: BaseException | No
     with redirect_stderr(stderr), progress_of(TIMES, shown=shown) as told:
         for t in TIMES[:20]:
             told(t)
-            progress.time.now += 0.002
+            entry.time.now += 0.002
         if stop is not None:
             raise stop
 
@@ -67,7 +66,7 @@ def test_a_short_run_shows_nothing(terminal: Terminal):
 
 def test_a_long_run_shows_a_bar_that_goes_away(terminal: Terminal, monkeypatch):
     """It tells the simulated time; at the end the line is erased and the cursor is there."""
-    monkeypatch.setattr(progress, "PATIENCE", 0.01)
+    monkeypatch.setattr(entry, "PATIENCE", 0.01)
     run(terminal)
     text = terminal.getvalue()
     assert "of 10 s" in text and "x real time" in text
@@ -77,7 +76,7 @@ def test_a_long_run_shows_a_bar_that_goes_away(terminal: Terminal, monkeypatch):
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("broken")])
 def test_the_terminal_is_whole_after_ctrl_c_and_errors(terminal: Terminal, monkeypatch, stop: BaseException):
     """The cursor comes back, and the exception goes on."""
-    monkeypatch.setattr(progress, "PATIENCE", 0.01)
+    monkeypatch.setattr(entry, "PATIENCE", 0.01)
     with pytest.raises(type(stop)):
         run(terminal, stop=stop)
     assert terminal.getvalue().rfind(SHOW) > terminal.getvalue().rfind(HIDE) >= 0
@@ -85,7 +84,7 @@ def test_the_terminal_is_whole_after_ctrl_c_and_errors(terminal: Terminal, monke
 
 def test_who_does_not_watch_sees_nothing(monkeypatch, terminal: Terminal):
     """No terminal, a dumb one, a closed one, none at all, or a user who said so."""
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(entry, "PATIENCE", 0.0)
     run(terminal, shown=False)
     monkeypatch.setenv("TERM", "dumb")
     run(terminal)
@@ -99,7 +98,7 @@ def test_who_does_not_watch_sees_nothing(monkeypatch, terminal: Terminal):
 
 def test_one_time_has_no_progress(terminal: Terminal, monkeypatch):
     """Nothing to wait for."""
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(entry, "PATIENCE", 0.0)
     with redirect_stderr(terminal), progress_of([0.0]) as told:
         told(0.0)
     assert terminal.getvalue() == ""

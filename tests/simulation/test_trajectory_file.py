@@ -20,8 +20,7 @@ from scipy.io import netcdf_file
 
 import rbd
 from rbd.simulation import trajectory_file
-from rbd.simulation.events import ConstraintForce, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import ConstraintForce, Motion, Sample
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_contents import arrays_of_netcdf
 

@@ -51,7 +51,7 @@ def test_the_law_and_what_answered_stand_in_the_first_line():
     for s, method, law in (
         (glued, "closed form", "bilateral"),
         (pushed((30.0, 0.0, 0.0)), "QP", "coulomb"),
-        (pushed((80.0, 0.0, 0.0)), "cones: ConeSolver, Newton", "coulomb"),
+        (pushed((80.0, 0.0, 0.0)), "cones: ADMM, Newton", "coulomb"),
         (pushed((30.0, 0.0, 0.0), law="convex"), "closed form", "convex"),
         (pushed((30.0, 0.0, 0.0), solver=rbd.ProxQP()), "QP", "convex, 4 facets"),
     ):
@@ -156,7 +156,7 @@ def test_what_is_no_law_is_refused_and_what_fits_is_taken():
         with pytest.raises(InputError, match="expected 'coulomb' or 'convex'"):
             rbd.simulate(on_floor()[0], duration=0.1, step=0.1, law=wrong)
     assert solver_of("convex", rbd.KKT()) == rbd.KKT() and solver_of("coulomb", rbd.KKT()) == rbd.KKT()
-    assert solver_of(None, None) == solver_of(rbd.problem.law.COULOMB, None) == GaussFirst()
+    assert solver_of(None, None) == solver_of(rbd.problem.problem.COULOMB, None) == GaussFirst()
     assert solver_of("convex", None) == solver_of("convex", rbd.ConeSolver(law="convex")) == rbd.ConeSolver(law="convex")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import rbd
 from rbd.arrays import identity, zeros
-from rbd.problem.limits import Work
+from rbd.problem.programs import Work
 from rbd.solvers import qp
 
 

@@ -17,8 +17,8 @@ from PIL import Image
 import rbd
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external_force import ExternalForce
-from rbd.simulation.events import Event
+from rbd.model.dynamics import ExternalForce
+from rbd.simulation.motion import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.animation import export_motion, motion_sheet, replay
 from rbd.visual.animation_frames import frames_of

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rbd.problem.contact_force import ContactForce
+from rbd.problem.answer import ContactForce
 from rbd.problem.rows import Patch
 from rbd.visual import shapes
 from rbd.visual.marks import acting_point, shown_forces, support_polygon

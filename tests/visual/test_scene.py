@@ -20,7 +20,7 @@ from PIL import Image
 
 import rbd
 from rbd.errors import InputError, PictureError
-from rbd.model.external_force import ExternalForce
+from rbd.model.dynamics import ExternalForce
 from rbd.problem.rows import Patch
 from rbd.robots.robot import load_robot
 from rbd.statics.equilibrium import hold
@@ -387,10 +387,11 @@ class TestBeside:
             messages = "".join(str(m) for m in scene._recorder.messages()[0])
             assert "beside/0/" not in messages
 
-    def test_many_poses_have_colours_of_their_own(self, g1, tmp_path):
+    def test_many_poses_have_colours_of_their_own(self, tmp_path):
         """After the eight of the palette others follow; the pose that is shown is listed too."""
-        state = g1.standing()
-        with Scene(g1) as scene:
+        robot = rbd.load_robot(Path(__file__).parents[2] / "urdf" / "box.urdf")
+        state = robot.at()
+        with Scene(robot) as scene:
             scene.show(state)
             scene.beside({f"pose {i}": state for i in range(30)}, shown="here")
             colors = {name: color for name, color in legend_of(scene, tmp_path)[1].items() if name[:4] in ("pose", "here")}

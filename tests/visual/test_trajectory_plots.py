@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import rbd
-from rbd.simulation.events import ConstraintForce, Event, Sample
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import ConstraintForce, Event, Motion, Sample
 from rbd.simulation.trajectory import Trajectory
 from rbd.testing import box
 from rbd.visual.style import contact_colors

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.model.mjcf.defaults import ORIENTATIONS
+from rbd.model.mjcf.elements import ORIENTATIONS
 from rbd.model.mjcf.settings import Settings, numbers
 from rbd.model.urdf import FARTHEST, Complaints
 

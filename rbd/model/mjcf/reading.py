@@ -1,4 +1,4 @@
-"""An MJCF file, read: bodies, joints and motors as MuJoCo understands them, everything else refused or reported by name.
+"""An MJCF file and what it includes: bodies, joints and motors as MuJoCo understands them, the rest refused by name.
 
 Pinocchio's own reader weighs a mesh by its bounding box, knows no actuators, no gravity and no settotalmass, and passes over
 shapes that touch nothing; so it is not used. What cannot be part of M a + h = S^T tau + J^T lam is refused unless `leave_out`
@@ -9,28 +9,26 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.model.mjcf.attributes import check_attributes, check_elements
 from rbd.model.mjcf.bodies import Body, BodyReader, moving_mass
-from rbd.model.mjcf.defaults import Defaults
-from rbd.model.mjcf.include import carry_out_includes
-from rbd.model.mjcf.joints import FREEDOMS, Joint
+from rbd.model.mjcf.elements import Defaults, check_attributes, check_elements
+from rbd.model.mjcf.joints import FREEDOMS, Joint, Motor, Remark, read_motors
 from rbd.model.mjcf.meshes import Meshes
-from rbd.model.mjcf.motors import Motor, Remark, read_motors
-from rbd.model.mjcf.names import check_names
 from rbd.model.mjcf.settings import Settings, numbers, read_settings
-from rbd.model.urdf import LARGEST, Complaints
-from rbd.model.xml import FileLimits
+from rbd.model.urdf import LARGEST, LONGEST_NAME, Complaints
+from rbd.model.xml import FileLimits, read_xml
 
 Element = ElementTree.Element
 
 LEAVABLE = ("actuators", "springs", "gravcomp", "tendons")
 """What `load_robot(..., leave_out=...)` may name."""
+MOST_FILES = 100
+_KINDS = {"body": "bodies", "joint": "two joints", "freejoint": "two joints", "site": "two sites"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +158,97 @@ def _keys(wrong: Complaints, root: Element, joints: list[Joint]) -> dict[str, Ar
             wrong.stop(f"two keyframes are called {name!r:.80}; expected different names.")
         found[name] = q
     return found
+
+
+def carry_out_includes(path: Path, root: Element, limits: FileLimits, folders: tuple[Path, ...] = ()) -> None:
+    """Put what included files say in the places of the <include> elements.
+
+    Args:
+        path: The main file.
+        root: Its first element, which is changed.
+        limits: For each included file, and for all together.
+        folders: Where included files may lie, beside the main file's own folder.
+
+    Raises:
+        ModelError: a file that is missing, outside the folders, included twice, or broken.
+    """
+    if root.find(".//include") is not None:
+        inside = tuple(folder.resolve() for folder in (path.parent, *folders))
+        _Includer(Complaints(path.name), path, limits, inside, {path.resolve()}).expand(root, path, 1)
+
+
+@dataclass
+class _Includer:
+    wrong: Complaints
+    main: Path
+    limits: FileLimits
+    inside: tuple[Path, ...]
+    seen: set[Path] = field(default_factory=set)
+    size: int = 0
+    elements: int = 0
+
+    def expand(self, element: Element, file: Path, depth: int) -> None:
+        if depth > self.limits.max_depth:
+            self.wrong.stop(f"its includes bring elements {depth} deep inside each other.")
+        children: list[Element] = []
+        for child in element:
+            if child.tag == "include":
+                found = self.find(child, file)
+                top = self.read(found)
+                self.expand(top, found, depth)
+                children.extend(top)
+            else:
+                self.expand(child, file, depth + 1)
+                children.append(child)
+        element[:] = children
+
+    def find(self, element: Element, file: Path) -> Path:
+        """The included file; its name starts from the folder of the file it stands in, then from the main file's."""
+        name = element.get("file", "")
+        for start in (file.parent, self.main.parent):
+            try:
+                place = (start / name).resolve()
+                if not place.is_file():
+                    continue
+            except (OSError, ValueError, RuntimeError):
+                continue
+            if not any(place.is_relative_to(folder) for folder in self.inside):
+                self.wrong.stop(
+                    f"<include> names the file {name!r:.200}, outside the folder of {self.wrong.file}. Copy it "
+                    "there, or give the folder above both: load_robot(..., package_dirs=[folder])."
+                )
+            return place
+        self.wrong.stop(f"<include> is not read: its file {name!r:.200} is not there.")
+
+    def read(self, found: Path) -> Element:
+        if found in self.seen:
+            self.wrong.stop(f"<include> brings {found.name!r:.200} a second time; expected each file once.")
+        self.seen.add(found)
+        self.size += found.stat().st_size
+        top = read_xml(found, self.limits)
+        self.elements += sum(1 for _ in top.iter())
+        if len(self.seen) > MOST_FILES or self.size > self.limits.max_bytes or self.elements > self.limits.max_elements:
+            self.wrong.stop(
+                f"its includes bring more than {MOST_FILES} files, {self.limits.max_bytes / 1e6:g} MB or "
+                f"{self.limits.max_elements} elements."
+            )
+        if top.tag not in ("mujoco", "mujocoinclude"):
+            self.wrong.stop(f"<include> brings {found.name!r:.80}, whose first element is <{top.tag:.40}>; expected <mujoco>.")
+        return top
+
+
+def check_names(wrong: Complaints, root: ElementTree.Element) -> None:
+    """Complain of names that come twice, are too long, or are the world's own."""
+    seen: set[tuple[str, str]] = set()
+    for element in root.iterfind("worldbody//*"):
+        name = element.get("name")
+        if name is None or element.tag not in _KINDS:
+            continue
+        kind = element.tag.removeprefix("free")
+        if len(name) > LONGEST_NAME:
+            wrong.stop(f"{kind} {name[:40]!r}... has a name of {len(name)} letters; expected {LONGEST_NAME} at most.")
+        if name.strip() and (kind, name) in seen:
+            wrong.add(f"{_KINDS[element.tag]} are called {name!r}; expected different names.")
+        if (kind, name) in (("joint", "universe"), ("body", "universe"), ("body", "world")):
+            wrong.add(f"{kind} {name!r} has the name of the world. Rename it.")
+        seen.add((kind, name))

@@ -6,7 +6,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
-from rbd.model.mjcf.attributes import check_attributes
+from rbd.model.mjcf.elements import check_attributes
 from rbd.model.urdf import Complaints
 
 Element = ElementTree.Element
