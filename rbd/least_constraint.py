@@ -67,7 +67,7 @@ def solve(
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
         external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
-        solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for constraints that hold;
+        solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for bilateral constraints;
             `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
             the same.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
@@ -203,7 +203,7 @@ def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> 
 def _warn_of_opening(robot: CheckedModel, problem: GaussProblem) -> None:
     if problem.openings:
         warnings.warn(
-            f"contacts of {robot.name} move away from what they touch, and carry nothing: {opening_words(problem.openings)} "
+            f"contacts of {robot.name} separate, and carry no force: {opening_words(problem.openings)} "
             f"(at rest is up to rest_speed = {problem.rest_speed:g} m/s). Of contacts that stay, put the velocity onto them, "
             "state = rbd.mechanism.project_velocity(state, contacts), or give a larger rest_speed=.",
             OpeningContactWarning,
@@ -250,7 +250,7 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None
         if closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN:
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
-                "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte pulls it together.",
+                "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte reduces the error over time.",
                 LoopNotClosedWarning,
                 stacklevel=4,
             )
@@ -282,7 +282,7 @@ def _refuse_moving(problem: GaussProblem, solver: Solver) -> None:
     raise ContactMoves(
         f"contact {r.name!r} moves at {r.speed:.3g} m/s (at rest is up to rest_speed = {rest:g}), and it can slip or break: "
         f"under the {law} law only contacts at rest are solved. Under Coulomb's, the default, friction follows the motion: "
-        "leave out law= and solver=. Or take friction=None for a contact that holds; a larger rest_speed=; or put the velocity "
+        "leave out law= and solver=. Or take friction=None for a bilateral contact; a larger rest_speed=; or put the velocity "
         "onto the contacts: "
         "rbd.mechanism.project_velocity(state, contacts)."
     )
@@ -318,10 +318,10 @@ def _what_to_do(solution: Solution) -> str:
     found = solution.contradiction
     if found is None:
         return ""
-    out = " The proof is `error.contradiction`, the motion that misses least `error.nearest()`."
+    out = " The proof is `error.contradiction`, the motion that violates them least `error.nearest()`."
     if found.unmet_most:
         out += f" {found.unmet_most}"
     points = [r.patch for r in solution.problem.rows if r.name in found.rows and r.patch is not None]
     if found.unmet_most and sum(p.friction is None and len(p.corners) == 1 for p in points) > 1:
-        out += " Held points of one body disagree once it turns: a sole is one SurfaceContact, not four held points."
+        out += " Bilateral points of a body contradict each other when it turns: a sole is one SurfaceContact, not four points."
     return out

@@ -87,7 +87,7 @@ class Solution(Answer):
         """Forces at the corners of each contact, shape (k, 3), on the robot, world axes [N]; a point has one corner.
 
         They add up to the wrench, but four of them are not unique: `force_choice` says which these are, `uniqueness()` how far
-        they could go. A contact that holds has no corner law: its corners may pull. `weights` stay what the solver found. Rows
+        they could go. A bilateral contact has no corner law: its corners may pull. `weights` stay what the solver found. Rows
         made by hand with a friction, line or wrench cone and no patch: in their own axes, as the solver left them.
         """
         by_hand = {r.name: self._by_hand(i, r) for i, r in enumerate(self.problem.rows) if r.patch is None and _has_points(r)}
@@ -231,7 +231,7 @@ class Solution(Answer):
         if self.impact:
             lines.append(f"  {self.impact}")
         if self.opening:
-            lines.append(f"  move away and carry nothing: {opening_words(self.problem.openings)}")
+            lines.append(f"  separate and carry no force: {opening_words(self.problem.openings)}")
         if self.reason:
             lines.append(f"  {'one of several motions: ' if self.others else ''}{self.reason}")
         lines.append(f"  1/2 |a - a_free|_M^2 = {self.gauss:.6g} N m/s2")

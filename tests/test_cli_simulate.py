@@ -126,7 +126,7 @@ def test_a_posture_that_cannot_be_held_ends_with_code_1(monkeypatch):
 
     monkeypatch.setattr("rbd.cli.simulate_setup.load_robot", weak)
     code, out, complaint = run("talos")
-    assert code == 1 and "torque limit is in the way" in complaint and "steps/s" not in out
+    assert code == 1 and "torque limit prevents it" in complaint and "steps/s" not in out
 
 
 @pytest.fixture

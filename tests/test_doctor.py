@@ -124,7 +124,7 @@ def test_all_there_is_to_say_of_the_good_file(tmp_path: Path) -> None:
         robot = rbd.load_robot(written(tmp_path, GOOD))
     assert [str(w.message) for w in caught] == [
         "mine: 1 motor has no effort limit ('ankle'); 1 joint has damping or friction that the dynamics leave out ('hip'); "
-        "1 joint mimics another in the file, and is free here ('ankle'). rbd.doctor(robot) tells all."
+        "1 joint mimics another in the file, and is free here ('ankle'). rbd.doctor(robot) lists everything."
     ]
     report = rbd.doctor(robot)
     assert report.ok and kinds(report) == {"effort": 1, "friction": 1, "mimic": 1}

@@ -241,7 +241,7 @@ def test_an_answer_is_judged_by_its_residuals_not_by_its_solver(talos: rbd.Robot
 
 def test_kkt_refuses_what_can_slip_before_it_starts(talos: rbd.Robot) -> None:
     """By name, in words, with the way out."""
-    with pytest.raises(Unsupported, match="KKT takes constraints that hold, and 'left_sole' has forces in a WrenchCone"):
+    with pytest.raises(Unsupported, match="KKT takes bilateral constraints, and 'left_sole' has forces in a WrenchCone"):
         rbd.solve(talos.standing(), np.zeros(talos.nu), talos.soles(), solver=rbd.KKT())
 
 

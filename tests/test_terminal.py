@@ -172,7 +172,7 @@ def test_friction_out_of_range_is_refused(command: list[str], friction: str):
     ("command", "advice"),
     [
         (["stand", "no such"], "`rbd robots` has them all"),
-        (["stand", "ur5"], "`rbd robots` tells which robots do"),
+        (["stand", "ur5"], "`rbd robots` lists those that do"),
         (["stand", "solo12", "--friction=-1"], "--friction is -1.0; expected a finite number >= 0."),
         (["stand", "solo12", "--facets=2"], "--facets is 2"),
         (["stand", "solo12", "--push=0,1,0", "--at=x"], "See `rbd info`"),

@@ -227,7 +227,7 @@ def test_what_was_skipped_is_listed_with_the_reason():
     """What can break or slip is nothing for KKT: the report says why, and counts what ran."""
     report = check_solver(rbd.KKT())
     assert {"box at rest on a patch", "dry friction sticks"} <= set(report.skipped)
-    assert all("KKT takes constraints that hold" in reason for reason in report.skipped.values())
+    assert all("KKT takes bilateral constraints" in reason for reason in report.skipped.values())
     assert not report.failed and len(report.ran) == len(reference_problems()) - len(report.skipped) > 0
 
 

@@ -44,7 +44,7 @@ class TestNames:
             s = rbd.solve(state, tau, talos.soles(), solver=solver)
         assert seen[0].filename == __file__
         assert s.opening == ("left_sole", "right_sole") and not s.multipliers.any()
-        assert "move away and carry nothing: 'left_sole'" in str(s) and s.status is rbd.problem.Status.SOLVED
+        assert "separate and carry no force: 'left_sole'" in str(s) and s.status is rbd.problem.Status.SOLVED
 
     def test_slower_it_is_at_rest(self, talos, solver):
         """Half the limit: it stands on its soles, and nothing is said."""

@@ -80,7 +80,7 @@ class ActiveSet:
         meeting = self._V.T @ self._U
         if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK:
             raise NotDifferentiable(
-                "friction and what slides lock each other (Painleve): near this answer there is no motion, or more than one."
+                "friction jams the sliding contacts (Painleve): near this answer there is no motion, or more than one."
             )
         self._meeting = meeting
 
@@ -124,8 +124,8 @@ class ActiveSet:
         left = np.abs(self._repeated.T @ b).max(initial=0.0)
         if left > CONSISTENT * max(1.0, float(np.abs(c).max(initial=0.0))):
             raise NotDifferentiable(
-                f"rows repeat each other here, and contradict each other (by {left:.2g} m/s2 per unit) where the state goes: "
-                "the answer does not change smoothly. Leave out the rows that repeat others; a sole is one SurfaceContact."
+                f"rows are linearly dependent here, and contradict each other nearby (by {left:.2g} m/s2 per unit): "
+                "the answer does not change smoothly. Leave out the redundant rows; a sole is one SurfaceContact."
             )
         free = blas.dtrsm(1.0, self._L, r, lower=1)
         p = np.linalg.solve(self._meeting, self._answers @ b - self._V.T @ free)
@@ -204,8 +204,8 @@ def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
         )
         if not found.solved:
             raise NotDifferentiable(
-                "whether the forces have room on all sides, without which there are no derivatives, was not found: a linear "
-                f"program gave up after {found.pivots} pivots. Move q, tau or the push a little."
+                "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "
+                f"linear program gave up after {found.pivots} pivots. Move q, tau or the push a little."
             )
         s = start + shift @ found.x[:-1]
         room, most = _room(modes.needs, s), float(found.x[-1])
@@ -254,6 +254,6 @@ def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
     raise NotDifferentiable(
         f"{rows.name!r} is at a change of contact mode: its part {e.number} {modes.words[e]} (acceleration "
         f"{np.abs(y).max():.1e} m/s2), and no forces with this motion keep more than {RESOLUTION * need.unit:.1e} N from the "
-        "edge of its set. On one side of this answer it goes on so, on the other it slips, opens or yields, and the two have "
+        "edge of its set. On one side of this answer the mode stays, on the other it slips, breaks or yields, and the two have "
         "their own derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."
     )

@@ -11,7 +11,7 @@ its acceleration y (of a column of `rbd.problem.force_set`):
 Up to `STILL`, over the terms of its own row or point (`rbd.problem.scales`), y counts as zero; and a weight is at its bound
 only where its acceleration, so scaled, is larger than its distance from the bound, over the scale of that point's forces.
 What is left is {x : x = start + null z, D x >= d, cones}: x holds the corner forces of contacts and the row forces of all
-else. A contact that holds is split among its corners too, without bounds.
+else. A bilateral contact is split among its corners too, without bounds.
 """
 
 from __future__ import annotations
@@ -322,7 +322,7 @@ class _Collector:
         self.whole.append((slice(first, first + 3), span, element.mu, element.facets))
 
     def _add_held_patch(self, rows: Rows, columns: slice) -> None:
-        """A contact that holds: forces at its corners, without bounds."""
+        """A bilateral contact: forces at its corners, without bounds."""
         C, G = corner_map(rows), self.T.G[self.P.slices[rows.name], columns]  # G: identity, up to the choice of rows
         share = np.linalg.pinv(C) @ (G @ self.w[columns])
         for column, force in zip(np.linalg.solve(G, C).T, share, strict=True):

@@ -1,7 +1,7 @@
 """Infeasible constraints: an irreducible conflicting set of rows, with its Farkas certificate.
 
 The rows ask that c = J a + offset lie in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
-rows that hold, only if) there are forces f in K with
+bilateral rows, only if) there are forces f in K with
 
     J^T f = 0     and     f . offset = -1 :
 
@@ -48,8 +48,8 @@ class Contradiction:
             set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
         unbalanced: Largest entry of |J^T f|. The proof holds for motions with sum |a_i| < 1 / unbalanced.
         law: The law whose rows they are.
-        met: {constraint that holds: the part of its required -offset that some acceleration gives, shape (m,)}, by least
-            squares over all rows that hold, in their units [m/s2, rad/s2].
+        met: {bilateral constraint: the part of its required -offset that some acceleration gives, shape (m,)}, by least
+            squares over all bilateral rows, in their units [m/s2, rad/s2].
         unmet: What is left, likewise; zero where the held rows agree. met + unmet = -offset.
     """
 
@@ -81,14 +81,14 @@ class Contradiction:
 
     @property
     def unmet_most(self) -> str:
-        """What of the rows that hold cannot be met, in words; empty where they agree."""
+        """What of the bilateral rows cannot be met, in words; empty where they agree."""
         sizes = {name: max_abs(s) for name, s in self.unmet.items()}
         rounding = CONTRADICTS * max([1.0, *(max_abs(x) for x in self.met.values())])
         worst = sorted((name for name in sizes if sizes[name] > rounding), key=lambda name: -round(sizes[name], 9))
         if not worst:
             return ""
         said = ", ".join(f"{name!r:.60} {sizes[name]:.3g}" for name in worst[:4])
-        return f"Of what held rows require no motion gives, up to [m/s2, rad/s2]: {said}{', ...' if len(worst) > 4 else ''}."
+        return f"Bilateral rows cannot be met, by up to [m/s2, rad/s2]: {said}{', ...' if len(worst) > 4 else ''}."
 
     def __str__(self) -> str:
         size = "No smaller set does." if self.smallest else "A smaller set was not excluded."
@@ -98,7 +98,7 @@ class Contradiction:
         ]
         lines += [f"  {name:<16} {_numbers(self.certificate[name])}" for name in self.rows]
         if self.unmet_most:
-            lines.append("Of what the rows that hold require, this part cannot be met (least squares) [m/s2, rad/s2]:")
+            lines.append("The part of the bilateral rows that cannot be met (least squares) [m/s2, rad/s2]:")
             lines += [f"  {name:<16} {_numbers(s)}" for name, s in self.unmet.items() if max_abs(s) > CONTRADICTS]
         return "\n".join(lines)
 
@@ -143,9 +143,9 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
 
 
 def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
-    """(met, unmet): what the constraints that hold require, -offset, into what some acceleration gives and what none does.
+    """(met, unmet): what the bilateral constraints require, -offset, into what some acceleration gives and what none does.
 
-    By least squares over all rows that hold, in their own units. Shapes (m,) each; met + unmet = -offset.
+    By least squares over all bilateral rows, in their own units. Shapes (m,) each; met + unmet = -offset.
     """
     held = [r for r in problem.rows if at_rest(r.cone).bilateral and len(r)]
     if not held:

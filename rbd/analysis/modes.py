@@ -3,7 +3,7 @@
 While nothing changes its mode the inequalities of a law are equations. Allowed changes of the weights are columns Phi, and
 what must stay zero are the accelerations along columns Psi, the same but where friction slips:
 
-    holds     a row that holds, a force inside an interval    a unit column each
+    holds     a bilateral row, a force inside an interval     a unit column each
     presses   a ray, whose acceleration is zero               a unit column
     sticks    a point, whose acceleration is zero             its three columns; of a pyramid, all its rays
     slips     starts to slip along e = y_t / |y_t|            Phi = (-mu e, 1); Psi = n (coulomb), (-mu e, 1) (convex)

@@ -254,8 +254,8 @@ class _Chain:
         for force in by_q.internal.transpose(1, 0, 2):
             if np.abs(self.active.response(force)).max() * scale > CONSISTENT * max(1.0, np.abs(self.answer.a).max()):
                 raise NotDifferentiable(
-                    "rows repeat each other in this configuration and not in those around it (it is singular), so the motion "
-                    "jumps. Move q a little, or leave out the rows that repeat others."
+                    "rows are linearly dependent in this configuration and not nearby (it is singular), so the motion "
+                    "jumps. Move q a little, or leave out the redundant rows."
                 )
 
     def _not_unique(self) -> tuple[str, ...]:
@@ -345,7 +345,7 @@ def _slope(sample: Callable[[float], Array], here: Array, step: float, what: str
         return best
     raise NotDifferentiable(
         f"the constraints do not change smoothly with {what}: "
-        + ("their rows come and go on both sides." if miss == np.inf else f"its slopes on the two sides differ by {miss:.1e}.")
+        + ("their rows appear and disappear." if miss == np.inf else f"its slopes on the two sides differ by {miss:.1e}.")
         + " Leave out the constraint (or its feedback), or move the state a little."
     )
 

@@ -79,7 +79,7 @@ class ContactUniqueness:
     Attributes:
         name: The contact's.
         normal: Its normal force [N].
-        corners: The normal force of each of its corners [N]. A contact that holds has no corner law: its corners may pull.
+        corners: The normal force of each of its corners [N]. A bilateral contact has no corner law: its corners may pull.
         share: Its vertical force (world z) over that of all contacts with the ground together; of a robot at rest that nothing
             else pushes, its share of the weight. None of a contact between two bodies, or where that sum is not unique or
             nothing.
@@ -156,19 +156,19 @@ class Uniqueness:
         ]
         if self.motion_freedom:
             lines.append(
-                f"the motion is one of a family of dimension {self.motion_freedom}: what slips shares its load in a way that "
-                "statics leaves open, and its friction follows the load"
+                f"the motion is one of a family of dimension {self.motion_freedom}: the distribution of the "
+                "load over slipping points is not determined, and their friction depends on it"
             )
         if self.contacts:
             lines.append(f"  {'contact':<16}{'normal force [N]':>22}{'share of the weight':>20}{'one corner [N]':>22}  unique")
         lines += [f"  {contact}" for contact in self.contacts.values()]
         lines += [f"  {name:<16} force {', '.join(map(str, ranges))}" for name, ranges in self.others.items()]
         if not self.exact:
-            lines.append("  Cones leave the forces no room: ends are those of cones wider by 1e-10.")
+            lines.append("  The cones have no interior here: ends are those of cones wider by 1e-10.")
         if not self.found:
             lines.append(f"  ?: not found within {ENDS_WORK:.0e} multiplications; fewer contacts take less.")
         if any(math.isinf(r.lowest) or math.isinf(r.highest) for r in self._ranges()):
-            lines.append("  inf: no end; contacts may press, or held ones pull, against each other as hard as they like.")
+            lines.append("  inf: unbounded; contacts may push, or bilateral ones pull, against each other with any force.")
         return "\n".join(lines)
 
     def _ranges(self) -> list[Range]:

@@ -102,9 +102,7 @@ def stand(
         with timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or ())
         if not loaded.source.feet:
-            raise InputError(
-                f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` tells which robots do."
-            )
+            raise InputError(f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do.")
         with timed(seconds, "stand"):
             state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
         external = [] if force is None or at is None else [ExternalForce(at, force)]

@@ -47,7 +47,7 @@ _PYTHON = {
     "robot.frames()": "`rbd info`",
     "rbd.mechanism.assemble closes it": "`rbd mechanism` closes it",
     "(joint_motion)": "(--space joint)",
-    ", or None for a contact that holds": "",
+    ", or None for a bilateral contact": "",
 }
 """What messages advise in Python, and the same on the command line."""
 _CODE = re.compile(r"\brbd\.\w|[A-Za-z_]\w*\(|\w=[\w.(\[{]")

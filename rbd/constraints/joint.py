@@ -126,8 +126,8 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
     found = robot.joints.with_one_freedom(joint, name)
     if found.is_continuous:
         raise InputError(
-            f"{name!r:.80}: joint {joint!r:.80} turns for ever (it is continuous), so it has no bound. "
-            "Hold it with rbd.JointLock, or state its limits in the robot's file."
+            f"{name!r:.80}: joint {joint!r:.80} is continuous, so it has no bound. "
+            "Lock it with rbd.JointLock, or state its limits in the robot's file."
         )
     low = found.lower if limit.lower is None else float(limit.lower)
     high = found.upper if limit.upper is None else float(limit.upper)
@@ -252,7 +252,7 @@ class JointLock:
 class JointCoupling:
     """Two joints that a gear couples: q_joint = ratio q_to + offset.
 
-    One row that holds: c = q_joint'' - ratio q_to'', J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is the
+    One bilateral row: c = q_joint'' - ratio q_to'', J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is the
     torque on `joint`; the gear puts -ratio f on `to`. Of a continuous joint the angle is known up to turns, and so is the
     error: the nearest is taken; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
 
@@ -277,12 +277,12 @@ class JointCoupling:
     def __post_init__(self) -> None:
         check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
         if self.joint == self.to:
-            raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Hold it with rbd.JointLock.")
+            raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Lock it with rbd.JointLock.")
         _check_finite(self.name, "ratio", self.ratio)
         _check_finite(self.name, "offset", self.offset)
 
     def rows(self, state: State) -> Rows:
-        """One row that holds; see the class.
+        """One bilateral row; see the class.
 
         Raises:
             JointNotFound: with the nearest names.

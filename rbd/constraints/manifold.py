@@ -387,7 +387,7 @@ def _check(rows: Sequence[Rows]) -> None:
         if not is_bilateral(r):
             raise InputError(
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}); mobility is that of "
-                "constraints that hold. Leave it out, or give it friction=None."
+                "bilateral constraints. Leave it out, or give it friction=None."
             )
         if max_abs(r.velocity) > 1e-12:
             raise InputError(f"{r.name!r:.80} moves by itself; mobility wants constraints at rest.")

@@ -181,8 +181,8 @@ class RollingWheel(RollingDisk):
         rows = self._disk_rows(state, normal=self.friction is not None)
         if self.friction is not None and np.abs(rows.J[-1]).max() < 1e-9:
             raise InputError(
-                f"wheel {self.name!r:.80} has friction, and nothing presses it on its plane, which {state.robot.name} cannot "
-                "leave. Use friction=None."
+                f"wheel {self.name!r:.80} has friction, and no normal force, as {state.robot.name} cannot leave its "
+                "plane. Use friction=None."
             )
         return rows
 

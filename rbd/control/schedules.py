@@ -58,14 +58,14 @@ class TorqueSchedule:
 
     def __post_init__(self) -> None:
         if not isinstance(self.held, bool):
-            raise InputError(f"held of TorqueScript is {self.held!r:.80}; expected True or False.")
-        times, torques = as_array("times of TorqueScript", self.times), as_array("torques of TorqueScript", self.torques)
-        check_finite("times of TorqueScript", times)
-        check_finite("torques of TorqueScript", torques)
+            raise InputError(f"held of TorqueSchedule is {self.held!r:.80}; expected True or False.")
+        times, torques = as_array("times of TorqueSchedule", self.times), as_array("torques of TorqueSchedule", self.torques)
+        check_finite("times of TorqueSchedule", times)
+        check_finite("torques of TorqueSchedule", torques)
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0.0).any():
-            raise InputError(f"times of TorqueScript are {str(times.tolist()):.80}; expected one or more, increasing [s].")
+            raise InputError(f"times of TorqueSchedule are {str(times.tolist()):.80}; expected one or more, increasing [s].")
         if torques.ndim != 2 or len(torques) != len(times):
-            raise InputError(f"torques of TorqueScript have shape {torques.shape}; expected ({len(times)}, nu): a row a time.")
+            raise InputError(f"torques of TorqueSchedule are {torques.shape}; expected ({len(times)}, nu): a row a time.")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "torques", torques)
 
@@ -78,7 +78,7 @@ class TorqueSchedule:
         times, torques = np.asarray(self.times), np.asarray(self.torques)
         if torques.shape[1] != state.robot.nu:
             raise InputError(
-                f"torques of TorqueScript have {torques.shape[1]} columns; {state.robot.name} has {state.robot.nu} motors: "
+                f"torques of TorqueSchedule have {torques.shape[1]} columns; {state.robot.name} has {state.robot.nu} motors: "
                 "one column each, in the order of robot.actuated_names."
             )
         i = int(np.searchsorted(times, t + INSTANT, side="right")) - 1
@@ -112,7 +112,7 @@ class ZeroOrderHold:
 
     def __post_init__(self) -> None:
         if isinstance(self.controller, type) or not callable(self.controller):
-            raise InputError(f"controller is {self.controller!r:.80}; expected a function of (state, t), e.g. a TorqueScript.")
+            raise InputError(f"controller is {self.controller!r:.80}; expected a function of (state, t), e.g. TorqueSchedule.")
         if not 2.0 * INSTANT < as_float(self.period) < math.inf:
             raise InputError(f"period of Sampled is {self.period!r:.80}; expected a time above 0 [s].")
 

@@ -200,9 +200,9 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
         if moved.nv == 1:
             out.append(f"{joint!r:.80} at {moved.coordinate(found.at.q):.6g} (not {closure.fixed[joint]!r:.40})")
     if not free:
-        return f"Letting go any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
+        return f"Freeing any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
     if len(closure.fixed) > 1:
-        return f"The fixed values contradict each other: let go alone, it closes with {' or '.join(out) or ', '.join(free)}."
+        return f"The fixed values contradict each other: with one free it closes, at {' or '.join(out) or ', '.join(free)}."
     return f"The fixed value is what prevents it: it closes with {out[0] if out else free[0]}."
 
 

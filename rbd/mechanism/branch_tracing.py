@@ -313,7 +313,7 @@ class DrivenMotion:
     def _lost(self) -> NoSolution:
         return NoSolution(
             f"{self.curve.closure.robot.name} does not arrive: after {self.most} steps {self.drive.joint!r:.80} is at "
-            f"{self.value:.6g}. Drive a shorter way, or give more max_steps, or a larger "
+            f"{self.value:.6g}. Drive it less far, or give more max_steps, or a larger "
             "longest_step."
         )
 

@@ -152,14 +152,14 @@ class Mobility:
             ways = _many(len(self.branches), "branch was found, of", "branches were found, of")
             dof = "degree of freedom" if self.branches == (1,) else "degrees of freedom"
             return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {dof}"
-        return f"it moves with {_dof(self.finite)}; other velocities that J allows lead nowhere"
+        return f"it moves with {_dof(self.finite)}; other velocities that J allows extend to no finite motion"
 
     def __repr__(self) -> str:
         return f"Mobility(counted {self.count.value}, instantaneous {self.instantaneous}, finite {self.finite})"
 
     def __str__(self) -> str:
         s, looked = self.singular_values, self.motion
-        how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} went on; seed {self.seed}"
+        how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} extended; seed {self.seed}"
         if not looked.tried:
             how = "J has full rank here" if self.rank == self.rows else "J allows nothing"
         lines = [
@@ -184,7 +184,7 @@ class Mobility:
 def mobility(
     state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED, seed: int = 0
 ) -> Mobility:
-    """How many degrees of freedom a robot has under constraints that hold: counted, instantaneous, and of finite motions.
+    """How many degrees of freedom a robot has under bilateral constraints: counted, instantaneous, and of finite motions.
 
         counted         k (N - 1 - j) + sum of f        Gruebler, Kutzbach: bodies and joints, k = 3 or 6
         instantaneous   n - rank J(q)

@@ -233,7 +233,7 @@ def _undecided(held: BilateralVelocities, columns: Columns, null: Array, what: s
     if k < freedoms and not _singular_here(held):
         also = [names[i] for i in independent_columns(J, np.isin(names, columns.known))]
         return InputError(
-            f"{robot.name} has {few}; {loose} can move while the known ones rest. Give as many as there are degrees of "
+            f"{robot.name} has {few}; {loose} can move while the known ones are at rest. Give as many as there are degrees of "
             f"freedom, e.g. {_listed(also)}."
         )
     here = f" The pose itself is singular: {few}." if k < freedoms else ""
@@ -340,7 +340,7 @@ def independent_columns(J: Array, last: Array | None = None) -> list[int]:
 
 
 class BilateralVelocities:
-    """Rows of constraints that hold at a state, as conditions on its velocity: J v = u."""
+    """Rows of bilateral constraints at a state, as conditions on its velocity: J v = u."""
 
     def __init__(self, state: State, constraints: Sequence[Constraint] | None) -> None:
         self.state, self.joints = check_state(state), state.robot.joints
@@ -349,7 +349,7 @@ class BilateralVelocities:
         self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]
 
     def rows(self, state: State) -> StackedRows:
-        """The rows that hold.
+        """The bilateral rows.
 
         Raises:
             InputError: something can slip or break, or is not assembled.
@@ -360,8 +360,8 @@ class BilateralVelocities:
                 continue  # a stop pushes when the forces say so; friction in a joint resists
             if not isinstance(r.cone, Free):
                 raise InputError(
-                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): whether it holds, forces decide, rbd.solve. "
-                    "Give it friction=None to hold it."
+                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): forces decide whether it sticks (rbd.solve). "
+                    "Give it friction=None to make it bilateral."
                 )
             error, _ = position_residual(r)
             if max_abs(error) > CLOSED * max(1.0, self.joints.reach):

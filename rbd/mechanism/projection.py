@@ -1,6 +1,6 @@
 """Projection onto constraints: position and velocity, by the least motion in the inertia metric.
 
-What a motion has drifted off constraints that hold is undone by
+What a motion has drifted off bilateral constraints is undone by
 
     q+ = q (+) d        d  = - M^-1 J^T (J M^-1 J^T)^+ error(q)        repeated: Newton's steps
     v+ = v + w          w  = - M^-1 J^T (J M^-1 J^T)^+ (J v - u)       u: the velocity of what is touched

@@ -4,7 +4,7 @@ Three matrices tell them, each by its rank compared with the rank nearby:
 
     configuration   J                      velocities that J allows nearby do not cover those here; motions may part
     output          J, columns of all that is no input       the rest can move with the inputs locked (type 2)
-    input           J, columns of all that is no output      the inputs can move while the output rests (type 1)
+    input           J, columns of all that is no output      the inputs can move while the output is at rest (type 1)
 
 Types are those of [GosselinAngeles1990]; both at once is their type 3. [ParkKim1999] keep the first apart from the others.
 """
@@ -28,7 +28,7 @@ from rbd.model.state import State, check_state
 KINDS = {
     "configuration": "J loses rank: more velocities are allowed here than nearby",
     "output": "with the inputs locked the rest can move (type 2)",
-    "input": "the inputs can move while the output rests (type 1)",
+    "input": "the inputs can move while the output is at rest (type 1)",
 }
 
 SINGULAR = 1e-6

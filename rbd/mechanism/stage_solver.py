@@ -1,4 +1,4 @@
-"""Accelerations, forces and corrections on rows that hold, also through a singular pose.
+"""Accelerations, forces and corrections on bilateral rows, also through a singular pose.
 
 In y = L^T a, where M = L L^T, Gauss's principle is least squares: y nearest to L^-1 rhs with W^T y + offset = 0, W = L^-1 J^T.
 Rows that are well independent are solved by Cholesky's factor of W^T W; its error is rounding over s^2, s the least singular

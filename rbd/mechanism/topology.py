@@ -115,10 +115,10 @@ class MechanismClass:
         if self.mobility is None:
             lines.append("Mobility unknown: no configuration was found that satisfies the constraints.")
         elif self.mobility == self.degrees_of_freedom:
-            lines.append(f"Mobility {self.mobility}: nothing takes any of them away.")
+            lines.append(f"Mobility {self.mobility}: no constraint removes any.")
         else:
             taken = self.degrees_of_freedom - self.mobility
-            lines.append(f"Mobility {self.mobility}: constraints take {taken} away.")
+            lines.append(f"Mobility {self.mobility}: constraints remove {taken}.")
         return "\n".join([*lines, *(str(end)[0].upper() + str(end)[1:] + "." for end in self.end_points)])
 
 
@@ -132,7 +132,7 @@ def classify(
     """What a robot is, in words: serial, branched, parallel or hybrid; its mobility; redundancy of its end points.
 
     Bodies are joined by the joints of the file and by constraints between two bodies or with the ground: closures of loops,
-    contacts that hold, and not by what rolls or slides. A floating base is no joint in this sense: a humanoid on two soles is
+    bilateral contacts, and not by what rolls or slides. A floating base is no joint in this sense: a humanoid on two soles is
     closed through the ground, and in the air it is a branched chain on its root link. Other constraints take degrees of
     freedom and close no loop.
 

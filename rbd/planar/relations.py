@@ -81,7 +81,7 @@ def read(chain: Chain, relation: Any) -> tuple[Relation, ...]:
             out.append(_equation(chain, one))
     if not out:
         raise InputError(
-            "no relation came; expected one, as {1: 0} for joint 1 held at 0 rad, or sympy.Eq(2*th1 + th2, sympy.pi)."
+            "no relation came; expected one, as {1: 0} for joint 1 locked at 0 rad, or sympy.Eq(2*th1 + th2, sympy.pi)."
         )
     return tuple(out)
 
@@ -90,7 +90,7 @@ def _held(chain: Chain, key: Any, value: Any) -> Relation:
     names = ", ".join(str(angle) for angle in chain.q)
     if isinstance(key, int | np.integer | sympy.Integer) and not isinstance(key, bool):
         if not 1 <= int(key) <= chain.n:
-            raise InputError(f"there is no joint {key} to be held; expected 1 to {chain.n} (1 is at the base), for {names}.")
+            raise InputError(f"there is no joint {key} to lock; expected 1 to {chain.n} (1 is at the base), for {names}.")
         angle = chain.q[int(key) - 1]
     elif key in set(chain.q):
         angle = key
@@ -187,7 +187,7 @@ def _substituted(relation: Relation, solved: Mapping[Any, Any], chain: Chain, us
     rest = sympy.simplify(expr.xreplace({angle: sympy.Rational(k + 1, 7) for k, angle in enumerate(chain.q)}))
     others = "; ".join(r.label for r in used) or "an identity"
     if rest == 0 or _vanishes(rest, chain):
-        raise InputError(f"the relation {relation.label} says nothing new: it follows from {others}. Leave one of them out.")
+        raise InputError(f"the relation {relation.label} is redundant: it follows from {others}. Leave one of them out.")
     full_turns = sympy.simplify(sympy.sin(rest / 2)) == 0
     turns = " They differ by full turns, which are other poses here: leave one out." if full_turns else ""
     raise InputError(f"the relation {relation.label} contradicts {others}: together they leave {rest} = 0.{turns}")

@@ -24,9 +24,9 @@ from rbd.planar.numeric import ROUND_OFF
 MEANINGS = {
     "base": "The end of the chain that stays where it is.",
     "end point": "The other end, which can move unless it is pinned: a hand, a foot, a tool.",
-    "open or closed": "Open: one way only leads along links from base to end. Closed: they form a loop with the ground.",
-    "serial or parallel": "Serial: one link after another, no branches, no loops. Parallel: several ways lead to what moves.",
-    "degrees of freedom": "Numbers that tell where all joints are: one angle per hinge, before anything constrains them.",
+    "open or closed": "Open: one path of links leads from base to end. Closed: they form a loop with the ground.",
+    "serial or parallel": "Serial: one link after another, no branches, no loops. Parallel: several chains lead to what moves.",
+    "degrees of freedom": "Numbers that determine the pose: one angle per hinge, before anything constrains them.",
     "mobility": "Degrees of freedom that relations and pins leave: how many motions are independent.",
     "degrees of freedom of the end point": "Independent directions in which the end point can move: at most two in a plane.",
     "redundancy": "Mobility less the degrees of freedom of the end point: motions that leave it where it is.",

@@ -322,7 +322,7 @@ def check_friction(mu: float, facets: int) -> None:
         InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.
     """
     if not 0.0 <= as_float(mu) < 1e100:
-        raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a contact that holds.")
+        raise InputError(f"friction is {mu!r:.80}; expected a finite number >= 0, or None for a bilateral contact.")
     if isinstance(facets, bool) or not isinstance(facets, int | np.integer) or not 3 <= facets <= 1000:
         raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")
 

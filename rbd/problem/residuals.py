@@ -345,7 +345,7 @@ def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law:
         for quotient, value, words in (
             (gaps[columns], terms.gap[columns], "cannot hold: residual {:.2g} m/s2"),
             (off[own], terms.off_cone[own], "leaves its cone: by {:.2g} N"),
-            (slacks[columns], terms.slack[columns], "pushes while it opens: by {:.2g} N m/s2"),
+            (slacks[columns], terms.slack[columns], "pushes while it separates: by {:.2g} N m/s2"),
         ):
             most = float(quotient.max(initial=-1.0))
             found.append((math.inf if math.isnan(most) else most, f"{rows.name} {words.format(max_abs(value))}"))

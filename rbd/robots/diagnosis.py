@@ -30,7 +30,7 @@ ROUNDED = 1e-3
 
 _ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, yy, yz, zz)
 
-REMEDY = "rbd.doctor(robot) tells all."
+REMEDY = "rbd.doctor(robot) lists everything."
 SUMMARY = {
     "inertia": ("link has an inertia that no body has", "links have inertias that no body has"),
     "posture": ("posture is outside the joint limits", "postures are outside the joint limits"),

@@ -137,7 +137,7 @@ class Robot(CheckedModel):
         """The soles of its feet as surface contacts, from the catalogue.
 
         Args:
-            friction: Coulomb's coefficient; None for contacts that hold.
+            friction: Coulomb's coefficient; None for bilateral contacts.
             facets: Facets of the corner pyramids in a QP.
             on: What they stand on: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
                 {foot: its own}, as on stairs, where feet that are not named stand on z = 0. None: not known. A foot more than a
@@ -251,7 +251,7 @@ class Robot(CheckedModel):
 
         Args:
             frames: A frame on each foot; the contacts are called like them.
-            friction: Coulomb's coefficient; None for contacts that hold.
+            friction: Coulomb's coefficient; None for bilateral contacts.
             at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
                 neutral one. Feet may lean up to 20 degrees.
             facets: Facets of the corner pyramids in a QP.

@@ -133,7 +133,7 @@ class Snapshot:
 
     @property
     def drift_rate(self) -> float:
-        """Largest velocity of the rows that hold."""
+        """Largest velocity of the bilateral rows."""
         return float(np.abs(self.velocity[self.layout.held]).max(initial=0.0))
 
     @property

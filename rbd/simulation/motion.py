@@ -22,7 +22,7 @@ OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes
 """Modes of a constraint: no force; at rest; sliding; bilateral; a joint limit or a frictionless contact that pushes."""
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
-"""How constraints that hold are kept: by projection, by feedback, or not at all."""
+"""How bilateral constraints are kept: by projection, by feedback, or not at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Motion:
         external: Forces of the world: constant, or as a function of state and time.
         law: "coulomb" or "convex", of contacts that can slip.
         restitution: Newton's coefficient of each constraint that is named; 0 of the others.
-        stabilisation: How constraints that hold are kept.
+        stabilisation: How bilateral constraints are kept.
         record_every: Every how many times a sample is recorded; of the others forces need not be known.
     """
 

@@ -1,4 +1,4 @@
-"""Smooth motion: the acceleration on constraints that hold, and the way back onto them; what all its integrators share.
+"""Smooth motion: the acceleration on bilateral constraints, and the projection onto them; shared by all its integrators.
 
 Where the rows J v = u hold, a is Gauss's: the nearest to the free acceleration, in |.|_M, with J a + J_dot v = 0. It is that of
 `rbd.solve` with `KKT()`, without the certificate, which is made of the samples that are recorded.
@@ -271,7 +271,7 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
         if not is_bilateral(r):
             return (
                 f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}), and this integrator takes "
-                "constraints that hold. Use integrator=rbd.TimeStepping(), or friction=None for a contact that holds."
+                "bilateral constraints. Use integrator=rbd.TimeStepping(), or friction=None for a bilateral contact."
             )
         if (unknown := reason_unknown_ground(constraint)) is not None:
             return unknown

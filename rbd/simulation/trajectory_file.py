@@ -181,7 +181,7 @@ def _header(path: Path, text: str, file_size: int) -> dict[str, Any]:
 
 
 def _foreign(path: Path, what: str) -> str:
-    return f"{path.name} is no trajectory, or not a whole one: {what}. Expected what Trajectory.save(path) writes."
+    return f"{path.name} is no trajectory, or an incomplete one: {what}. Expected what Trajectory.save(path) writes."
 
 
 @dataclass(frozen=True)

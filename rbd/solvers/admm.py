@@ -30,13 +30,13 @@ _FACETS = 16
 YIELDING = (1e-2, 1e-4)
 """Compliances, over the points' own mobility, that settle how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
 OPEN = (
-    "rigid bodies leave open how the points that slip share their load, and friction depends on it: of the motions that "
-    "satisfy the law, this is the one to which points lead that yield ever so little, all alike"
+    "rigid bodies do not determine how the points that slip share their load, and friction depends on it: of the motions "
+    "that satisfy the law, this is the limit of equally compliant points as the compliance vanishes"
 )
 """The reason of an answer that is one of a family."""
 HELD = (
-    "Coulomb's law admits {n} motions here: this one, and one in which points hold that slide or leave in it, jammed by forces "
-    "that the points give each other; it is the convex law's"
+    "Coulomb's law admits {n} motions here: this one, and one in which points hold that slide or leave in it, jammed by "
+    "internal forces; it is the convex law's"
 )
 """The reason of an answer beside which the convex law's satisfies Coulomb's law too."""
 _FOUND = 1e-10
@@ -105,7 +105,7 @@ class ConeSolver:
             point = T.sliding[0]
             return (
                 f"{point.rows!r} slides at {point.speed:.3g} m/s: its friction follows its motion, which the convex law does "
-                "not know. Use rbd.ConeSolver(law='coulomb')."
+                "not describe. Use rbd.ConeSolver(law='coulomb')."
             )
         return None
 

@@ -33,8 +33,8 @@ from rbd.solvers.proxqp import ProxQP, eased
 _ROUNDING = 1e-13
 """Of forces, over the largest: what may be outside of the cones."""
 SEVERAL = (
-    "Coulomb's law admits {n} motions here: this one, Gauss's, in which points hold, jammed by forces that they give each "
-    "other, and one in which points slide or leave"
+    "Coulomb's law admits {n} motions here: this one, Gauss's, in which points hold, jammed by internal forces, "
+    "and one in which points slide or leave"
 )
 """The reason of an answer of the QP beside which circular cones have another."""
 _OTHER = 1e-6
@@ -159,7 +159,7 @@ def _answer(convex: Answer, w: Array, start: float) -> Answer:
 def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None, bool]:
     """Weights of least norm that move the robot as w do, in circular cones, of the points that keep still.
 
-    Where rows are redundant, those of rows that hold are chosen with them. First without regard to the cones: mostly they are
+    Where rows are redundant, those of bilateral rows are chosen with them. First without regard to the cones: mostly they are
     inside.
 
     Returns:

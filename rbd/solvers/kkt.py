@@ -1,4 +1,4 @@
-"""The closed form for constraints that hold, and for contacts that stick if their force sets allow it."""
+"""The closed form for bilateral constraints, and for contacts that stick if their force sets allow it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROUNDS = 6
 class KKT:
     """Lagrange's closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
 
-    For constraints that hold. Where rows are redundant f is the shortest, and where they contradict each other a is
+    For bilateral constraints. Where rows are redundant f is the shortest, and where they contradict each other a is
     the least-squares one, whose residuals say so.
 
     Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
@@ -41,8 +41,8 @@ class KKT:
             return None
         bad = next(r for r in problem.rows if not at_rest(r.cone).bilateral)
         return (
-            f"KKT takes constraints that hold, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
-            "Leave out solver=, or take friction=None for a contact that holds."
+            f"KKT takes bilateral constraints, and {bad.name!r} has forces in a {type(bad.cone).__name__}. "
+            "Leave out solver=, or take friction=None for a bilateral contact."
         )
 
     def solve(self, problem: GaussProblem) -> Answer:
@@ -70,7 +70,7 @@ class KKT:
 
 
 def held_refined(found: Answer) -> Answer:
-    """`refined`, of rows that hold, in rows of one size: those of light bodies are felt as those of heavy ones."""
+    """`refined`, of bilateral rows, in rows of one size: those of light bodies are felt as those of heavy ones."""
     P = found.problem
     size = np.sqrt(np.maximum(P.delassus.diagonal(), 1e-300))
     W = P.whitened / size

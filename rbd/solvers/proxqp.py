@@ -58,7 +58,7 @@ class ProxQP:
             return None
         r = problem.rows[T.slipping[0]]
         return (
-            f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid of forces says. "
+            f"{r.name!r} moves at {r.speed:.3g} m/s, so its friction follows its motion, which no pyramid describes. "
             "Use rbd.ConeSolver()."
         )
 
@@ -165,7 +165,7 @@ def too_steep(failed: Answer) -> str:
             out = (
                 f"{rows.name} has friction {mu:.3g}, too much for a pyramid in double precision: its normal force is a sum of "
                 "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ConeSolver(), "
-                "whose cones are true ones, or friction=None for a contact that holds"
+                "whose cones are true ones, or friction=None for a bilateral contact"
             )
     return out
 

@@ -29,9 +29,7 @@ STARTS = 64
 COMPLIANCES = tuple(10.0 ** (-0.5 * i) for i in range(2, 15))
 """Of points that yield, over their own mobility, one after the other: from 0.1 to 1e-7."""
 
-_OF_MANY = (
-    "of so many points that slide not all motions were searched: this is the one to which points lead that yield less and less"
-)
+_OF_MANY = "with so many sliding points not all motions were searched: this is the limit as the points' compliance vanishes"
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +185,7 @@ class _Search:
         yield self.T.project(np.zeros(len(M.b)))
 
     def _why_none(self, complete: bool) -> str:
-        """Names what contradicts itself: rows that hold, points that sink the harder they are pressed, or all that slide."""
+        """Names what contradicts itself: bilateral rows, points that sink the harder they are pressed, or all that slide."""
         M, sliding = self.mixed, self.T.sliding
         what = "no motion" if complete else "no motion found, though not all were searched"
         own = np.array([s.column for s in sliding], int)
@@ -199,12 +197,12 @@ class _Search:
             inverse = np.linalg.pinv(inner, rcond=1e-10)
             if max_abs(inner @ (inverse @ free) - free) > 1e-6 * max(1.0, max_abs(free)):
                 names = [r.name for r, c in zip(self.P.rows, self.T.slices, strict=True) if holds[c].any()]
-                return f"{what}: rows that hold contradict each other, among {_listed(map(repr, names))}"
+                return f"{what}: bilateral rows contradict each other, among {_listed(map(repr, names))}"
             D = D - M.A[np.ix_(own, holds)] @ inverse @ M.A[np.ix_(holds, own)]
         at, value = _sinking(D)
         if not at:
             names_of = _listed(_name(s, sliding) for s in sliding)
-            return f"{what}: of {names_of} (sliding) neither pressing nor leaving meets the law"
+            return f"{what}: of {names_of} (sliding) neither contact nor breaking satisfies the law"
         one, names_of = len(at) == 1, _listed(_name(sliding[i], sliding) for i in at)
         return (
             f"{what}: {names_of} {'slides' if one else 'slide'} at {sliding[at[0]].speed:.3g} m/s, and pressing "
@@ -232,8 +230,8 @@ class _Search:
             else "the first is one of them"
         )
         return (
-            f"a family of motions satisfies Coulomb's law: nothing decides how the points of {names} share the load, and the "
-            f"friction depends on it; {which}"
+            f"a family of motions satisfies Coulomb's law: rigid bodies do not determine how the points of {names} share the "
+            f"load, and the friction depends on it; {which}"
         )
 
 

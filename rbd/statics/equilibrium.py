@@ -111,7 +111,7 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
 
     Args:
         state: The pose; v must be zero.
-        contacts: What it stands on; contacts that hold (friction=None) may pull.
+        contacts: What it stands on; bilateral contacts (friction=None) may pull.
         external: Other forces to hold against: generalised (nv,), or `ExternalForce`s.
 
     Raises:
@@ -245,7 +245,7 @@ class _Statics:
         if len(over):
             over = over[np.argsort(-found[0][over])][:4]
             needs = ", ".join(f"{self.state.robot.actuated_names[i]!r} needs {100 * (1 + found[0][i]):.4g} %" for i in over)
-            raise CannotHold(f"{name} cannot be held: a torque limit is in the way. At best {needs} of its limit.")
+            raise CannotHold(f"{name} cannot be held: a torque limit prevents it. At best {needs} of its limit.")
 
     def _on(self) -> str:
         return " on " + ", ".join(repr(r.name) for r in self.rows) if self.rows else ""
@@ -265,7 +265,7 @@ class _Statics:
         return (
             f"no forces that its contacts can give balance its weight{' and the external forces' if pushed else ''} "
             f"(centre of mass at x = {x:.3f}, y = {y:.3f} m{self._outside()}). "
-            + ("Push less, or lean against the push." if pushed else "Move it over its feet.")
+            + ("Push less, or move the centre of mass against the push." if pushed else "Move it over its feet.")
         )
 
     def _outside(self) -> str:
@@ -293,17 +293,17 @@ class _Statics:
             mu = self._circular(limits=True, from_zero=True).least()
             enough = "" if mu is None else f" from a coefficient of {rounded_up(mu)} at every contact on"
             return (
-                f"friction is in the way: circular cones would hold it{enough}, but the pyramids inside them, to which "
+                f"friction prevents it: circular cones would hold it{enough}, but the pyramids inside them, to which "
                 "rbd.hold keeps, do not. Give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._circular(limits=True).least()) is not None:
             return (
-                f"friction is in the way; a coefficient of {rounded_up(mu)} at every contact would do with circular cones, and "
+                f"friction prevents it; a coefficient of {rounded_up(mu)} at every contact would do with circular cones, and "
                 "none below. rbd.hold keeps to the pyramids inside them: the more facets=, the less it asks beyond that."
             )
         if (mu := self._circular(limits=False).least()) is not None:
             return (
-                f"friction is in the way, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact on, "
+                f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact on, "
                 "circular cones balance it, but motors would need more than their limits."
             )
         return ""
@@ -352,7 +352,7 @@ class _Statics:
         if answer.outcome is Outcome.NOT_FOUND:
             raise CannotHold(
                 f"{self.state.robot.name}: whether it can be held was not found within {PROGRAM_PIVOTS:,} pivots and "
-                f"{PROGRAM_SECONDS:g} s of a linear program. Use fewer contacts, or contacts that do not repeat each other."
+                f"{PROGRAM_SECONDS:g} s of a linear program. Use fewer contacts, or contacts that are not redundant."
             )
         if not answer.solved:
             return None

@@ -308,7 +308,7 @@ def test_what_held_corners_require_is_split() -> None:
     for i, p in enumerate(SITES):
         assert np.abs(found.unmet[f"corner {i}"] - 4.0 * np.array([p[0], p[1], 0.0])).max() < 1e-12
         assert np.abs(found.met[f"corner {i}"]).max() < 1e-12
-    assert "Of what held rows require no motion gives" in found.unmet_most and "corner 0" in found.unmet_most
+    assert "Bilateral rows cannot be met" in found.unmet_most and "corner 0" in found.unmet_most
 
 
 def test_the_split_is_the_least_squares_one_and_adds_up() -> None:

@@ -217,7 +217,7 @@ class TestFallbacks:
         s = sole((0.6 * 98.1, 0.0, 0.0))
         monkeypatch.setattr(extent, "_PROXIMAL", ())
         u = s.uniqueness()
-        assert not u.exact and "no room" in str(u)
+        assert not u.exact and "no interior" in str(u)
 
 
 class TestWork:

@@ -184,7 +184,7 @@ class TestLimit:
         chain = joints_of_every_kind()
         state = rbd.State(chain, pin.neutral(chain.model))
         for joint, said in (
-            ("turntable", "turns for ever.*JointLock"),
+            ("turntable", "is continuous.*JointLock"),
             ("ball", "has 3 degrees of freedom; expected a joint with one"),
             ("slider", "has no bound.*Give lower= or upper="),
         ):

@@ -67,7 +67,7 @@ def test_only_the_loop_that_is_open_is_told():
 def test_no_fixed_joint_alone_is_to_blame():
     """Two loops that are each too short: to let go one joint closes neither."""
     robot, loops = four_bar(0.5, 0.5, 0.5, 4.0)
-    with pytest.raises(CannotAssemble, match=r"Letting go any one of the fixed joints \('crank', 'rocker'\) does not help"):
+    with pytest.raises(CannotAssemble, match=r"Freeing any one of the fixed joints \('crank', 'rocker'\) does not help"):
         assemble(rbd.State(robot, START), loops, fixed={"crank": 0.1, "rocker": 2.0})
 
 

@@ -122,7 +122,7 @@ class TestSingularConfigurations:
         found = mobility(rbd.State(build.robot(), q), [pinned(), LoopClosure("hung", "hook", "tip", kind="planar")])
         assert (found.count.value, found.instantaneous, found.finite) == (1, 2, 1)
         assert not found.singular and found.branches == (1,)
-        assert found.verdict == "it moves with 1 degree of freedom; other velocities that J allows lead nowhere"
+        assert found.verdict == "it moves with 1 degree of freedom; other velocities that J allows extend to no finite motion"
 
 
 class TestOverConstrained:

@@ -74,7 +74,7 @@ class TestClosedChains:
         assert (words.kind, words.loops, words.mobility, words.degrees_of_freedom) == ("parallel", 1, 1, 3)
         assert [end.legs for end in words.end_points] == [2, 2]
         assert words.end_points[1].position_dof == 1 and words.end_points[1].pose_redundancy == 0
-        assert "closed, with 1 independent loop" in str(words) and "constraints take 2 away" in str(words)
+        assert "closed, with 1 independent loop" in str(words) and "constraints remove 2" in str(words)
 
     def test_a_platform_on_three_legs(self):
         """Each leg two bars and a pin: 3 degrees of freedom in the plane, three legs, no redundancy."""

@@ -273,7 +273,9 @@ class TestSlidingBox:
         """
         P = rbd.gauss_problem(self.state((0.5, 0.2, 0.0), (0.0, 0.0, 1.0)), np.zeros(0), [self.sole(0.3)])
         answers = sliding_answers(P)
-        assert not answers.complete and "nothing decides how the points of 'sole' share the load" in answers.reason
+        assert (
+            not answers.complete and "rigid bodies do not determine how the points of 'sole' share the load" in answers.reason
+        )
         (first, *ends), corners = answers.found, [w for _, _, w in answers.found]
         assert len(ends) == 2
         assert all(np.linalg.norm(first[2]) < np.linalg.norm(w) for _, _, w in ends)
@@ -527,7 +529,7 @@ class TestTalos:
         P = rbd.gauss_problem(state, tau, [left, right])
         answers = sliding_answers(P)
         assert len(answers.found) > 1 and not answers.complete
-        assert "nothing decides how the points of 'left_sole' and 'right_sole' share the load" in answers.reason
+        assert "rigid bodies do not determine how the points of 'left_sole' and 'right_sole' share the load" in answers.reason
         for a, f, w in answers.found:
             assert residuals_of(P, a, f, w, "coulomb").within(1e-9)
             assert P.rows[1].J @ a + P.rows[1].bias == pytest.approx(np.zeros(6), abs=1e-8)
@@ -547,7 +549,7 @@ def test_held_rows_that_contradict_each_other_leave_no_motion():
     P = rod_problem(0.3, 1.0)
     hands = [rbd.Rows(name, [[1.0, 0.0, 0.0]], [bias], rbd.problem.Free(1)) for name, bias in (("one", 0.0), ("two", 1.0))]
     answers = sliding_answers(rbd.GaussProblem(P.M, P.rhs, [*hands, *P.rows]))
-    assert answers.found == () and answers.complete and "rows that hold contradict each other" in answers.reason
+    assert answers.found == () and answers.complete and "bilateral rows contradict each other" in answers.reason
 
 
 def test_of_many_rows_that_contradict_each_other_four_are_named():

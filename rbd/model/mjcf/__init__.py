@@ -1,4 +1,4 @@
-"""MJCF files, read as MuJoCo reads them; what cannot be expressed is refused or told by name."""
+"""MJCF files, read as MuJoCo reads them; what cannot be expressed is refused or reported by name."""
 
 from rbd.model.mjcf.bodies import Shape
 from rbd.model.mjcf.building import build, passive

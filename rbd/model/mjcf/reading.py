@@ -1,4 +1,4 @@
-"""An MJCF file and what it includes: bodies, joints and motors as MuJoCo understands them, all else refused or told by name.
+"""An MJCF file and what it includes: bodies, joints and motors as MuJoCo understands them, the rest refused by name.
 
 Pinocchio's own reader weighs a mesh by its bounding box, knows no actuators, no gravity and no settotalmass, and passes over
 shapes that touch nothing; so it is not used. What cannot be part of M a + h = S^T tau + J^T lam is refused unless `leave_out`
