@@ -449,6 +449,7 @@ CASES: dict[str, Case] = {
     "catalogue.licence": Case(lambda name: rbd.robots.catalogue.licence(rbd.robots.catalogue.find(name)), {"name": "bolt"}),
     "catalogue.find": Case(rbd.robots.catalogue.find, {"name_or_path": "bolt", "package_dirs": ["."]}),
     "dynamics.checked": of_state("checked"),
+    "dynamics.generalised": Case(rbd.dynamics.generalised, {"state": MOVING, "external": np.linspace(-1.0, 1.0, BOLT.nv)}),
     "dynamics.mass_matrix": of_state("mass_matrix"),
     "dynamics.bias_force": of_state("bias_force"),
     "dynamics.gravity_torque": of_state("gravity_torque"),

@@ -57,7 +57,7 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
         in world axes, shape (6,). Of a generalised force, the wrench is its bases' part; it means nothing on a fixed base.
     """
-    robot = state.robot
+    robot = checked(state).robot
     if external is None:
         return np.zeros(robot.nv), np.zeros(6)
     if isinstance(external, np.ndarray):
