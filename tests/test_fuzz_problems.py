@@ -30,7 +30,7 @@ def _first(kind: str, word: str, *, solver: str = "") -> int:
 
 def test_random_problems_are_solved_or_refused(exhaustive: bool) -> None:
     """No problem of a fixed seed has a wrong answer, a false proof, an error that is not ours, or ends by the clock."""
-    n = 150 if exhaustive else 40
+    n = 150 if exhaustive else 30
     command = [sys.executable, str(SCRIPT), "--n", str(n), "--seed", "2"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     told = re.search(rf"{n} problems in .*: (\d+) solved, (\d+) inaccurate, (\d+) refused, (\d+) failure", run.stdout)
