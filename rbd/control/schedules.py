@@ -65,7 +65,9 @@ class TorqueSchedule:
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0.0).any():
             raise InputError(f"times of TorqueSchedule are {str(times.tolist()):.80}; expected one or more, increasing [s].")
         if torques.ndim != 2 or len(torques) != len(times):
-            raise InputError(f"torques of TorqueSchedule have shape {torques.shape}; expected ({len(times)}, nu): a row a time.")
+            raise InputError(
+                f"torques of TorqueSchedule have shape {torques.shape}; expected ({len(times)}, nu), one row per time."
+            )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "torques", torques)
 

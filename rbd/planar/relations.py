@@ -246,9 +246,7 @@ def _implicit(q: Symbols, coordinates: list[sympy.Expr], pending: list[Relation]
     k, m = len(remaining), len(coordinates)
     names = "; ".join(relation.label for relation in pending)
     if k > m:
-        raise InputError(
-            f"{k} relations are left for {m} angles: {names}. They contradict each other, or one is redundant."
-        )
+        raise InputError(f"{k} relations are left for {m} angles: {names}. They contradict each other, or one is redundant.")
     slopes = sympy.Matrix(remaining).jacobian(coordinates)
     points, scale, jacobians = _points(coordinates, remaining, slopes, names)
     _check_rank(pending, jacobians, scale)
