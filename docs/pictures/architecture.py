@@ -78,12 +78,12 @@ def written() -> str:
 
 
 def draw() -> Figure:
-    """The rooms, lower ones below; beside them the way of the data through `solve` and `simulate`."""
+    """The sub-packages, lower ones below; beside them the way of the data through `solve` and `simulate`."""
     figure = Figure(figsize=(13.0, 8.6))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0, 13), ylim=(0, 8.6))
     axes.axis("off")
-    axes.text(2.9, 8.3, "rooms: each imports only those below it", ha="center", fontsize=11, weight="bold")
+    axes.text(2.9, 8.3, "sub-packages: each imports only those below it", ha="center", fontsize=11, weight="bold")
     height = 0.86
     for layer, rooms in enumerate(ROOMS):
         width, y = 5.5 / len(rooms), 0.25 + layer * height
