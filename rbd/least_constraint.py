@@ -57,8 +57,9 @@ def solve(
         a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers
 
     It is Coulomb's too where every point with friction carries nothing or keeps still, with forces in the circular cones. Where
-    it is not, a solver with circular cones goes on from it: what slips is rubbed against its slip, and does not lift. Under the
-    convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` say what answered.
+    it is not, a solver with circular cones goes on from it: friction opposes the slip of a point, which stays on the ground.
+    Under the convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` say what
+    answered.
 
     Args:
         state: The robot at (q, v).
@@ -72,7 +73,7 @@ def solve(
             the same.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
         rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
-            carries nothing; one that slides faster rubs against its motion.
+            carries nothing; friction opposes the motion of one that slides faster.
 
     Returns:
         The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
@@ -123,6 +124,8 @@ def solve_problem(
 
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
+    if not isinstance(check, bool):
+        raise InputError(f"check is {check!r:.80}; expected True or False.")
     _refuse_moving(problem, solver)
     reason = solver.reason_unsupported(problem)
     if reason is not None:

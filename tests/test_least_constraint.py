@@ -383,3 +383,29 @@ def test_what_is_no_rows_is_refused(talos: rbd.Robot) -> None:
 
     with pytest.raises(InputError, match="constraint 'nothing' gave a NoneType in place of rbd.Rows"):
         rbd.solve(talos.standing(), np.zeros(talos.nu), [Nothing()])  # type: ignore[list-item]
+
+
+def test_rows_have_the_name_of_their_constraint():
+    """A constraint without a name, and one whose rows have another: both are refused, as in a simulation."""
+    state = rbd.load_robot("bolt").standing()
+
+    class Nameless:
+        def rows(self, state: rbd.State) -> rbd.Rows:
+            return rbd.Rows("somebody", np.zeros((1, state.robot.nv)), np.zeros(1), rbd.problem.Free(1))
+
+    class Other(Nameless):
+        name = "nobody"
+
+    for constraint, told in (
+        (Nameless(), "it wants a name and rows"),
+        (Other(), "the rows of constraint 'nobody' are named 'somebody'; expected its own name"),
+    ):
+        with pytest.raises(rbd.InputError, match=told):
+            rbd.solve(state, np.zeros(state.robot.nu), [constraint])
+
+
+def test_check_is_true_or_false():
+    """A word is no answer to it."""
+    state = rbd.load_robot("bolt").standing()
+    with pytest.raises(rbd.InputError, match="check is 'x'; expected True or False"):
+        rbd.solve(state, np.zeros(state.robot.nu), state.robot.feet(), check="x")

@@ -50,7 +50,7 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     """Each constraint's rows at a state, in order.
 
     Raises:
-        InputError: if something in the list is no constraint.
+        InputError: if something in the list is no constraint, or its rows have another name than it.
     """
     out = []
     for constraint in listed(constraints):
@@ -58,7 +58,12 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
             raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give contacts, e.g. robot.soles().")
         r = constraint.rows(state)
         if not isinstance(r, Rows):
-            raise InputError(f"constraint {constraint.name!r} gave a {type(r).__name__} in place of rbd.Rows.")
+            raise InputError(
+                f"constraint {getattr(constraint, 'name', constraint)!r:.80} gave a {type(r).__name__} in place of rbd.Rows."
+            )
+        if r.name != getattr(constraint, "name", None):
+            name = made(constraint).name
+            raise InputError(f"the rows of constraint {name!r:.80} are named {r.name!r:.80}; expected its own name.")
         out.append(r)
     return out
 

@@ -12,6 +12,7 @@ from rbd.arrays import Array, lazy, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import Controller, ExternalAt, asked
+from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, free_force
@@ -52,6 +53,20 @@ class Motion:
     def recorded(self, k: int, times: Sequence[float]) -> bool:
         """Whether the k-th sample is recorded: every so many, and the last."""
         return k % self.record_every == 0 or k == len(times) - 1
+
+    def reached(self, q: Array, v: Array, t: float) -> State:
+        """The state that a step leads to.
+
+        Raises:
+            NoSolution: it is beyond what a `State` takes.
+        """
+        try:
+            return State(self.robot, q, v)
+        except InputError as error:
+            raise NoSolution(
+                f"the motion of {self.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller step, and "
+                "look at what drives it."
+            ) from error
 
     def forces(self, state: State, t: float) -> tuple[Array, Array]:
         """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time.

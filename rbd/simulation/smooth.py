@@ -118,7 +118,7 @@ class SmoothMotion:
             NoSolution: the motion has grown beyond all bounds, or no acceleration satisfies the rows.
         """
         # Without anchors contacts are five times as fast, and their errors play no part here.
-        held = self._given.rows(self._state(q, v, t))
+        held = self._given.rows(self.motion.reached(q, v, t))
         if self._projection is not None and len(held.J) and self._solver.spread(held) < CLOSE:
             known = self._given is self._anchored
             held = self._projected(held if known else self._anchored.rows(held.state), self._projection, t)
@@ -130,7 +130,7 @@ class SmoothMotion:
         Raises:
             NoSolution: as `at`; or the constraints cannot be met.
         """
-        held = self._anchored.rows(self._state(q, v, t))
+        held = self._anchored.rows(self.motion.reached(q, v, t))
         if self._projection is not None and len(held.J):
             held = self._projected(held, self._projection, t)
         self._solver.learn(held)
@@ -156,7 +156,7 @@ class SmoothMotion:
             d = -solver.back(held, held.error, held.placed, damping=error) if error > 0.1 * enough else None
             v = state.v - solver.back(held, held.velocity, None)
             q = state.q if d is None else self.charts.at(state.q).q(shortened(d))
-            nearer = self._anchored.rows(self._state(q, v, t))
+            nearer = self._anchored.rows(self.motion.reached(q, v, t))
             if nearer.drift >= max(error, EXACT) and nearer.drift_rate >= max(rate, EXACT):
                 break
             held = nearer
@@ -201,15 +201,6 @@ class SmoothMotion:
             out[r.name] = ConstraintForce(found.forces[r.name], HOLDS, points, pushes)
         return out
 
-    def _state(self, q: Array, v: Array, t: float) -> State:
-        try:
-            return State(self.motion.robot, q, v)
-        except InputError as error:
-            raise NoSolution(
-                f"the motion of {self.motion.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller "
-                "step, and look at what drives it."
-            ) from error
-
     def _stage(self, held: StackedRows, t: float) -> Stage:
         tau, rhs = self.motion.forces(held.state, t)
         found = self._solver.acceleration(held, rhs, t)
@@ -243,7 +234,7 @@ class SmoothMotion:
             found = []
             for side in (e, -e):
                 xi = side * v + 0.5 * side * side * a
-                beside = self._anchored.rows(self._state(chart.q(xi), v + side * a, t))
+                beside = self._anchored.rows(self.motion.reached(chart.q(xi), v + side * a, t))
                 there = self._projected(beside, projection, t)
                 moved = pin.difference(self.motion.robot.model, beside.state.q, there.state.q)
                 if max_abs(moved) > AVOIDED * max_abs(xi) ** 2:

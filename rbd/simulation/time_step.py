@@ -253,7 +253,7 @@ class StepSystem:
         q_m = bases.moved(q, v, 0.5 * h)
         v, v_h = bases.carried((v, v_h), q, q_m)
         spin = bases.spin(v_h)
-        middle = self.points.at(State(self.robot, q_m, v_h), t + 0.5 * h)
+        middle = self.points.at(self.motion.reached(q_m, v_h, t + 0.5 * h), t + 0.5 * h)
         _, force = self.motion.forces(middle.state, t + 0.5 * h)
         offset = middle.velocity - middle.J @ (v_h + 0.5 * h * spin) + 0.5 * h * middle.bias
         rhs = middle.state.M @ (v + h * spin) + h * force
@@ -267,7 +267,7 @@ class StepSystem:
         answer = replace(answer, velocity=answer.velocity + wanted)
         q_end = bases.moved(q_m, answer.v, 0.5 * h)
         (v_end,) = bases.carried((answer.v,), q_m, q_end)
-        return WholeStep(h, self.points.at(State(self.robot, q_end, v_end), t + h), answer, middle)
+        return WholeStep(h, self.points.at(self.motion.reached(q_end, v_end, t + h), t + h), answer, middle)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """The rest of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""

@@ -131,3 +131,23 @@ def test_an_acceleration_that_is_not_finite_goes_no_further(bad):
         _run(_ByHand(bad))
     assert len(stopped.value.trajectory) == 1
     assert stopped.value.trajectory.a.tolist() == [[1.0, 2.0]]
+
+
+@INTEGRATORS
+def test_a_motion_that_runs_away_keeps_what_was_reached(integrator):
+    """A joint that is driven beyond 1e5 rad/s: the motion till then, and words on what to look at."""
+    start = rbd.State(chain(1), np.zeros(1))
+    torque = 3e5 * start.M[0, 0] / 0.1  # in a tenth of a second three times as fast as a State may be
+    with pytest.raises(
+        rbd.errors.SimulationStopped, match="beyond bounds at t = .*reaches .*look at what drives it"
+    ) as stopped:
+        rbd.simulate(
+            start,
+            duration=0.1,
+            step=0.01,
+            integrator=integrator,
+            controller=lambda state, t: np.array([torque]),
+            progress=False,
+        )
+    assert 0.0 < stopped.value.t <= 0.05 and stopped.value.trajectory.t[-1] == stopped.value.t
+    assert 1e4 < abs(stopped.value.state.v[0]) <= 1e5
