@@ -257,6 +257,13 @@ class TestWhatStandsOnTop:
         run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert run.stdout.split() == []
 
+    def test_the_command_line_loads_little_for_its_help(self):
+        """Neither Pinocchio nor SciPy, pictures or computer algebra: what a command needs is loaded when it runs."""
+        heavy = ("pinocchio", "scipy", "proxsuite", "meshcat", "matplotlib", "sympy", "yaml")
+        code = f"import sys, rbd.cli.app; print(*[m for m in {heavy} if m in sys.modules])"
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert run.stdout.split() == []
+
 
 def test_the_reader_of_imports_sees_lazy_ones_types_and_strings():
     """The tests above can fail."""
