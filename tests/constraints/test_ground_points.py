@@ -1,6 +1,7 @@
 """Contacts with the ground, measured together and one by one."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -220,7 +221,7 @@ def test_a_contact_kind_of_ones_own_has_the_resultants_of_its_corners(talos: rbd
         name = "mine"
 
         def rows(self, state: rbd.State) -> rbd.Rows:
-            return sole.rows(state)
+            return replace(sole.rows(state), name=self.name)
 
     rows, found = sole.rows(state), FromRows(Mine()).at(state, 0.0)
     G, _ = rows.cone.generators()
