@@ -3,11 +3,10 @@
 `import rbd` loads next to nothing: a name, or a sub-package, is loaded when it is first asked for.
 """
 
-from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from rbd.installation import VERSION as _VERSION, check_place as _check_place
-from rbd.modules import submodule as _submodule
+from rbd.modules import named as _named
 
 _check_place()  # another Pinocchio than ours is named before anything breaks
 
@@ -98,6 +97,7 @@ _NAMES = {
     """,
     "rbd.errors": "CannotHold InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
+    "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.problem.ground": "Body Ground",
@@ -115,18 +115,12 @@ _NAMES = {
 """What stands on top, by the module that it comes from; the imports above tell type checkers the same."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-__all__ = sorted([*_HOME, "dynamics"])  # noqa: PLE0605
+__all__ = sorted(_HOME)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
     """A name from its module, or a module of the package, when it is first asked for."""
-    if name in _HOME:
-        found = getattr(_import_module(_HOME[name]), name)
-    elif name == "dynamics":
-        found = _submodule("rbd.model", "dynamics")
-    else:
-        return _submodule("rbd", name)
-    globals()[name] = found
+    globals()[name] = found = _named(__name__, _HOME, name)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Checked arrays, vectors and scalars; small linear algebra, fast enough for every call; null spaces and ranks."""
+"""Checks of arrays, vectors and numbers; null spaces, ranks and other linear algebra of small matrices."""
 
 from __future__ import annotations
 

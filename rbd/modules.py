@@ -1,7 +1,8 @@
-"""Modules of a package, loaded when they are asked for: `rbd.robots.catalogue` after `import rbd`."""
+"""Modules and names of a package, loaded when they are asked for: `rbd.robots.catalogue` after `import rbd`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -17,3 +18,20 @@ def submodule(package: str, name: str) -> ModuleType:
     if name.startswith("__") or find_spec(full) is None:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
     return import_module(full)
+
+
+def named(package: str, homes: Mapping[str, str], name: str) -> object:
+    """A name of a package, from the module that defines it; else the package's module of this name.
+
+    Args:
+        package: The package.
+        homes: {name: the module that defines it}.
+        name: What is asked for.
+
+    Raises:
+        AttributeError: there is neither.
+    """
+    if name not in homes:
+        return submodule(package, name)
+    found: object = getattr(import_module(homes[name]), name)
+    return found

@@ -244,7 +244,7 @@ class _Collector:
         )  # fmt: skip
 
     def _corner_map(self, i: int, rows: Rows, kind: str) -> Array:
-        """What unit weights do at a contact's corners, or in the rows of what is none; zero of a patch that holds."""
+        """Maps weights to a contact's corner forces, or to row forces where there are no corners; zero for a held patch."""
         T, G = self.T, self.T.G[self.P.slices[rows.name]]
         if kind == "none":
             return G

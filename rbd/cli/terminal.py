@@ -99,7 +99,7 @@ def facts(title: str | None, rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def rounded(values: Array, digits: int) -> str:
-    """Numbers with so many digits, separated by commas."""
+    """The numbers rounded to this many digits, separated by commas."""
     # Rounding before adding zero turns -0.00 into 0.00
     return ", ".join(f"{x:.{digits}f}" for x in np.round(values, digits) + 0.0)
 

@@ -37,7 +37,7 @@ _LEVEL_M = 1e-7
 STEEP = 0.1
 """A rim that leans by more than this (sine) touches at its lowest point alone."""
 LOWEST = 8
-"""So many of the lowest points are always among those that are chosen: what touches is not lost for what does not."""
+"""When contact points are reduced to a few, this many of the lowest are always kept, so that none in contact is dropped."""
 DIRECTIONS = 8
 """Seen from above, the farthest point in each of so many directions is chosen too."""
 MOST_POINTS = LOWEST + DIRECTIONS
