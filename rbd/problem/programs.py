@@ -32,6 +32,11 @@ LEAST_SQUARES_PIVOTS = 10
 BOUNDED_STEPS = 200
 """Iterations of a least-squares problem between bounds. They need 10 to 30."""
 
+CONIC_STEPS = 200
+"""Iterations of Clarabel on one conic program. Robots need 8 to 30."""
+CONIC_SECONDS = 2.0
+"""Clock limit of one conic program [s]. Robots need milliseconds."""
+
 QP_STEPS = 300
 """Outer iterations of a quadratic program. Robots need 8 to 22, and a setting that needs 100 seldom ends at all."""
 QP_STEPS_LAST = 1000

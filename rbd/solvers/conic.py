@@ -1,0 +1,396 @@
+"""Quadratic programs with circular cones, solved by Newton's method and, where that does not end, by Clarabel.
+
+    minimise 1/2 x . H x + g . x     subject to     A x = b,   low <= C x <= high,   x in X
+
+X is a product of intervals [lower, upper] and of circular cones |x_t| <= mu x_n on triples of columns (tangent, tangent,
+normal). One sign: r = H x + g - A^T y - C^T z is what X answers with. x is the minimiser where
+
+    x = P_X(x - r),     A x = b,     C x = P_[low, high](C x - z)
+
+with P the projection: `Conic.miss` measures how far that is from true, and judges every answer. Newton's method on these
+equations [Qi1993] ends at rounding from a near start; Clarabel's interior-point method needs none, and tells when there is no x.
+Then it gives a certificate [Goulart2024]: (y, z) with r = -A^T y - C^T z, H and g left out, such that
+
+    y . b + least of z . s over s in [low, high] + least of r . x over x in X  >  0 ,
+
+while for every x the three terms with A x, C x and x themselves add up to zero: no x meets all three. This is the only file that
+imports Clarabel.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import lapack
+
+from rbd.arrays import Array, is_finite, lazy
+from rbd.problem.cone_programs import cone_slopes
+from rbd.problem.cones import project_cones, project_dual_cones
+from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome
+
+MET = 1e-11
+"""A miss up to this is rounding, of numbers around one."""
+_ROUNDING = 1e-14  # of numbers around one
+NEWTON_STEPS = 12
+"""Of Newton's method, before Clarabel is asked."""
+_NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
+_REACH = 1e6  # of a proof that is not improved
+_ENOUGH = 1e3  # of a proof
+_GAP = 1e-10
+_INWARD = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Conic:
+    """A program; its numbers should be around one.
+
+    Attributes:
+        H: Positive semidefinite, shape (n, n).
+        g: Shape (n,).
+        A: Shape (e, n).
+        b: Shape (e,).
+        C: Shape (q, n).
+        low: Shape (q,); -inf where there is none.
+        high: Shape (q,); inf where there is none.
+        lower: Shape (n,); -inf where there is none, and for the columns of cones.
+        upper: Likewise, inf.
+        cones: Columns (tangent, tangent, normal) of the cones, shape (k, 3).
+        mu: Their coefficients, above zero, shape (k,).
+    """
+
+    H: Array
+    g: Array
+    A: Array
+    b: Array
+    C: Array
+    low: Array
+    high: Array
+    lower: Array
+    upper: Array
+    cones: Array
+    mu: Array
+
+    @classmethod
+    def of(
+        cls, H: Array, g: Array, A: Array, b: Array, lower: Array, upper: Array, cones: Array, mu: Array,
+        C: Array | None = None, low: Array | None = None, high: Array | None = None,
+    ) -> Conic:  # fmt: skip
+        """A program, perhaps without rows between bounds."""
+        n = len(g)
+        q = 0 if C is None else len(C)
+        return cls(
+            H, g, A, b, np.zeros((0, n)) if C is None else C,
+            np.full(q, -math.inf) if low is None else low, np.full(q, math.inf) if high is None else high,
+            lower, upper, cones, mu,
+        )  # fmt: skip
+
+    def project(self, x: Array) -> Array:
+        """The nearest point of X."""
+        out = np.minimum(np.maximum(x, self.lower), self.upper)
+        if len(self.mu):
+            out[self.cones] = project_cones(x[self.cones], self.mu)
+        return out
+
+    def answer_of_X(self, x: Array, y: Array, z: Array) -> Array:
+        """R = H x + g - A^T y - C^T z, shape (n,)."""
+        return np.asarray(self.H @ x + self.g - y @ self.A - z @ self.C)
+
+    def equations(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+        """What is left of the three equations, shapes (n,), (e,), (q,)."""
+        s = self.C @ x
+        return (
+            x - self.project(x - self.answer_of_X(x, y, z)),
+            self.A @ x - self.b,
+            s - np.minimum(np.maximum(s - z, self.low), self.high),
+        )
+
+    def miss(self, x: Array, y: Array, z: Array) -> float:
+        """Largest entry of what is left of the equations; infinite of NaN."""
+        if not (is_finite(x) and is_finite(y) and is_finite(z)):
+            return math.inf
+        return max(float(np.abs(part).max(initial=0.0)) for part in self.equations(x, y, z))
+
+    def outside(self, x: Array) -> float:
+        """Largest violation of A x = b, of the rows' bounds and of X; infinite of NaN."""
+        if not is_finite(x):
+            return math.inf
+        s = self.C @ x
+        parts = (x - self.project(x), self.A @ x - self.b, np.maximum(self.low - s, s - self.high))
+        return max(float(part.max(initial=0.0)) for part in (np.abs(parts[0]), np.abs(parts[1]), parts[2]))
+
+    def value(self, x: Array) -> float:
+        """1/2 x . H x + g . x."""
+        return float(0.5 * x @ self.H @ x + self.g @ x)
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """Why there is no x: a combination of the equations and bounds that no x meets.
+
+    Attributes:
+        y: Multipliers of A x = b, shape (e,), the largest of all multipliers being one.
+        z: Multipliers of the rows between bounds, shape (q,).
+        gap: What is left between the two sides; positive.
+        reach: The combination is a proof for all x whose entries add up to less than this, in absolute value: infinite where
+            rounding leaves nothing outside.
+    """
+
+    y: Array
+    z: Array
+    gap: float
+    reach: float
+
+    @classmethod
+    def of(cls, program: Conic, y: Array, z: Array) -> Certificate | None:
+        """Checked; None where it proves nothing."""
+        z = np.where((z > 0.0) & ~np.isfinite(program.low) | (z < 0.0) & ~np.isfinite(program.high), 0.0, z)
+        r = -(y @ program.A) - z @ program.C
+        size = max(float(np.abs(part).max(initial=0.0)) for part in (y, z, r))
+        if not (is_finite(r) and size > 0.0):
+            return None
+        y, z, r = y / size, z / size, r / size
+        bound = np.where(r > 0.0, program.lower, program.upper)
+        free = ~np.isfinite(bound)
+        bound = np.where(free, 0.0, bound)
+        out = np.where(free, np.abs(r), 0.0)
+        if len(program.mu):
+            R = r[program.cones]
+            out[program.cones] = np.abs(R - project_dual_cones(R, program.mu))
+            bound[program.cones] = 0.0
+        side = np.where(z > 0.0, program.low, program.high)
+        gap = float(y @ program.b + z @ np.where(z == 0.0, 0.0, side) + r @ bound)
+        left = float(out.max(initial=0.0))
+        return cls(y, z, gap, gap / left if left > 0.0 else math.inf) if gap > 0.0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class ConicAnswer:
+    """What was found.
+
+    Attributes:
+        program: What was solved.
+        outcome: How it ended; x, y, z are the best that was found where that is NOT_FOUND.
+        x: Shape (n,), inside X to rounding.
+        y: Multipliers of A x = b, shape (e,).
+        z: Multipliers of the rows between bounds, shape (q,): positive where the lower bound holds.
+        method: "Newton" or "Clarabel".
+        iterations: Of that method.
+        certificate: Where there is no x, the proof, or None where rounding spoils it.
+    """
+
+    program: Conic
+    outcome: Outcome
+    x: Array
+    y: Array
+    z: Array
+    method: str
+    iterations: int
+    certificate: Certificate | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether x is the minimiser."""
+        return self.outcome is Outcome.SOLVED
+
+    @lazy
+    def miss(self) -> float:
+        """`Conic.miss` of it."""
+        return self.program.miss(self.x, self.y, self.z)
+
+
+def solve_conic(program: Conic, *, newton: bool = True, tolerance: float = 1e-9) -> ConicAnswer:
+    """The minimiser, or that there is none.
+
+    Args:
+        program: The program.
+        newton: Try Newton's method first: for an objective that is strictly convex where A x = 0.
+        tolerance: Largest miss of an answer that is called solved.
+    """
+    quick = _by_newton(program) if newton else None
+    if quick is not None:
+        return quick
+    return _by_clarabel(program, tolerance)
+
+
+def _by_newton(program: Conic) -> ConicAnswer | None:
+    """From the minimiser of the equations alone; None where it does not end."""
+    e, n = program.A.shape
+    K = np.zeros((n + e, n + e))
+    K[:n, :n], K[:n, n:], K[n:, :n] = program.H, -program.A.T, program.A
+    _, _, found, info = lapack.dgesv(K, np.concatenate([-program.g, program.b]))
+    if info != 0 or not is_finite(found):
+        return None
+    x, y, z = found[:n], found[n:], np.zeros(len(program.C))
+    return newton_steps(program, x, y, z)
+
+
+def newton_steps(program: Conic, x: Array, y: Array, z: Array, steps: int = NEWTON_STEPS) -> ConicAnswer | None:
+    """Newton's method from a point; None where it does not end at a miss of rounding."""
+    e, n = program.A.shape
+    best: tuple[float, int, Array, Array, Array] | None = None
+    for count in range(steps + 1):
+        s, r = program.C @ x, program.answer_of_X(x, y, z)
+        p, t = x - r, s - z
+        inside = program.project(p)
+        off = x - inside, program.A @ x - program.b, s - np.minimum(np.maximum(t, program.low), program.high)
+        miss = max(float(np.abs(part).max(initial=0.0)) for part in off)
+        if best is None or miss < best[0]:
+            best = miss, count, x, y, z
+        if (
+            miss <= _ROUNDING
+            or count == steps
+            or not miss < 1e3 * max(best[0], 1.0)
+            or (best[0] <= MET and count > best[1] + 1)
+        ):
+            break
+        # d off = [(I - V) + V H, -V A^T, -V C^T; A, 0, 0; (I - D) C, 0, D] with V, D the slopes of the projections: where a row
+        # is between its bounds, z becomes 0, and its equation is left out.
+        held = (t <= program.low) | (t >= program.high)
+        E = np.vstack([program.A, program.C[held]])
+        V = _slope(program, p)
+        m = len(E)
+        K = np.zeros((n + m, n + m))
+        K[:n, :n] = V @ program.H
+        K[:n, :n] -= V
+        K.flat[: n * (n + m) : n + m + 1] += 1.0
+        K[:n, n:] = -V @ E.T
+        K[n:, :n] = E
+        right = np.concatenate([-off[0], -off[1], -off[2][held]])
+        if z.any() and not held.all():  # the others' z goes to zero with this step
+            right[:n] -= V @ (z[~held] @ program.C[~held])
+        _, _, step, info = lapack.dgesv(K, right)
+        if info != 0 or not is_finite(step):
+            step = np.linalg.lstsq(K, right, rcond=1e-14)[0]
+        x, y = x + step[:n], y + step[n : n + e]
+        z = np.where(held, z, 0.0)
+        z[held] += step[n + e :]
+    assert best is not None
+    _, count, x, y, z = best
+    x = program.project(x)
+    if program.miss(x, y, z) > MET:
+        return None
+    return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count)
+
+
+def _slope(program: Conic, p: Array) -> Array:
+    """Derivative of the projection on X at p, shape (n, n)."""
+    inside = (p > program.lower) & (p < program.upper)
+    V = np.zeros((len(p), len(p)))
+    V.flat[:: len(p) + 1] = inside
+    if len(program.mu):
+        at = program.cones
+        V[at[:, :, None], at[:, None, :]] = cone_slopes(p[at], program.mu)
+    return V
+
+
+# ------------------------------------------------------------------------------------------------------------------- Clarabel
+
+_STATUS = {"PrimalInfeasible": Outcome.INFEASIBLE, "DualInfeasible": Outcome.UNBOUNDED}
+
+
+def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
+    """By the interior-point method, then Newton's from its point; where it does not know, a proof is looked for."""
+    found = _interior_point(program)
+    if found.outcome is Outcome.INFEASIBLE:
+        proof = Certificate.of(program, found.y, found.z)
+        if proof is not None and proof.reach >= _REACH and proof.gap > _GAP:
+            return replace(found, certificate=proof)
+    elif found.outcome is Outcome.UNBOUNDED:
+        return found
+    elif (better := _settled(program, found, tolerance)) is not None:
+        return better
+    proof = _refuted(program)
+    return found if proof is None else replace(found, outcome=Outcome.INFEASIBLE, certificate=proof)
+
+
+def _settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
+    """The answer made exact by Newton's method, or as it is where it is good enough; None where it is no answer."""
+    miss = program.miss(found.x, found.y, found.z)
+    if miss <= _NEAR and (better := newton_steps(program, found.x, found.y, found.z)) is not None:
+        return replace(better, method=found.method, iterations=found.iterations)
+    return replace(found, outcome=Outcome.SOLVED) if miss <= tolerance else None
+
+
+def _refuted(program: Conic) -> Certificate | None:
+    """The proof that no x meets the rows with the largest gap, of multipliers up to one; None where none is found."""
+    e, n = program.A.shape
+    row_down, row_up = np.isfinite(program.low), np.isfinite(program.high)
+    down, up = np.isfinite(program.lower), np.isfinite(program.upper)
+    flat = program.cones.ravel()
+    I, below, above = np.eye(n), int(row_down.sum()), int(row_up.sum())
+    # Columns: y, z of lower and of upper bounds of rows, r of lower and of upper bounds of x, r of cones.
+    A = np.hstack([program.A.T, program.C[row_down].T, -program.C[row_up].T, I[:, down], -I[:, up], I[:, flat]])
+    gain = np.concatenate(
+        [program.b, program.low[row_down], -program.high[row_up], program.lower[down], -program.upper[up], np.zeros(len(flat))]
+    )
+    size, first = len(gain), len(gain) - len(flat)
+    lower, upper = np.zeros(size), np.ones(size)
+    lower[:e] = -1.0
+    upper[e + below + above :] = math.inf
+    lower[first:] = -math.inf
+    cones = first + np.arange(len(flat)).reshape(-1, 3)
+    inward = np.zeros(n)
+    inward[down & ~up] = _INWARD
+    inward[program.cones[:, 2]] = _INWARD * np.maximum(1.0, program.mu)
+    for shift in (inward, np.zeros(n)):  # r inside of what it must be by more than rounding, if that can be
+        dual = Conic.of(np.zeros((size, size)), -gain, A, -shift, lower, upper, cones, 1.0 / program.mu)
+        found = _interior_point(dual)
+        z = np.zeros(len(program.C))
+        z[row_down] += found.x[e : e + below]
+        z[row_up] -= found.x[e + below : e + below + above]
+        proof = Certificate.of(program, found.x[:e], z)
+        if proof is not None and proof.reach >= _ENOUGH and proof.gap > _GAP:
+            return proof
+    return None
+
+
+def _interior_point(program: Conic) -> ConicAnswer:
+    """What Clarabel says: as outcome, INFEASIBLE or UNBOUNDED; else NOT_FOUND, judged by nobody."""
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    e, n = program.A.shape
+    q = len(program.C)
+    free = program.lower < program.upper
+    given = np.where(free, 0.0, program.lower)
+    nothing = ConicAnswer(program, Outcome.NOT_FOUND, given, np.zeros(e), np.zeros(q), "Clarabel", 0)
+    # Clarabel: minimise 1/2 x P x + q x with M x + s = h, s in a product of cones; then P x + q + M^T u = 0, u in their duals.
+    I, flat = np.eye(n), program.cones.ravel()
+    bounded = free.copy()
+    bounded[flat] = False
+    down, up = bounded & np.isfinite(program.lower), bounded & np.isfinite(program.upper)
+    row_down, row_up = np.isfinite(program.low), np.isfinite(program.high)
+    cones = -I[program.cones]  # (k, 3, n), tangent, tangent, normal; Clarabel has the axis first, of slope one
+    cones[:, 2] *= program.mu[:, None]
+    rows = [program.A, -program.C[row_down], program.C[row_up], -I[down], I[up], cones[:, [2, 0, 1]].reshape(-1, n)]
+    side = [
+        program.b, -program.low[row_down], program.high[row_up], -program.lower[down], program.upper[up],
+        np.zeros(len(flat)),
+    ]  # fmt: skip
+    M = np.vstack(rows)
+    h = np.concatenate(side) - M @ given
+    P, g = np.triu(program.H[np.ix_(free, free)]), (program.g + program.H @ given)[free]
+    if not free.any() or not (is_finite(M) and is_finite(h) and is_finite(P) and is_finite(g)):
+        return nothing
+    sizes = [len(part) for part in side]
+    kinds = [clarabel.ZeroConeT(e), clarabel.NonnegativeConeT(sum(sizes[1:5]))]
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.max_iter, settings.time_limit = CONIC_STEPS, CONIC_SECONDS
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-10
+    found = clarabel.DefaultSolver(
+        csc_matrix(P), g, csc_matrix(M[:, free]), h, kinds + [clarabel.SecondOrderConeT(3)] * len(program.mu), settings
+    ).solve()
+    x, u = given.copy(), np.asarray(found.z)
+    x[free] = np.asarray(found.x)
+    if not (is_finite(x) and is_finite(u)):
+        return nothing
+    ends = np.cumsum(sizes)
+    z = np.zeros(q)
+    z[row_down] += u[ends[0] : ends[1]]
+    z[row_up] -= u[ends[1] : ends[2]]
+    outcome = _STATUS.get(str(found.status).removeprefix("Almost"), Outcome.NOT_FOUND)
+    return ConicAnswer(program, outcome, program.project(x), -u[:e], z, "Clarabel", int(found.iterations))
