@@ -149,18 +149,18 @@ class ForceSet:
             firsts += [first] * (facets or 1)
             elements.append(Element(e.rows, e.number, e.shape, slice(at, len(firsts)), e.source, facets))
         E = block_diagonal(rays)
-        G = _locked(self.G @ E)
+        G = locked(self.G @ E)
         return ForceSet(
             G,
-            G if self.H is self.G else _locked(self.H @ E),
-            _locked(self.offset @ E),
-            _locked(np.where(np.isin(firsts, self.cone_at), 0.0, self.lower[firsts])),
-            _locked(self.upper[firsts]),
+            G if self.H is self.G else locked(self.H @ E),
+            locked(self.offset @ E),
+            locked(np.where(np.isin(firsts, self.cone_at), 0.0, self.lower[firsts])),
+            locked(self.upper[firsts]),
             np.zeros(0, int),
             np.zeros(0),
-            _locked(E.T @ self.push),
+            locked(E.T @ self.push),
             tuple(elements),
-            _slices(elements, len(self.slices)),
+            column_slices(elements, len(self.slices)),
             tuple([replace(s, column=new[s.column]) for s in self.sliding]),
             self.openings,
             self.impact,
@@ -364,20 +364,20 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
             pull.append(felt[:, 3 - shape.dim :].T)
             at = source.stop
     E = block_diagonal(pull)  # of the accelerations; of the forces it is another where points slide
-    H = _locked(B @ E)
+    H = locked(B @ E)
     lower_all, upper_all = np.array(bounds).reshape(-1, 2).T
     round_ones = [e for e in elements if e.is_cone]
     return ForceSet(
-        _locked(B @ block_diagonal(blocks)) if judge.sliding else H,
+        locked(B @ block_diagonal(blocks)) if judge.sliding else H,
         H,
-        _locked(inward @ E),
-        _locked(lower_all.copy()),
-        _locked(upper_all.copy()),
-        _locked(np.array([e.columns.start for e in round_ones], int)),
-        _locked(np.array([e.mu for e in round_ones])),
-        _locked(np.vstack(push)),
+        locked(inward @ E),
+        locked(lower_all.copy()),
+        locked(upper_all.copy()),
+        locked(np.array([e.columns.start for e in round_ones], int)),
+        locked(np.array([e.mu for e in round_ones])),
+        locked(np.vstack(push)),
         tuple(elements),
-        _slices(elements, len(cones)),
+        column_slices(elements, len(cones)),
         tuple(judge.sliding),
         tuple(judge.openings),
         judge.impact,
@@ -387,7 +387,7 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
 _rays, _ONE, _NO_POINTS = lru_cache(maxsize=64)(pyramid), np.ones((1, 1)), np.zeros((0, 3))
 
 
-def _slices(elements: Sequence[Element], count: int) -> tuple[slice, ...]:
+def column_slices(elements: Sequence[Element], count: int) -> tuple[slice, ...]:
     """The columns of each of so many constraints."""
     widths = [0] * count
     for e in elements:
@@ -395,6 +395,7 @@ def _slices(elements: Sequence[Element], count: int) -> tuple[slice, ...]:
     return tuple([slice(i, j) for i, j in pairwise(accumulate(widths, initial=0))])
 
 
-def _locked(array: Array) -> Array:
+def locked(array: Array) -> Array:
+    """The array itself, read-only."""
     array.flags.writeable = False  # kept for the next problem
     return array

@@ -8,13 +8,13 @@ normal). One sign: r = H x + g - A^T y - C^T z is what X answers with. x is the 
     x = P_X(x - r),     A x = b,     C x = P_[low, high](C x - z)
 
 with P the projection: `Conic.miss` measures how far that is from true, and judges every answer. Newton's method on these
-equations [Qi1993] ends at rounding from a near start; Clarabel's interior-point method needs none, and tells when there is no x.
-Then it gives a certificate [Goulart2024]: (y, z) with r = -A^T y - C^T z, H and g left out, such that
+equations [Qi1993] ends at rounding from a near start; Clarabel's interior-point method needs none, and tells when there is no
+x. Then it gives a certificate [Goulart2024]: (y, z) with r = -A^T y - C^T z, H and g left out, such that
 
     y . b + least of z . s over s in [low, high] + least of r . x over x in X  >  0 ,
 
-while for every x the three terms with A x, C x and x themselves add up to zero: no x meets all three. This is the only file that
-imports Clarabel.
+while for every x the three terms with A x, C x and x themselves add up to zero: no x meets all three. This is the only file
+that imports Clarabel.
 """
 
 from __future__ import annotations

@@ -1,0 +1,162 @@
+"""The forces that a motion allows, point by point: Coulomb's law read from the motion to the force.
+
+With y the acceleration that a weight of the force set answers to (c = J a + J_dot v, of a point in contact axes):
+
+    keeps still     c = 0                     any force of its cone
+    opens           c_n > 0                   f = 0
+    starts to slip  c_n = 0, c_t != 0         f = N (-mu c_t / |c_t|, 1), N >= 0
+    slides already  c_n = 0, u_t != 0         f = N (-mu u_t / |u_t|, 1), N >= 0
+    sinks           c_n < 0                   none: nothing moves so
+    holds           c = 0 of a bilateral row  any force; c != 0: nothing moves so
+    yields          an interval               its bound: low where c > 0, high where c < 0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import hypot, inf
+
+import numpy as np
+
+from rbd.arrays import Array, block_diagonal
+from rbd.problem.cones import SecondOrderCone
+from rbd.problem.force_set import Element, ForceSet, column_slices, locked
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A row or point that cannot move as wanted.
+
+    Attributes:
+        rows: Number of its constraint.
+        number: Its number among the elements of its constraint.
+        of: How many its constraint has.
+        holds: Whether it is a bilateral row; else a point that sinks.
+        acceleration: c, or c_n [m/s2, rad/s2].
+    """
+
+    rows: int
+    number: int
+    of: int
+    holds: bool
+    acceleration: float
+
+
+def allowed_forces(sets: ForceSet, y: Array, still: Array, margin: float = 0.0) -> tuple[ForceSet, tuple[Refused, ...]]:
+    """The sets of the forces that go with the accelerations y, and what moves as nothing does.
+
+    Args:
+        sets: The force sets, circular cones as they are, their velocities regarded.
+        y: Accelerations of the columns, shape (p,).
+        still: What counts as zero of each, shape (p,).
+        margin: Friction of points that keep still stays within 1 - margin of the cone.
+    """
+    if (np.abs(y) <= still).all():
+        return narrowed(sets, margin), ()
+    changed: dict[int, _Choice] = {}
+    refused = []
+    counts: dict[int, int] = {}
+    for e in sets.elements:
+        counts[e.rows] = counts.get(e.rows, 0) + 1
+    for i, e in enumerate(sets.elements):
+        at = e.columns.start
+        if e.is_cone:
+            (t, s, n), normal = y[e.columns].tolist(), float(still[at + 2])
+            slip = hypot(t, s)
+            if n < -normal:
+                refused.append(Refused(e.rows, e.number, counts[e.rows], False, n))
+            elif n > normal:
+                changed[i] = _Choice(_AXIS, 0.0, 0.0)
+            elif slip > still[at]:
+                changed[i] = _Choice(np.array([[-e.mu * t / slip], [-e.mu * s / slip], [1.0]]), 0.0, inf)
+            continue
+        for j in range(at, e.columns.stop):
+            low, high, c = float(sets.lower[j]), float(sets.upper[j]), float(y[j])
+            if abs(c) <= still[j] or low == high:
+                continue
+            bound = low if c > 0.0 else high
+            if abs(bound) < inf:
+                changed[i] = _Choice(_ONE, bound, bound)
+            else:
+                refused.append(Refused(e.rows, e.number, counts[e.rows], low == -inf and high == inf, c))
+    return _chosen(sets, changed, margin), tuple(refused)
+
+
+@lru_cache(maxsize=256)
+def narrowed(sets: ForceSet, margin: float) -> ForceSet:
+    """The same with friction within 1 - margin of its cones; itself without a margin."""
+    return _chosen(sets, {}, margin) if margin and len(sets.mu) else sets
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """What is left of an element: its old columns by new ones, and the bounds of these."""
+
+    columns: Array
+    lower: float
+    upper: float
+
+
+_AXIS, _ONE = np.array([[0.0], [0.0], [1.0]]), np.ones((1, 1))
+
+
+def _chosen(sets: ForceSet, changed: dict[int, _Choice], margin: float) -> ForceSet:
+    """The sets with some elements' columns exchanged, and other cones narrowed."""
+    blocks, elements = list[Array](), list[Element]()
+    lower, upper, cone_at, mu = list[float](), list[float](), list[int](), list[float]()
+    new: dict[int, int] = {}
+    for i, e in enumerate(sets.elements):
+        first, choice, shape = len(lower), changed.get(i), e.shape
+        new[e.columns.start] = first
+        if choice is None:
+            blocks.append(np.eye(e.size))
+            lower += sets.lower[e.columns].tolist()
+            upper += sets.upper[e.columns].tolist()
+            if e.is_cone and isinstance(shape, SecondOrderCone):
+                shape = SecondOrderCone(shape.mu * (1.0 - margin), shape.facets)
+                cone_at.append(first)
+                mu.append(shape.mu)
+        else:
+            blocks.append(choice.columns)
+            lower.append(choice.lower)
+            upper.append(choice.upper)
+        elements.append(replace(e, shape=shape, columns=slice(first, len(lower))))
+    E = block_diagonal(blocks)
+    return ForceSet(
+        locked(sets.G @ E),
+        locked(sets.H @ E),
+        locked(sets.offset @ E),
+        locked(np.array(lower)),
+        locked(np.array(upper)),
+        locked(np.array(cone_at, int)),
+        locked(np.array(mu)),
+        locked(E.T @ sets.push),
+        tuple(elements),
+        column_slices(elements, len(sets.slices)),
+        tuple([replace(s, column=new[s.column]) for s in sets.sliding]),
+        sets.openings,
+        sets.impact,
+    )
+
+
+def refusal_words(refused: Sequence[Refused], names: Sequence[str]) -> str:
+    """E.g. "'left_sole' (point 2 of 4) sinks at 0.3 m/s2 and 'loop' accelerates at 0.1 m/s2": the worst of each constraint."""
+    worst: dict[int, Refused] = {}
+    for one in refused:
+        if one.rows not in worst or abs(one.acceleration) > abs(worst[one.rows].acceleration):
+            worst[one.rows] = one
+    told = []
+    for one in list(worst.values())[:6]:
+        does = "is held, and would accelerate" if one.holds else f"(point {one.number + 1} of {one.of}) would sink"
+        told.append(f"{names[one.rows]!r:.80} {does} at {abs(one.acceleration):.3g}")
+    return ", ".join(told) + (f" and {len(worst) - 6} more" if len(worst) > 6 else "")
+
+
+def given_weights(sets: ForceSet, allowed: ForceSet, w: Array) -> Array:
+    """Weights of the sets that `allowed` was made of, shape (p,), from those of `allowed`, or of its pyramids."""
+    out = np.empty(sets.size)
+    for old, new in zip(sets.elements, allowed.elements, strict=True):
+        out[old.columns] = w[new.columns] @ allowed.push[new.columns] if old.is_cone else w[new.columns]
+    return out

@@ -1,0 +1,104 @@
+"""`Loads`: what contact forces must balance, at motors and where no motor is, in numbers around one.
+
+    M a + h - tau_ext = S^T tau + J^T G w      the equations of motion, for a wanted motion (at rest: a = 0, v = 0)
+    A x = b                                    its rows without a motor: bases and passive joints; x = w / unit
+    tau / limit = t - T x                      its rows with one
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, lazy
+from rbd.model.state import State
+from rbd.problem.force_set import ForceSet
+from rbd.problem.rows import Rows
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """The equations of motion of a wanted motion, with the sets of the forces that it allows.
+
+    Attributes:
+        state: The robot at (q, v).
+        rows: The rows of the contacts and other constraints.
+        sets: The forces that may act, as weights on p columns: f = G w.
+        need: M a + h - tau_ext, shape (nv,) [N, N m]: what torques and forces must come to.
+    """
+
+    state: State
+    rows: Sequence[Rows]
+    sets: ForceSet
+    need: Array
+
+    @lazy
+    def unit(self) -> float:
+        """The body weight [N]; 1 without gravity."""
+        robot = self.state.robot
+        return robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
+
+    @lazy
+    def J(self) -> Array:
+        """Stacked Jacobian, shape (m, nv)."""
+        return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.state.robot.nv))
+
+    @lazy
+    def per_weight(self) -> Array:
+        """Generalised forces of unit weights, J^T G, shape (nv, p)."""
+        return np.asarray(self.J.T @ self.sets.G)
+
+    @lazy
+    def limit(self) -> Array:
+        """Effort limits, shape (nu,); without a stated one the body weight times one metre."""
+        limit = self.state.robot.effort_limit
+        return np.where(np.isfinite(limit), limit, self.unit)
+
+    @lazy
+    def limited(self) -> Array:
+        """Which motors have a stated limit, shape (nu,), of truth values."""
+        return np.isfinite(self.state.robot.effort_limit)
+
+    @lazy
+    def row_size(self) -> Array:
+        """What the rows without motors are divided by, shape (e,): a passive finger is balanced as well as a base."""
+        still = self.state.robot.unactuated
+        top = np.maximum(np.abs(self.per_weight[still]).max(axis=1, initial=0.0), np.abs(self.need[still]) / self.unit)
+        return np.where(top > 0.0, top, 1.0)
+
+    @lazy
+    def A(self) -> Array:
+        """Rows without motors, of weights over the unit, shape (e, p)."""
+        return self.per_weight[self.state.robot.unactuated] / self.row_size[:, None]
+
+    @lazy
+    def b(self) -> Array:
+        """What they must come to, shape (e,)."""
+        return self.need[self.state.robot.unactuated] / (self.row_size * self.unit)
+
+    @lazy
+    def T(self) -> Array:
+        """Torques over their limits that a unit of each weight carries, shape (nu, p)."""
+        return self.per_weight[self.state.robot.motors] * (self.unit / self.limit)[:, None]
+
+    @lazy
+    def t(self) -> Array:
+        """Torques over their limits without contact forces, shape (nu,)."""
+        return self.need[self.state.robot.motors] / self.limit
+
+    @lazy
+    def lower(self) -> Array:
+        """Lower bounds of weights over the unit, shape (p,)."""
+        return self.sets.lower / self.unit
+
+    @lazy
+    def upper(self) -> Array:
+        """Upper bounds, likewise."""
+        return self.sets.upper / self.unit
+
+    def torques(self, w: Array) -> tuple[Array, Array]:
+        """(tau, left): motor torques beside the weights w [N], and what is left where no motor is, shapes (nu,) and (e,)."""
+        load = self.need - self.per_weight @ w
+        return load[self.state.robot.actuated], load[self.state.robot.unactuated]
