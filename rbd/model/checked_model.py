@@ -46,6 +46,7 @@ class CheckedModel:
         actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
         actuated: Indices in v of the actuated coordinates, shape (nu,).
         motors: The same as a slice where they follow each other, which is faster.
+        unactuated: The other indices in v, of bases and passive joints, ascending.
         actuated_names: Their joints' names, in the order of tau.
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
         bases: Indices of the free-flyers that all bodies hang from, one a robot; empty if anything is fixed to the world.

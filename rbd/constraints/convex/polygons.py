@@ -58,6 +58,20 @@ def inside_distance(point: Array, hull: Array) -> float:
     return distance if inside else -distance
 
 
+def half_planes(hull: Array) -> tuple[Array, Array]:
+    """(normals, offsets): the hull is where normals p >= offsets, shapes (h, 2) and (h,); normals point inward, of length one.
+
+    Of two corners, a line, the two rows bound its ends and leave the direction across it free.
+
+    Args:
+        hull: As `convex_hull` gives it, of two corners or more.
+    """
+    along = np.roll(hull, -1, axis=0) - hull
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    normals = along if len(hull) == 2 else np.column_stack([-along[:, 1], along[:, 0]])
+    return normals, np.einsum("ij,ij->i", normals, hull)
+
+
 def outline(points: Sequence[Point]) -> list[int]:
     """Numbers of the corners of the convex hull, counterclockwise; two of points on a line, one where all are the same."""
     order = sorted(range(len(points)), key=lambda i: points[i])

@@ -1,0 +1,258 @@
+"""`Actuation`: motor torques and contact forces of a wanted motion, with their margins, residuals and what is unique of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array, lazy, null_space, rank_of
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.least_constraint import momentum_balance
+from rbd.model.dynamics import External, free_force
+from rbd.model.state import State
+from rbd.problem.allowed_forces import given_weights
+from rbd.problem.answer import Answer, ContactForce, Status, corner_split
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.problem import COULOMB, GaussProblem
+from rbd.problem.residuals import Residuals
+from rbd.problem.rows import Rows
+from rbd.solution import Solution
+from rbd.solvers.conic import Conic, solve_conic
+from rbd.statics.effort import Effort
+from rbd.statics.loads import Loads
+
+CHOICE = "least effort"
+"""`force_choice` of an actuation's forces."""
+_INSIDE = 1e-6  # of a force that is inside its cone, or a torque within its limit, over the body weight, or the limit
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """How far an actuation is from each limit; zero is at the limit.
+
+    Attributes:
+        torque: 1 - |tau| / limit of each motor, shape (nu,); 1 where the file states no limit.
+        friction: {contact: 1 - |f_t| / (mu f_n)} of its net force; contacts without a coefficient are left out, and those that
+            carry nothing.
+        corner_friction: {contact: the same of each corner, shape (k,)}; NaN of a corner that carries nothing.
+        centre_of_pressure: {surface: distance of the centre of pressure from the patch's edge [m], positive inside}.
+    """
+
+    torque: Array
+    friction: dict[str, float]
+    corner_friction: dict[str, Array]
+    centre_of_pressure: dict[str, float]
+
+
+@dataclass(frozen=True)
+class ActuationUniqueness:
+    """How many directions of torques and forces make the same motion, with everything inside its limits.
+
+    Attributes:
+        torques: Dimension of the set of torques that bring the motion; 0: they are unique.
+        forces: Of the row forces of the constraints.
+        corner_forces: Of the forces at the corners of the contacts.
+        inside: Whether some torques and forces are strictly within all limits, so that these are the dimensions; else they
+            are upper bounds: at a limit there may be fewer.
+    """
+
+    torques: int
+    forces: int
+    corner_forces: int
+    inside: bool
+
+    def __str__(self) -> str:
+        most = "" if self.inside else "at most "
+        words = [
+            f"{name} {'unique' if not n else f'{most}{n}-dimensional'}"
+            for name, n in (("torques", self.torques), ("forces", self.forces), ("corner forces", self.corner_forces))
+        ]
+        return ", ".join(words)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Actuation:
+    """Motor torques and contact forces with which a robot moves as wanted: M a + h = S^T tau + tau_ext + J^T f.
+
+    Attributes:
+        state: The robot at (q, v).
+        a: Its acceleration, shape (nv,) [m/s2, rad/s2].
+        tau: Motor torques, shape (nu,) [N, N m]; nothing on the base or on passive joints.
+        weights: Weights of the forces that the motion allows, shape (p,) [N].
+        loads: The equations of motion, and the sets of these weights.
+        constraints: The contacts and other constraints that were given.
+        external: Other forces, as given.
+        effort: What was made least.
+        margin: Friction of points that keep still stays within 1 - margin of its cone.
+        program: The conic program that was solved.
+        iterations: How many steps it took.
+        method: "Newton" or "Clarabel".
+    """
+
+    state: State
+    a: Array
+    tau: Array
+    weights: Array
+    loads: Loads
+    constraints: Sequence[Constraint]
+    external: External
+    effort: Effort
+    margin: float
+    program: Conic
+    iterations: int
+    method: str
+
+    @property
+    def rows(self) -> Sequence[Rows]:
+        """The constraints' rows, for pictures and tables."""
+        return self.loads.rows
+
+    @lazy
+    def solution(self) -> Solution:
+        """The same motion and forces as an answer of Coulomb's law under these torques, with all that can be said of it."""
+        rhs, wrench = free_force(self.state, self.tau, self.external)
+        rows, sets = self.rows, self.loads.sets
+        loose = any(r.resultant is None or r.patch is None for r in rows)
+        balance = momentum_balance(self.state, wrench, with_base=loose)
+        problem = GaussProblem(self.state.M, rhs, rows, balance, from_state=self.state.robot.sound)
+        weights = given_weights(problem.force_set, sets, self.weights)
+        corners = dict[str, Array]()
+        at = 0
+        f = sets.G @ self.weights
+        for i, r in enumerate(rows):
+            part = f[at : at + len(r)]
+            at += len(r)
+            if r.patch is not None:
+                held = not len(r) or at_rest(r.cone).bilateral
+                corners[r.name] = corner_split(r, part) if held else sets.at_points(self.weights, i) @ r.patch.axes.T
+        answer = Answer(problem, self.a, f, None if problem.bilateral else weights, COULOMB, CHOICE, self.iterations, 0.0)
+        return replace(Solution.of(answer), chosen_corners=corners, choice=CHOICE)
+
+    @property
+    def residuals(self) -> Residuals:
+        """How far torques, forces and motion are from the equations of Coulomb's law; as of every answer."""
+        return self.solution.residuals
+
+    @property
+    def status(self) -> Status:
+        """What the residuals amount to."""
+        return self.solution.status
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """{contact: force (3,) or wrench (6,) at the patch's centre}, on the robot, world axes [N, N m]."""
+        return self.solution.forces
+
+    @property
+    def corner_forces(self) -> dict[str, Array]:
+        """{contact: (k, 3)}: each in its friction cone, less the margin, world axes [N]; they add up to the wrench."""
+        return self.solution.corner_forces
+
+    @property
+    def contacts(self) -> dict[str, ContactForce]:
+        """Normal and tangential parts, friction used and centre of pressure of each contact."""
+        return self.solution.contacts
+
+    @lazy
+    def margins(self) -> Margins:
+        """How far torques, friction and centres of pressure are from their limits."""
+        friction, each, pressure = dict[str, float](), dict[str, Array](), dict[str, float]()
+        for r in self.rows:
+            if r.patch is None:
+                continue
+            c = self.contacts[r.name]
+            if c.friction_used is not None:
+                friction[r.name] = 1.0 - c.friction_used
+            if r.patch.friction:
+                local = [ContactForce.of(r.patch, f) for f in self.corner_forces[r.name]]
+                each[r.name] = np.array([math.nan if x.friction_used is None else 1.0 - x.friction_used for x in local])
+            if len(r.patch.corners) > 2 and c.centre_of_pressure is not None:
+                at = (c.centre_of_pressure - r.patch.point) @ r.patch.axes
+                pressure[r.name] = inside_distance(at[:2], convex_hull(r.patch.corners[:, :2]))
+        return Margins(1.0 - np.abs(self.tau) / self.state.robot.effort_limit, friction, each, pressure)
+
+    def uniqueness(self) -> ActuationUniqueness:
+        """Whether other torques, or other forces, bring the same motion within the same limits."""
+        loads, sets = self.loads, self.loads.sets
+        free = np.flatnonzero(sets.lower < sets.upper)
+        N = null_space(loads.A[:, free])
+        forces, corners = sets.G[:, free] @ N, _corner_map(sets)[:, free] @ N
+        return ActuationUniqueness(
+            rank_of(loads.T[:, free] @ N) if N.size else 0,
+            rank_of(forces) if N.size else 0,
+            rank_of(corners) if N.size else 0,
+            _has_inside(self.program),
+        )
+
+    @property
+    def still(self) -> bool:
+        """Whether the robot is held at rest."""
+        return not (self.a.any() or self.state.v.any())
+
+    def __repr__(self) -> str:
+        return f"Actuation({self.state.robot.name!r}, {self.status}, worst residual {self.residuals.worst:.1e})"
+
+    def __str__(self) -> str:
+        robot = self.state.robot
+        used = np.abs(self.tau) / robot.effort_limit
+        largest = "without motors"
+        if robot.nu and np.isfinite(robot.effort_limit).any():
+            worst = int(np.argmax(used))
+            largest = f"largest torque {100 * used[worst]:.1f} % of its limit ({robot.actuated_names[worst]})"
+        elif robot.nu:
+            worst = int(np.argmax(np.abs(self.tau)))
+            largest = f"largest torque {abs(self.tau[worst]):.4g} N m ({robot.actuated_names[worst]}; no limits are stated)"
+        head = f"{'held' if self.still else 'moves as wanted'}: {largest}, residual {self.residuals.stationarity:.1e} N"
+        edge = [f for f in self.margins.corner_friction.values() if (f < 1e-6).any()]
+        if edge and not self.margin:
+            head += "\n  friction is at its limit: with these torques other motions may be possible, too"
+        return "\n".join([head] + [f"  {name:<16}{c}" for name, c in self.contacts.items()])
+
+
+def _corner_map(sets: ForceSet) -> Array:
+    """Forces at points, and of single rows, of unit weights, shape (s, p)."""
+    blocks = [np.zeros((0, sets.size))]
+    for e in sets.elements:
+        part = np.zeros((3, sets.size))
+        part[:, e.columns] = sets.push[e.columns].T
+        blocks.append(part)
+    return np.concatenate(blocks)
+
+
+def _has_inside(program: Conic) -> bool:
+    """Whether some x is strictly inside of everything: cones, bounds and rows, by a margin over one."""
+    n, q = len(program.g), len(program.C)
+    if not n:
+        return True
+    # Largest s <= 1 with cones, bounds and rows held with a margin of s: their normal, or value, less s.
+    down, up = np.isfinite(program.lower), np.isfinite(program.upper)
+    fixed = program.lower == program.upper
+    shift = np.zeros((n, 1))
+    shift[program.cones[:, 2]] = 1.0  # x = x' + s n: x' in the cone, x inside it
+    low, high = np.isfinite(program.low), np.isfinite(program.high)
+    C = np.hstack([program.C, program.C @ shift])
+    bounds = [(down & ~fixed, program.lower, -1.0), (up & ~fixed, program.upper, 1.0)]
+    E, level = [np.zeros((0, n + 1))], [np.zeros(0)]
+    for which, value, sign in bounds:
+        rows = np.hstack([np.eye(n)[which], np.full((int(which.sum()), 1), sign)])
+        E.append(-sign * rows)
+        level.append(-sign * value[which])
+    for which, value, sign in ((low, program.low, -1.0), (high, program.high, 1.0)):
+        rows = C[which].copy()
+        rows[:, -1] += sign
+        E.append(-sign * rows)
+        level.append(-sign * value[which])
+    D, d = np.concatenate(E), np.concatenate(level)
+    lower, upper = np.append(np.where(fixed, program.lower, -math.inf), -1.0), np.append(np.where(fixed, program.upper, math.inf), 1.0)
+    found = solve_conic(
+        Conic(
+            np.zeros((n + 1, n + 1)), np.append(np.zeros(n), -1.0), np.hstack([program.A, program.A @ shift]), program.b,
+            D, d, np.full(len(d), math.inf), lower, upper, program.cones, program.mu,
+        ),
+        newton=False, tolerance=1e-8,
+    )  # fmt: skip
+    return found.solved and float(found.x[-1]) > _INSIDE

@@ -1,0 +1,157 @@
+"""`Effort`: what torques and contact forces are chosen by, and the conic program of least effort.
+
+    minimise sum_i p_i (tau_i / limit_i)^2 + sum_j r_j (w_j / body weight)^2
+
+over torques within their limits and weights w of the forces that the motion allows, with M a + h = S^T tau + tau_ext + J^T G w.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from rbd.arrays import Array, as_array, as_float, is_finite
+from rbd.constraints.convex.polygons import convex_hull, half_planes
+from rbd.errors import InputError, JointNotFound, UnknownName, nearest
+from rbd.problem.rows import Rows
+from rbd.solvers.conic import Conic
+from rbd.statics.loads import Loads
+
+FORCE_WEIGHT = 1e-4
+"""Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
+_MOST = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """What is made least, and what else the forces must keep to.
+
+    Attributes:
+        torques: Weight of (tau / limit)^2: one number >= 0, one a motor (nu,), or {joint: number}, 1 of the others. A motor
+            without a stated limit is weighed against the body weight times one metre.
+        forces: Weight of (force / body weight)^2 at each point: one number > 0, or {constraint: number}, 1e-4 of the others.
+        normal_force: {contact: (least, most)}: bounds on its normal force [N].
+        edge_margin: The centre of pressure of each sole stays this far inside its edge [m].
+
+    Raises:
+        InputError: on numbers that are none, negative, or bounds that cross.
+    """
+
+    torques: float | Sequence[float] | Array | Mapping[str, float] = 1.0
+    forces: float | Mapping[str, float] = FORCE_WEIGHT
+    normal_force: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    edge_margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= as_float(self.edge_margin) < _MOST:
+            raise InputError(f"edge_margin is {self.edge_margin!r:.80}; expected a length of 0 or more [m].")
+        if not isinstance(self.normal_force, Mapping):
+            raise InputError(f"normal_force is {self.normal_force!r:.80}; expected {{contact: (least, most)}} [N].")
+        for name, bounds in self.normal_force.items():
+            pair = [as_float(x) for x in bounds] if isinstance(bounds, Sequence) and not isinstance(bounds, str) else []
+            if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0:
+                raise InputError(f"normal_force of {name!r:.80} is {bounds!r:.80}; expected (least, most) [N], e.g. (50, inf).")
+        for what, least in (("torques", 0.0), ("forces", 1e-12)):
+            value = getattr(self, what)
+            values = list(value.values()) if isinstance(value, Mapping) else np.ravel(as_array(what, value)).tolist()
+            if not all(least <= as_float(x) < _MOST for x in values):
+                raise InputError(f"{what} is {value!r:.80}; expected weights {'above' if least else 'of'} 0 {'' if least else 'or more'}.")
+
+    def torque_weights(self, names: Sequence[str]) -> Array:
+        """One of each motor, shape (nu,).
+
+        Raises:
+            JointNotFound: a name that no motor has.
+            InputError: another number of weights than of motors.
+        """
+        if isinstance(self.torques, Mapping):
+            for name in self.torques:
+                if name not in names:
+                    raise JointNotFound(f"torques has a weight for {name!r:.80}, which is no motor; {nearest(name, names)}.")
+            return np.array([float(self.torques.get(name, 1.0)) for name in names])
+        given = as_array("torques", self.torques)
+        if given.ndim and given.shape != (len(names),):
+            raise InputError(f"torques has shape {given.shape}; expected one weight, or ({len(names)},), one a motor.")
+        return np.full(len(names), float(given)) if not given.ndim else given
+
+    def force_weights(self, loads: Loads) -> Array:
+        """One of each column of the force sets, shape (p,).
+
+        Raises:
+            UnknownName: a name that no constraint has.
+        """
+        out = np.full(loads.sets.size, FORCE_WEIGHT)
+        if not isinstance(self.forces, Mapping):
+            out[:] = self.forces
+            return out
+        for name in self.forces:
+            _known("forces", name, loads.rows)
+        for r, span in zip(loads.rows, loads.sets.slices, strict=True):
+            out[span] = self.forces.get(r.name, FORCE_WEIGHT)
+        return out
+
+    def rows(self, loads: Loads) -> tuple[Array, Array, Array]:
+        """(C, low, high): what the contacts must keep to beside their cones, of weights over the unit.
+
+        Raises:
+            UnknownName: a name that no contact has.
+        """
+        C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
+        for name in self.normal_force:
+            _known("normal_force", name, [r for r in loads.rows if r.patch is not None])
+        for i, r in enumerate(loads.rows):
+            if r.name in self.normal_force:
+                least, most = (float(x) / loads.unit for x in self.normal_force[r.name])
+                C.append(_wrench(loads, i)[2:3])
+                low.append(least)
+                high.append(most)
+            if self.edge_margin and r.patch is not None and len(r.patch.corners) > 1:
+                rows = _inside(r, _wrench(loads, i), self.edge_margin)
+                C.append(rows)
+                low += [0.0] * len(rows)
+                high += [math.inf] * len(rows)
+        return np.concatenate(C), np.array(low), np.array(high)
+
+    def program(self, loads: Loads) -> Conic:
+        """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
+        p, T, t = self.torque_weights(loads.state.robot.actuated_names), loads.T, loads.t
+        weighed = T.T * p
+        H = 2.0 * (weighed @ T)
+        H.flat[:: len(H) + 1] += 2.0 * self.force_weights(loads)
+        limited = loads.limited
+        if not limited.all():
+            T, t = T[limited], t[limited]
+        low, high = t - 1.0, t + 1.0
+        if self.normal_force or self.edge_margin:
+            C, least, most = self.rows(loads)
+            T, low, high = np.vstack([C, T]), np.concatenate([least, low]), np.concatenate([most, high])
+        sets = loads.sets
+        return Conic(H, -2.0 * (weighed @ loads.t), loads.A, loads.b, T, low, high, loads.lower, loads.upper, sets.cone_columns, sets.mu)
+
+
+def _known(what: str, name: str, rows: Sequence[Rows]) -> None:
+    names = [r.name for r in rows]
+    if name not in names:
+        raise UnknownName(f"{what} speaks of {name!r:.80}, which is no contact here; {nearest(name, names)}.")
+
+
+def _wrench(loads: Loads, i: int) -> Array:
+    """Force and moment at a contact's point in contact axes, of unit weights, shape (3 or 6, p)."""
+    r = loads.rows[i]
+    assert r.patch is not None and r.resultant is not None
+    at = sum(len(other) for other in loads.rows[:i])
+    W = r.resultant @ loads.sets.G[at : at + len(r)]
+    return np.concatenate([r.patch.axes.T @ part for part in np.split(W, len(W) // 3)])
+
+
+def _inside(r: Rows, wrench: Array, margin: float) -> Array:
+    """Rows that are >= 0 where the centre of pressure is inside the corners' hull by a margin; a line has two ends."""
+    assert r.patch is not None
+    force, about_x, about_y = wrench[2], wrench[3], wrench[4]
+    normals, offsets = half_planes(convex_hull(r.patch.corners[:, :2]))
+    x, y = -about_y, about_x  # times the normal force
+    return normals[:, :1] * x + normals[:, 1:] * y - (offsets + margin)[:, None] * force

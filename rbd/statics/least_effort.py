@@ -1,0 +1,79 @@
+"""The torques and forces of least effort for a wanted motion: posed, solved and judged."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
+from rbd.errors import InaccurateWarning
+from rbd.model.dynamics import External
+from rbd.problem.answer import Status
+from rbd.solvers.conic import Conic, ConicAnswer, solve_conic
+from rbd.statics.actuation import Actuation
+from rbd.statics.effort import Effort
+from rbd.statics.loads import Loads
+
+
+def least_effort(
+    loads: Loads,
+    a: Array,
+    constraints: Sequence[Constraint],
+    external: External,
+    effort: Effort,
+    margin: float,
+) -> Actuation | ConicAnswer:
+    """The actuation; where there is none within tolerance, what the program ended with."""
+    program = effort.program(loads)
+    if not program.g.size:
+        x, method, count = np.zeros(0), "Newton", 0
+        if not program.outside(x) <= 1e-9:
+            return solve_conic(_with_a_column(program), newton=False)
+    else:
+        found = solve_conic(program)
+        if not found.solved:
+            return found
+        x, method, count = _balanced(program, found.x), found.method, found.iterations
+    w = x * loads.unit
+    tau, _ = loads.torques(w)
+    return Actuation(loads.state, a, tau, w, loads, tuple(constraints), external, effort, margin, program, count, method)
+
+
+def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:
+    """The actuation, with a warning where it is inaccurate; None where its residuals say that it is none."""
+    status = actuation.status
+    if status is Status.SOLVED:
+        return actuation
+    if status is not Status.INACCURATE:
+        return None
+    worst = actuation.residuals.worst
+    name = actuation.state.robot.name
+    warnings.warn(f"the torques of {name} have a scaled residual of {worst:.1e} (solved is 1e-9).", InaccurateWarning, stacklevel)
+    return actuation
+
+
+def _balanced(program: Conic, x: Array) -> Array:
+    """The same x moved, within what is strictly inside its bounds and cones, so that A x = b to rounding."""
+    left = program.b - program.A @ x
+    if not left.any():
+        return x
+    free = (x > program.lower) & (x < program.upper)
+    if len(program.mu):
+        cones = x[program.cones]
+        inner = np.hypot(cones[:, 0], cones[:, 1]) < program.mu * cones[:, 2] * (1.0 - 1e-9)
+        free[program.cones[~inner]] = False
+    moved = x.copy()
+    moved[free] += np.linalg.lstsq(program.A[:, free], left, rcond=1e-12)[0]
+    return moved if program.outside(moved) < program.outside(x) else x
+
+
+def _with_a_column(program: Conic) -> Conic:
+    """The same with one column that does nothing: for a program without any, of which a proof is wanted."""
+    e, q = len(program.b), len(program.C)
+    return Conic(
+        np.ones((1, 1)), np.zeros(1), np.zeros((e, 1)), program.b, np.zeros((q, 1)), program.low, program.high,
+        np.full(1, -1.0), np.ones(1), program.cones, program.mu,
+    )  # fmt: skip
