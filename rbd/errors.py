@@ -14,7 +14,8 @@
       NotDifferentiable                 an answer at a change of contact mode has no derivatives
       SingularInertia                   M(q) is not positive definite
       NoSolution                        no answer within tolerance; carries problem and result
-        CannotHold                      no motor torques hold this pose
+        CannotMove                      no motor torques and contact forces move the robot as wanted; names the limits
+          CannotHold                    none hold it still
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         SingularPose                    here the known motions do not decide the others
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
@@ -162,7 +163,53 @@ class SimulationStopped(NoSolution):
         self.state, self.t, self.names, self.trajectory = state, t, names, trajectory
 
 
-class CannotHold(NoSolution):
+class CannotMove(NoSolution):
+    """No motor torques within their limits, with forces that the motion allows, move the robot as wanted.
+
+    Attributes:
+        limits: An irreducible set of `rbd.statics.limits.Limit`: all of them together cannot be kept, and any of them left out
+            lets the rest be kept. Empty where the proof was not found.
+        certificate: The `Certificate` that they cannot: multipliers of the equations of motion and of the limits; or None.
+        missing: `Missing`: the least wrench on the base (and torques at passive joints) that would let contact forces
+            balance the motion, torque limits aside; or None.
+        excess: How far each torque is beyond its limit, over the limit, least in sum, where forces balance, shape (nu,); else
+            None.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        limits: tuple[Any, ...] = (),
+        certificate: Any = None,
+        missing: Any = None,
+        excess: np.ndarray | None = None,
+        nearest: Callable[[], Any] | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.limits, self.certificate, self.missing, self.excess = limits, certificate, missing, excess
+        self._nearest_possible = nearest
+
+    def nearest(self, *, weights: Mapping[str, float | np.ndarray] | None = None) -> Any:
+        """The `Actuation` of the reachable acceleration that is nearest in the inertia metric, each contact kept as it is.
+
+        Keeping J a + J_dot v = 0 at the contacts makes it convex: Gauss's principle with motors that may choose.
+
+        Args:
+            weights: None: there are no weights to choose here.
+
+        Raises:
+            InputError: if weights are given.
+            NoSolution: where nothing is reachable so, or it was not found within tolerance.
+        """
+        if weights is not None:
+            raise InputError(f"weights is {weights!r:.80}; the nearest possible motion of a robot with motors has none.")
+        if self._nearest_possible is None:
+            raise InputError("there is no nearest motion: this error comes from no motion that was posed.")
+        return self._nearest_possible()
+
+
+class CannotHold(CannotMove):
     """No motor torques within the limits, with forces within the cones, keep this pose still."""
 
 

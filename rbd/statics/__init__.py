@@ -1,9 +1,13 @@
-"""Robots at rest: torques and contact forces that hold them, and the least friction that does."""
+"""Torques and contact forces of wanted motions and of robots at rest, their limits, and why there are none."""
 
 from rbd.modules import submodule as _submodule
-from rbd.statics.equilibrium import Hold, hold
+from rbd.statics.actuation import Actuation, ActuationUniqueness, Margins
+from rbd.statics.effort import Effort
+from rbd.statics.equilibrium import hold
+from rbd.statics.limits import Limit
+from rbd.statics.shortfall import Missing
 
-__all__ = ["Hold", "hold"]
+__all__ = ["Actuation", "ActuationUniqueness", "Effort", "Limit", "Margins", "Missing", "hold"]
 
 
 def __getattr__(name: str) -> object:

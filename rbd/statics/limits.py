@@ -1,0 +1,205 @@
+"""Which limits stand in the way of a motion: a smallest set of them that no torques and forces can keep together.
+
+Limits are relaxed by columns, forces that the limit forbids, and by rows left out:
+
+    motor           its torque may be any
+    friction        the contact's points may feel any tangential force
+    edge            its points may feel normal forces that cancel: its centre of pressure may be anywhere
+    normal force    its bounds, and those of the centre of pressure that were asked for, are left out
+    push            its points may feel any force
+    opens, slips    the same of points whose force the wanted motion decides
+    base, passive   a wrench on the base; a torque at the joint
+
+A set is irreducible where each of them, relaxed alone, lets the rest be kept [Chinneck1991]: the deletion filter. Relaxing
+"push" relaxes friction and edge of that contact too, so that it is named only where neither of them is in the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, lazy
+from rbd.problem.force_set import at_rest
+from rbd.problem.programs import Outcome
+from rbd.solvers.conic import Certificate, Conic, solve_conic
+from rbd.statics.effort import Effort
+from rbd.statics.loads import Loads
+
+_ZERO = 1e-9  # of multipliers, the largest being one
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Something that torques and forces must keep to.
+
+    Attributes:
+        kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive".
+        name: Of the joint, or of the contact.
+    """
+
+    kind: str
+    name: str
+
+    def __str__(self) -> str:
+        return {
+            "motor": f"the torque limit of {self.name!r}",
+            "friction": f"friction of {self.name!r}",
+            "edge": f"the edge of {self.name!r}",
+            "normal force": f"the normal force asked of {self.name!r}",
+            "push": f"{self.name!r}, which only pushes",
+            "opens": f"{self.name!r}, which opens and so carries nothing",
+            "slips": f"{self.name!r}, whose slip decides its friction",
+            "base": "the base, which no motor drives",
+            "passive": f"{self.name!r}, which is passive",
+        }[self.kind]
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxable:
+    """The program of a wanted motion whose limits can be relaxed one by one.
+
+    Attributes:
+        loads: The equations of motion, and the sets of the forces.
+        effort: What else the forces must keep to.
+        torque_limits: Whether motors have limits.
+    """
+
+    loads: Loads
+    effort: Effort
+    torque_limits: bool = True
+
+    @lazy
+    def columns(self) -> dict[Limit, Array]:
+        """{limit: generalised forces that it forbids, shape (nv, k)}, motors and bounds of normal forces apart."""
+        loads, out = self.loads, dict[Limit, Array]()
+        full, at = at_rest(*[r.cone for r in loads.rows]), 0
+        G = loads.J.T @ full.G * loads.unit
+        for i, r in enumerate(loads.rows):
+            free = [e for e in full.elements if e.rows == i]
+            now = [e for e in loads.sets.elements if e.rows == i]
+            fixed = [loads.sets.lower[e.columns.start] == loads.sets.upper[e.columns.start] for e in now]
+            at += len(r)
+            points = [(e, n, gone) for e, n, gone in zip(free, now, fixed, strict=True) if e.size == 3 or _pushes(full, e)]
+            boxes = [G[:, e.columns] for e in free if np.isfinite(full.upper[e.columns]).any()]
+            if boxes:
+                out[Limit("friction", r.name)] = np.hstack(boxes)
+            if not points:
+                continue
+            tangents = [G[:, e.columns][:, :2] for e, n, gone in points if e.size == 3 and n.size == 3]
+            slips = [G[:, e.columns][:, :2] for e, n, gone in points if e.size == 3 and n.size == 1 and not gone]
+            normals = [G[:, e.columns.stop - 1 : e.columns.stop] for e, _, gone in points if not gone]
+            if tangents:
+                out[Limit("friction", r.name)] = np.hstack(tangents)
+            if slips:
+                out[Limit("slips", r.name)] = np.hstack(slips)
+            if len(normals) > 1:
+                out[Limit("edge", r.name)] = np.hstack(normals[1:]) - normals[0]
+            if normals:
+                out[Limit("push", r.name)] = np.hstack([G[:, e.columns] for e, _, gone in points if not gone])
+            if any(gone for _, _, gone in points):
+                out[Limit("opens", r.name)] = np.hstack([G[:, e.columns] for e, _, gone in points if gone])
+        return out | self._idle()
+
+    def _idle(self) -> dict[Limit, Array]:
+        """Of bases and passive joints."""
+        robot, out = self.loads.state.robot, dict[Limit, Array]()
+        I = np.eye(robot.nv) * self.loads.unit
+        for joint in robot.joints.values():
+            where = [k for k in range(joint.v.start, joint.v.stop) if k in set(robot.unactuated.tolist())]
+            if where:
+                kind = "passive" if joint.name in robot.passive else "base"
+                out[Limit(kind, joint.name)] = I[:, where]
+        return out
+
+    @lazy
+    def limits(self) -> tuple[Limit, ...]:
+        """All, in the order in which they are tried: what is left out first is what one would rather not blame."""
+        robot, loads = self.loads.state.robot, self.loads
+        asked = [Limit("normal force", r.name) for r in loads.rows if self._asks(r.name)]
+        motors = [Limit("motor", name) for name, has in zip(robot.actuated_names, loads.limited, strict=True) if has]
+        kinds = "opens slips friction edge push passive base".split()
+        rest = [limit for kind in kinds for limit in self.columns if limit.kind == kind]
+        return (*asked, *(motors if self.torque_limits else ()), *rest)
+
+    def _asks(self, name: str) -> bool:
+        patch = {r.name: r.patch for r in self.loads.rows}[name]
+        return name in self.effort.normal_force or bool(self.effort.edge_margin and patch is not None and len(patch.corners) > 1)
+
+    def program(self, relaxed: Collection[Limit] = ()) -> Conic:
+        """Find any torques and forces, some limits relaxed."""
+        loads, robot = self.loads, self.loads.state.robot
+        more = [self.columns[limit] for limit in relaxed if limit in self.columns]
+        X = np.hstack([np.zeros((robot.nv, 0)), *more])
+        n, k = loads.sets.size, X.shape[1]
+        C, low, high = self.effort.rows(loads) if self.effort.normal_force or self.effort.edge_margin else _none(n)
+        if any(limit.kind == "normal force" for limit in relaxed):
+            C, low, high = _none(n)
+        kept = loads.limited & self.torque_limits
+        gone = {limit.name for limit in relaxed if limit.kind == "motor"}
+        kept = kept & np.array([name not in gone for name in robot.actuated_names], bool)
+        T = np.hstack([loads.T, X[robot.motors] / loads.limit[:, None]])[kept]
+        t = loads.t[kept]
+        A = np.hstack([loads.A, X[robot.unactuated] / (loads.unit * loads.row_size)[:, None]])
+        wide = np.full(k, math.inf)
+        return Conic(
+            np.zeros((n + k, n + k)), np.zeros(n + k), A, loads.b,
+            np.vstack([np.hstack([C, np.zeros((len(C), k))]), T]),
+            np.concatenate([low, t - 1.0]), np.concatenate([high, t + 1.0]),
+            np.concatenate([loads.lower, -wide]), np.concatenate([loads.upper, wide]),
+            loads.sets.cone_columns, loads.sets.mu,
+        )  # fmt: skip
+
+    def refuted(self, relaxed: Collection[Limit] = ()) -> Certificate | None:
+        """The proof that there are none, or None where there are, or where it was not found."""
+        program = self.program(relaxed)
+        if not len(program.g):  # nothing can act: one column that does nothing, so that there is a program
+            return self._without_forces(program)
+        found = solve_conic(program, newton=False, tolerance=1e-8)
+        return found.certificate if found.outcome is Outcome.INFEASIBLE else None
+
+    @staticmethod
+    def _without_forces(program: Conic) -> Certificate | None:
+        side = np.where(program.low > 0.0, program.low, np.where(program.high < 0.0, program.high, 0.0))
+        return Certificate.of(program, program.b, side)
+
+    def irreducible(self, proof: Certificate) -> tuple[Limit, ...]:
+        """A set of limits that contradict each other, none of which could be left out.
+
+        Args:
+            proof: That all of them do.
+        """
+        kept = list(self.limits)
+        gone = [limit for limit in kept if limit.kind == "motor" and not self._speaks(proof, limit)]
+        if gone and self.refuted(gone) is None:
+            gone = []
+        for limit in self.limits:
+            if limit in gone or (limit.kind == "push" and self._finer(limit, gone)):
+                continue
+            if self.refuted([*gone, limit]) is not None:
+                gone.append(limit)
+        out = [limit for limit in kept if limit not in gone]
+        return tuple(limit for limit in out if not (limit.kind == "push" and self._finer(limit, gone)))
+
+    def _finer(self, limit: Limit, gone: Sequence[Limit]) -> bool:
+        """Whether friction or edge of the same contact is in the way already."""
+        return any(Limit(kind, limit.name) in self.columns and Limit(kind, limit.name) not in gone for kind in ("friction", "edge"))
+
+    def _speaks(self, proof: Certificate, limit: Limit) -> bool:
+        """Whether the proof has a multiplier of a motor's limit."""
+        names = [name for name, has in zip(self.loads.state.robot.actuated_names, self.loads.limited, strict=True) if has]
+        motors = proof.z[len(proof.z) - len(names) :]
+        return abs(motors[names.index(limit.name)]) > _ZERO
+
+
+def _pushes(full: object, element: object) -> bool:
+    """Whether an element of one column is a point that only pushes."""
+    lower, upper = full.lower[element.columns], full.upper[element.columns]  # type: ignore[attr-defined]
+    return bool(lower[0] == 0.0 and upper[0] == math.inf)
+
+
+def _none(n: int) -> tuple[Array, Array, Array]:
+    return np.zeros((0, n)), np.zeros(0), np.zeros(0)

@@ -1,0 +1,167 @@
+"""Why a motion is not possible, or a pose cannot be held: the error with its limits, its proof and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint, has_friction, rows_of
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.errors import CannotHold, CannotMove, NoSolution
+from rbd.model.dynamics import External
+from rbd.problem.force_set import at_rest
+from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
+from rbd.statics.actuation import Actuation
+from rbd.statics.effort import Effort
+from rbd.statics.least_friction import Balance, LimitReached, rounded_up
+from rbd.statics.limits import Limit, Relaxable
+from rbd.statics.loads import Loads
+from rbd.statics.shortfall import Missing, excess, missing
+
+_NOTHING = 1e-7
+"""What is missing below this, over the body weight, is nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refusal:
+    """A question that was refused.
+
+    Attributes:
+        loads: The equations of motion and the sets of forces.
+        a: The wanted acceleration.
+        contacts: The contacts and other constraints.
+        external: Other forces.
+        effort: What the forces must keep to.
+        margin: Of friction.
+        holds: Whether the robot was to be held still.
+        nearest: The nearest possible motion.
+        without_margin: Whether it would be possible with margin=0.
+    """
+
+    loads: Loads
+    a: Array
+    contacts: Sequence[Constraint]
+    external: External
+    effort: Effort
+    margin: float
+    holds: bool
+    nearest: Callable[[], Actuation]
+    without_margin: Callable[[], bool]
+
+    def error(self) -> CannotMove:
+        """What to raise."""
+        kind = CannotHold if self.holds else CannotMove
+        name, does = self.loads.state.robot.name, "be held" if self.holds else "move so"
+        relaxable = Relaxable(self.loads, self.effort)
+        proof = relaxable.refuted()
+        if proof is None:
+            return kind(
+                f"{name}: whether it can {does} was not found within {CONIC_STEPS} steps of a conic program: it is within 1e-6 of "
+                "a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
+                nearest=self.nearest,
+            )
+        limits = relaxable.irreducible(proof)
+        lack = missing(self.loads, self.effort)
+        over = None
+        if lack is not None and lack.size <= _NOTHING * self.loads.unit:
+            over = excess(self.loads, self.effort)
+        words = f"{name} cannot {does}{self._on()}: {self._why(limits, lack, over)}"
+        if limits:
+            words += f" In the way together: {'; '.join(map(str, limits))}."
+        if lack is not None and lack.size > _NOTHING * self.loads.unit:
+            words += f" {_capital(str(lack))}."
+        if not self.holds:
+            words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
+        return kind(words, limits=limits, certificate=proof, missing=lack, excess=over, nearest=self.nearest)
+
+    def _on(self) -> str:
+        return " on " + ", ".join(repr(r.name) for r in self.loads.rows) if self.loads.rows else ""
+
+    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> str:
+        robot = self.loads.state.robot
+        if over is not None:
+            beyond = np.flatnonzero(over > 1e-7)
+            beyond = beyond[np.argsort(-over[beyond])][:4]
+            needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over[i]):.4g} %" for i in beyond)
+            return f"a torque limit prevents it. At best {needs} of its limit."
+        passive = [repr(limit.name) for limit in limits if limit.kind == "passive"]
+        if passive and not any(limit.kind == "base" for limit in limits):
+            return f"{', '.join(passive)} would need torque, and is passive."
+        if not self.loads.rows:
+            return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
+        if self.margin and self.without_margin():
+            return f"friction is kept {100 * self.margin:g} % from its limit, and prevents it; with margin=0 it could."
+        if self.holds and (words := self._why_friction()):
+            return words
+        if any(limit.kind == "friction" for limit in limits):
+            return "friction prevents it."
+        return self._unbalanced()
+
+    def _unbalanced(self) -> str:
+        state = self.loads.state
+        pushed = float(np.abs(self.loads.need - state.M @ self.a - state.h).max()) > 1e-9
+        x, y, _ = np.round(state.com, 3) + 0.0
+        what = "its weight" if self.holds else "this motion and its weight"
+        advice = "Push less, or move the centre of mass against the push." if pushed else "Move it over its feet."
+        return (
+            f"no forces that its contacts can give balance {what}{' and the external forces' if pushed else ''} "
+            f"(centre of mass at x = {x:.3f}, y = {y:.3f} m{self._outside()}).{f' {advice}' if self.holds else ''}"
+        )
+
+    def _outside(self) -> str:
+        patches = [r.patch for r in self.loads.rows if r.patch is not None and r.patch.against is None]
+        ground = [patch.point + patch.corners @ patch.axes.T for patch in patches]
+        if not ground:
+            return ""
+        d = inside_distance(self.loads.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
+        return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
+
+    def _why_friction(self) -> str:
+        """Whether more friction would do, and how much; empty where none would."""
+        if not any(has_friction(c) for c in self.contacts):
+            return ""
+        try:
+            if (mu := self._circular(limits=True).least()) is not None:
+                return f"friction prevents it; a coefficient of {rounded_up(mu)} at every contact would do, and none below."
+            if (mu := self._circular(limits=False).least()) is not None:
+                return (
+                    f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact on, "
+                    "forces balance it, but motors would need more than their limits."
+                )
+        except LimitReached:
+            return (
+                f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. "
+                "Try friction=10.0 at its contacts."
+            )
+        return ""
+
+    def _circular(self, *, limits: bool) -> Balance:
+        """The same question with coefficients to be found, above those given."""
+        L, robot = self.loads, self.loads.state.robot
+        rows = rows_of(L.state, [_with_friction(c, 1.0) for c in self.contacts])
+        P = at_rest(*[r.cone for r in rows])
+        per_weight = np.concatenate([r.J for r in rows]).T @ P.G * L.unit
+        own, yields = P.mu.copy(), np.zeros(len(P.mu), bool)
+        for c, span in zip(self.contacts, P.slices, strict=True):
+            at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
+            if has_friction(c):
+                own[at], yields[at] = c.friction, True  # type: ignore[attr-defined]
+        limited = L.limited if limits else np.zeros_like(L.limited)
+        T, t, limit = per_weight[robot.actuated][limited], L.t[limited], L.limit[limited]
+        return Balance(
+            per_weight[robot.unactuated] / L.unit, L.need[robot.unactuated] / L.unit, T / limit[:, None], t,
+            P.lower / L.unit, P.upper / L.unit, P.cone_at, own, yields,
+        )  # fmt: skip
+
+
+def _with_friction(contact: Constraint, mu: float) -> Constraint:
+    """The contact with at least this coefficient, if it has one."""
+    return contact.with_friction(max(mu, contact.friction)) if has_friction(contact) else contact  # type: ignore[attr-defined]
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]

@@ -1,0 +1,218 @@
+"""Torques and forces for a wanted motion: what the motion allows, least effort, and the refusal. `rbd.hold` and
+`rbd.inverse_dynamics` are this, at rest and moving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array, as_float, zeros
+from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.errors import CannotMove, ContactMoves, DuplicateName, InputError, NoSolution
+from rbd.least_constraint import warn_of_distant
+from rbd.model.dynamics import External, generalised
+from rbd.model.state import State
+from rbd.problem.allowed_forces import allowed_forces, narrowed, refusal_words
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.residuals import SOLVED
+from rbd.problem.rows import Rows
+from rbd.statics.actuation import Actuation
+from rbd.statics.effort import Effort
+from rbd.statics.least_effort import least_effort, warned
+from rbd.statics.loads import Loads
+from rbd.statics.refusal import Refusal
+from rbd.statics.shortfall import nearest_possible
+
+MARGIN = 0.05
+"""How far friction of points that keep still is kept from its limit unless said otherwise, as a share of it."""
+FRICTIONS = ("cone", "inscribed")
+
+
+@dataclass(frozen=True, eq=False)
+class WantedMotion:
+    """A motion, its contacts, and what torques and forces are chosen by.
+
+    Attributes:
+        state: The robot at (q, v).
+        a: Its acceleration, shape (nv,).
+        contacts: Contacts and other constraints.
+        rows: Their rows.
+        tau_ext: Generalised force of the world, shape (nv,).
+        external: The same as given.
+        effort: What is made least.
+        friction: "cone" or "inscribed".
+        holds: Whether it is a pose at rest, to be held.
+    """
+
+    state: State
+    a: Array
+    contacts: tuple[Constraint, ...]
+    rows: tuple[Rows, ...]
+    tau_ext: Array
+    external: External
+    effort: Effort
+    friction: str
+    holds: bool
+
+    @classmethod
+    def of(
+        cls,
+        state: State,
+        a: Array,
+        contacts: Sequence[Constraint],
+        external: External,
+        effort: Effort | None,
+        friction: str,
+        *,
+        holds: bool,
+        stacklevel: int,
+    ) -> WantedMotion:
+        """Checked; a warning names contacts that are off their planes.
+
+        Raises:
+            InputError: of what is no constraint, no effort, no kind of friction.
+            DuplicateName: two constraints of one name.
+        """
+        given = listed(contacts)
+        rows = tuple(rows_of(state, given))
+        if len(names := [r.name for r in rows]) != len(set(names)):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
+        if not all([r.patch is None or r.patch.touches for r in rows]):
+            warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
+        if friction not in FRICTIONS:
+            raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
+        effort = Effort() if effort is None else effort
+        if not isinstance(effort, Effort):
+            raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
+        tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
+        return cls(state, a, given, rows, tau_ext, external, effort, friction, holds)
+
+    def actuation(self, margin: float, *, rest_speed: float = REST_SPEED, stacklevel: int) -> Actuation:
+        """The torques and forces of least effort.
+
+        Args:
+            margin: Friction of points that keep still stays within 1 - margin of its cone.
+            rest_speed: As of `rbd.solve`.
+            stacklevel: Of warnings.
+
+        Raises:
+            ContactMoves: the velocity is none that the contacts allow.
+            CannotMove: the acceleration is none that they allow, or there are no such torques and forces.
+        """
+        sets = self._sets(rest_speed)
+        still, y = self._accelerations(sets)
+        found = self._found(sets, y, still, margin, stacklevel + 1)
+        if found is not None:
+            return found
+        allowed, _ = self._allowed(sets, y, still, margin)
+        raise Refusal(
+            self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.holds,
+            lambda: self.nearest(sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
+        ).error()  # fmt: skip
+
+    def possible(self, margin: float, *, stacklevel: int) -> Actuation | None:
+        """The same as `actuation` of a pose to be held, or None where there is none."""
+        sets = self._sets(REST_SPEED)
+        still, y = self._accelerations(sets)
+        return self._found(sets, y, still, margin, stacklevel + 1)
+
+    def _found(self, sets: ForceSet, y: Array, still: Array, margin: float, stacklevel: int) -> Actuation | None:
+        allowed, refused = self._allowed(sets, y, still, margin)
+        if refused:
+            name = self.state.robot.name
+            raise CannotMove(
+                f"{name} cannot move so: {refusal_words(refused, [r.name for r in self.rows])} m/s2 (or rad/s2). Put the "
+                "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what opens.",
+                nearest=lambda: self.nearest(sets, margin),
+            )
+        found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin)
+        return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None
+
+    def _loads(self, sets: ForceSet) -> Loads:
+        state = self.state
+        need = state.h - self.tau_ext
+        return Loads(state, self.rows, sets, need if self.holds else state.M @ self.a + need)
+
+    def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[object, ...]]:
+        allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)
+        return (allowed.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(allowed.mu) else allowed), refused
+
+    def _sets(self, rest_speed: float) -> ForceSet:
+        """The force sets, velocities regarded."""
+        if self.holds:
+            return at_rest(*[r.cone for r in self.rows])
+        sets = ForceSet.of(self.rows, rest_speed)
+        if sets.impact:
+            raise ContactMoves(
+                f"contact {sets.impact} (at rest is up to rest_speed = {rest_speed:g} m/s). Put the velocity onto the contacts: "
+                "rbd.mechanism.project_velocity(state, contacts)."
+            )
+        for r in self.rows:
+            if len(r) and r.speed > rest_speed and at_rest(r.cone).bilateral:
+                raise ContactMoves(
+                    f"{r.name!r:.80} is held, and its velocity is {r.speed:.3g} (at rest is up to rest_speed = {rest_speed:g}). "
+                    "Put the velocity onto the contacts: rbd.mechanism.project_velocity(state, contacts)."
+                )
+        return sets
+
+    def _accelerations(self, sets: ForceSet) -> tuple[Array, Array]:
+        """(what counts as zero, accelerations) of the columns of the sets."""
+        if self.holds or not self.rows:
+            return np.zeros(sets.size), np.zeros(sets.size)
+        J, offset, size = self._motion
+        terms = np.maximum(np.abs(J) @ np.abs(self.a) + size, 1.0)
+        along = np.abs(sets.H).T @ terms + np.abs(sets.offset)
+        return SOLVED * np.maximum(along, 1.0), sets.accelerations(J @ self.a + offset)
+
+    @property
+    def _motion(self) -> tuple[Array, Array, Array]:
+        """(J, bias and feedback, their sizes) of all rows."""
+        J = np.concatenate([r.J for r in self.rows])
+        bias, feedback = np.concatenate([r.bias for r in self.rows]), np.concatenate([r.feedback for r in self.rows])
+        return J, bias + feedback, np.abs(bias) + np.abs(feedback)
+
+    def nearest(self, sets: ForceSet, margin: float) -> Actuation:
+        """The nearest possible motion, contacts as they are.
+
+        Raises:
+            NoSolution: where there is none, or it was not found.
+        """
+        kept = narrowed(sets, margin)
+        loads = self._loads(kept.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(kept.mu) else kept)
+        J, offset, _ = self._motion
+        live = sets.lower < sets.upper
+        H = sets.H[:, live].T
+        found = nearest_possible(
+            loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + sets.offset[live], self.effort
+        )
+        if found is None:
+            raise NoSolution(f"{self.state.robot.name} has no possible motion that keeps its contacts as they are.")
+        a, w = found
+        moved = replace(self, a=a, holds=False)
+        at = moved._loads(loads.sets)
+        tau, _ = at.torques(w)
+        out = Actuation(
+            self.state, a, tau, w, at, self.contacts, self.external, self.effort, margin, self.effort.program(at), 0, "Clarabel"
+        )
+        checked = warned(out, 4)
+        if checked is None:
+            raise NoSolution(
+                f"the nearest possible motion of {self.state.robot.name} was found only to a scaled residual of {out.residuals.worst:.1e}."
+            )
+        return checked
+
+
+def checked_margin(margin: float) -> float:
+    """A number from 0, below 1.
+
+    Raises:
+        InputError: it is none.
+    """
+    found = as_float(margin)
+    if not 0.0 <= found < 1.0:
+        raise InputError(f"margin is {margin!r:.80}; expected a number from 0, below 1: 0.05 keeps friction 5 % from its limit.")
+    return found
