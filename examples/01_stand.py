@@ -20,7 +20,7 @@ class Result:
     """What was found, for `check` and for pictures."""
 
     state: rbd.State
-    hold: rbd.Hold
+    hold: rbd.Actuation
     standing: rbd.Solution
     glued: rbd.Solution
     falling: rbd.Solution

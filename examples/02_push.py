@@ -21,7 +21,7 @@ class Result:
     """The braced answers push by push, where they end and why, and the other two answers."""
 
     push_N: np.ndarray
-    braced: list[rbd.Hold]
+    braced: list[rbd.Actuation]
     tips_at_N: float
     reason: str
     rigid_N: float
@@ -36,7 +36,7 @@ def main(show: bool = True) -> Result:
     def push(force_N: float) -> rbd.ExternalForce:
         return rbd.ExternalForce(TORSO, (0.0, force_N, 0.0))
 
-    def brace(force_N: float) -> rbd.Hold:
+    def brace(force_N: float) -> rbd.Actuation:
         return rbd.hold(state, soles, external=push(force_N))
 
     limp = rbd.solve(state, brace(0.0).tau, soles, external=push(80.0))
@@ -85,7 +85,7 @@ def last_push(brace) -> tuple[float, str]:
     return low_N, reason
 
 
-def friction_used(hold: rbd.Hold) -> float:
+def friction_used(hold: rbd.Actuation) -> float:
     """|f_t| / (mu f_n) of both feet together: unlike each foot's own share, it follows from the push alone."""
     total = sum(wrench[:3] for wrench in hold.forces.values())
     return float(np.hypot(*total[:2]) / (FRICTION * total[2]))

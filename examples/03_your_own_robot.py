@@ -24,7 +24,7 @@ class Result:
     robot: rbd.Robot
     report: rbd.robots.ModelReport
     soles: list[rbd.SurfaceContact]
-    held: rbd.Hold
+    held: rbd.Actuation
     solution: rbd.Solution
 
 

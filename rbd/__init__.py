@@ -28,8 +28,12 @@ if _TYPE_CHECKING:
         SurfaceContact as SurfaceContact,
         VelocityConstraint as VelocityConstraint,
     )
+    from rbd.control.torques import (
+        inverse_dynamics as inverse_dynamics,
+    )
     from rbd.errors import (
         CannotHold as CannotHold,
+        CannotMove as CannotMove,
         InputError as InputError,
         NoSolution as NoSolution,
         RbdError as RbdError,
@@ -83,8 +87,10 @@ if _TYPE_CHECKING:
     from rbd.solvers.proxqp import (
         ProxQP as ProxQP,
     )
+    from rbd.statics.actuation import (
+        Actuation as Actuation,
+    )
     from rbd.statics.equilibrium import (
-        Hold as Hold,
         hold as hold,
     )
 
@@ -95,7 +101,8 @@ _NAMES = {
         CollisionContacts FunctionConstraint JointCoupling JointFriction JointLimit JointLock KnifeEdge LineContact LoopClosure
         PointContact RollingBall RollingDisk RollingWheel SurfaceContact VelocityConstraint
     """,
-    "rbd.errors": "CannotHold InputError NoSolution RbdError",
+    "rbd.control.torques": "inverse_dynamics",
+    "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
@@ -110,7 +117,8 @@ _NAMES = {
     "rbd.solvers.admm": "ConeSolver",
     "rbd.solvers.kkt": "KKT",
     "rbd.solvers.proxqp": "ProxQP",
-    "rbd.statics.equilibrium": "Hold hold",
+    "rbd.statics.actuation": "Actuation",
+    "rbd.statics.equilibrium": "hold",
 }
 """What stands on top, by the module that it comes from; the imports above tell type checkers the same."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

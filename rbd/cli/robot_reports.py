@@ -20,7 +20,8 @@ from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
 from rbd.robots.robot import Robot, doctor, load_robot
 from rbd.solution import Solution
-from rbd.statics.equilibrium import Hold, hold
+from rbd.statics.actuation import Actuation
+from rbd.statics.equilibrium import hold
 
 _BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
 UNLIMITED = 1e100
@@ -150,7 +151,7 @@ class StandReport:
         seconds: {what: time taken [s]}.
     """
 
-    held: Hold
+    held: Actuation
     solution: Solution
     push: Array | None
     at: str | None

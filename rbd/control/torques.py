@@ -53,8 +53,8 @@ def inverse_dynamics(
         DuplicateName: two constraints of one name.
         ContactMoves: a velocity that the contacts do not allow; `rbd.mechanism.project_velocity` puts it onto them.
         CannotMove: a point would sink, a held row would move; or there are no such torques and forces. Then it names an
-            irreducible set of limits in the way, with a proof, and what is missing; `error.nearest()` is the nearest acceleration
-            that is possible.
+            irreducible set of limits in the way, with a proof, and what is missing; `error.nearest()` is the nearest
+            acceleration that is possible.
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")

@@ -1,4 +1,4 @@
-"""`Actuation`: motor torques and contact forces of a wanted motion, with their margins, residuals and what is unique of them."""
+"""`Actuation`: motor torques and contact forces of a wanted motion, with margins, residuals and what is unique."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def _corner_map(sets: ForceSet) -> Array:
 
 def _has_inside(program: Conic) -> bool:
     """Whether some x is strictly inside of everything: cones, bounds and rows, by a margin over one."""
-    n, q = len(program.g), len(program.C)
+    n = len(program.g)
     if not n:
         return True
     # Largest s <= 1 with cones, bounds and rows held with a margin of s: their normal, or value, less s.
@@ -247,7 +247,10 @@ def _has_inside(program: Conic) -> bool:
         E.append(-sign * rows)
         level.append(-sign * value[which])
     D, d = np.concatenate(E), np.concatenate(level)
-    lower, upper = np.append(np.where(fixed, program.lower, -math.inf), -1.0), np.append(np.where(fixed, program.upper, math.inf), 1.0)
+    lower, upper = (
+        np.append(np.where(fixed, program.lower, -math.inf), -1.0),
+        np.append(np.where(fixed, program.upper, math.inf), 1.0),
+    )
     found = solve_conic(
         Conic(
             np.zeros((n + 1, n + 1)), np.append(np.zeros(n), -1.0), np.hstack([program.A, program.A @ shift]), program.b,

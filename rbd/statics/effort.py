@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, is_finite
+from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
 from rbd.problem.rows import Rows
@@ -59,7 +59,9 @@ class Effort:
             value = getattr(self, what)
             values = list(value.values()) if isinstance(value, Mapping) else np.ravel(as_array(what, value)).tolist()
             if not all(least <= as_float(x) < _MOST for x in values):
-                raise InputError(f"{what} is {value!r:.80}; expected weights {'above' if least else 'of'} 0 {'' if least else 'or more'}.")
+                raise InputError(
+                    f"{what} is {value!r:.80}; expected weights {'above' if least else 'of'} 0 {'' if least else 'or more'}."
+                )
 
     def torque_weights(self, names: Sequence[str]) -> Array:
         """One of each motor, shape (nu,).
@@ -130,7 +132,9 @@ class Effort:
             C, least, most = self.rows(loads)
             T, low, high = np.vstack([C, T]), np.concatenate([least, low]), np.concatenate([most, high])
         sets = loads.sets
-        return Conic(H, -2.0 * (weighed @ loads.t), loads.A, loads.b, T, low, high, loads.lower, loads.upper, sets.cone_columns, sets.mu)
+        return Conic(
+            H, -2.0 * (weighed @ loads.t), loads.A, loads.b, T, low, high, loads.lower, loads.upper, sets.cone_columns, sets.mu
+        )
 
 
 def _known(what: str, name: str, rows: Sequence[Rows]) -> None:

@@ -51,7 +51,9 @@ def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:
         return None
     worst = actuation.residuals.worst
     name = actuation.state.robot.name
-    warnings.warn(f"the torques of {name} have a scaled residual of {worst:.1e} (solved is 1e-9).", InaccurateWarning, stacklevel)
+    warnings.warn(
+        f"the torques of {name} have a scaled residual of {worst:.1e} (solved is 1e-9).", InaccurateWarning, stacklevel
+    )
     return actuation
 
 

@@ -127,7 +127,9 @@ class Relaxable:
 
     def _asks(self, name: str) -> bool:
         patch = {r.name: r.patch for r in self.loads.rows}[name]
-        return name in self.effort.normal_force or bool(self.effort.edge_margin and patch is not None and len(patch.corners) > 1)
+        return name in self.effort.normal_force or bool(
+            self.effort.edge_margin and patch is not None and len(patch.corners) > 1
+        )
 
     def program(self, relaxed: Collection[Limit] = ()) -> Conic:
         """Find any torques and forces, some limits relaxed."""
@@ -186,7 +188,9 @@ class Relaxable:
 
     def _finer(self, limit: Limit, gone: Sequence[Limit]) -> bool:
         """Whether friction or edge of the same contact is in the way already."""
-        return any(Limit(kind, limit.name) in self.columns and Limit(kind, limit.name) not in gone for kind in ("friction", "edge"))
+        return any(
+            Limit(kind, limit.name) in self.columns and Limit(kind, limit.name) not in gone for kind in ("friction", "edge")
+        )
 
     def _speaks(self, proof: Certificate, limit: Limit) -> bool:
         """Whether the proof has a multiplier of a motor's limit."""

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
-from rbd.errors import CannotHold, CannotMove, NoSolution
+from rbd.errors import CannotHold, CannotMove
 from rbd.model.dynamics import External
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
@@ -60,8 +59,8 @@ class Refusal:
         proof = relaxable.refuted()
         if proof is None:
             return kind(
-                f"{name}: whether it can {does} was not found within {CONIC_STEPS} steps of a conic program: it is within 1e-6 of "
-                "a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
+                f"{name}: whether it can {does} was not found within {CONIC_STEPS} steps of a conic program: it is within 1e-6 "
+                "of a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
                 nearest=self.nearest,
             )
         limits = relaxable.irreducible(proof)
@@ -129,8 +128,8 @@ class Refusal:
                 return f"friction prevents it; a coefficient of {rounded_up(mu)} at every contact would do, and none below."
             if (mu := self._circular(limits=False).least()) is not None:
                 return (
-                    f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact on, "
-                    "forces balance it, but motors would need more than their limits."
+                    f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact "
+                    "on, forces balance it, but motors would need more than their limits."
                 )
         except LimitReached:
             return (

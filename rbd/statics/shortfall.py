@@ -153,7 +153,9 @@ def excess(loads: Loads, effort: Effort) -> Array | None:
     return out
 
 
-def nearest_possible(loads: Loads, a: Array, rhs: Array, still: Array, offset: Array, effort: Effort) -> tuple[Array, Array] | None:
+def nearest_possible(
+    loads: Loads, a: Array, rhs: Array, still: Array, offset: Array, effort: Effort
+) -> tuple[Array, Array] | None:
     """(a, weights [N]) of the reachable acceleration nearest in the inertia metric, all contacts as they are.
 
         minimise 1/2 |a' - a|_M^2  subject to  M a' = S^T tau + rhs + J^T G w,  H^T J a' + offset = 0,  |tau| <= limit

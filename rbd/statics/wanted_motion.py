@@ -1,5 +1,7 @@
-"""Torques and forces for a wanted motion: what the motion allows, least effort, and the refusal. `rbd.hold` and
-`rbd.inverse_dynamics` are this, at rest and moving."""
+"""Torques and forces for a wanted motion: what the motion allows, least effort, and the refusal.
+
+`rbd.hold` and `rbd.inverse_dynamics` are this, at rest and moving.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from rbd.errors import CannotMove, ContactMoves, DuplicateName, InputError, NoSo
 from rbd.least_constraint import warn_of_distant
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
-from rbd.problem.allowed_forces import allowed_forces, narrowed, refusal_words
+from rbd.problem.allowed_forces import Refused, allowed_forces, narrowed, refusal_words
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.residuals import SOLVED
@@ -126,7 +128,8 @@ class WantedMotion:
             name = self.state.robot.name
             raise CannotMove(
                 f"{name} cannot move so: {refusal_words(refused, [r.name for r in self.rows])} m/s2 (or rad/s2). Put the "
-                "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what opens.",
+                "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what "
+                "opens.",
                 nearest=lambda: self.nearest(sets, margin),
             )
         found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin)
@@ -137,7 +140,7 @@ class WantedMotion:
         need = state.h - self.tau_ext
         return Loads(state, self.rows, sets, need if self.holds else state.M @ self.a + need)
 
-    def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[object, ...]]:
+    def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[Refused, ...]]:
         allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)
         return (allowed.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(allowed.mu) else allowed), refused
 
@@ -148,14 +151,14 @@ class WantedMotion:
         sets = ForceSet.of(self.rows, rest_speed)
         if sets.impact:
             raise ContactMoves(
-                f"contact {sets.impact} (at rest is up to rest_speed = {rest_speed:g} m/s). Put the velocity onto the contacts: "
-                "rbd.mechanism.project_velocity(state, contacts)."
+                f"contact {sets.impact} (at rest is up to rest_speed = {rest_speed:g} m/s). Put the velocity onto the "
+                "contacts: rbd.mechanism.project_velocity(state, contacts)."
             )
         for r in self.rows:
             if len(r) and r.speed > rest_speed and at_rest(r.cone).bilateral:
                 raise ContactMoves(
-                    f"{r.name!r:.80} is held, and its velocity is {r.speed:.3g} (at rest is up to rest_speed = {rest_speed:g}). "
-                    "Put the velocity onto the contacts: rbd.mechanism.project_velocity(state, contacts)."
+                    f"{r.name!r:.80} is held, and its velocity is {r.speed:.3g} (at rest is up to rest_speed = "
+                    f"{rest_speed:g}). Put the velocity onto the contacts: rbd.mechanism.project_velocity(state, contacts)."
                 )
         return sets
 
@@ -186,9 +189,7 @@ class WantedMotion:
         J, offset, _ = self._motion
         live = sets.lower < sets.upper
         H = sets.H[:, live].T
-        found = nearest_possible(
-            loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + sets.offset[live], self.effort
-        )
+        found = nearest_possible(loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + sets.offset[live], self.effort)
         if found is None:
             raise NoSolution(f"{self.state.robot.name} has no possible motion that keeps its contacts as they are.")
         a, w = found
@@ -201,7 +202,8 @@ class WantedMotion:
         checked = warned(out, 4)
         if checked is None:
             raise NoSolution(
-                f"the nearest possible motion of {self.state.robot.name} was found only to a scaled residual of {out.residuals.worst:.1e}."
+                f"the nearest possible motion of {self.state.robot.name} was found only to a scaled residual of "
+                f"{out.residuals.worst:.1e}."
             )
         return checked
 
@@ -214,5 +216,7 @@ def checked_margin(margin: float) -> float:
     """
     found = as_float(margin)
     if not 0.0 <= found < 1.0:
-        raise InputError(f"margin is {margin!r:.80}; expected a number from 0, below 1: 0.05 keeps friction 5 % from its limit.")
+        raise InputError(
+            f"margin is {margin!r:.80}; expected a number from 0, below 1: 0.05 keeps friction 5 % from its limit."
+        )
     return found

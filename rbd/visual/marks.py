@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rbd.problem.ground import Ground
     from rbd.problem.rows import Patch
     from rbd.solution import Solution
-    from rbd.statics.equilibrium import Hold
+    from rbd.statics.actuation import Actuation
 
 # A contact that presses with less than this share of all contact forces is not drawn as support.
 LOADED_SHARE = 1e-6
@@ -105,12 +105,12 @@ def _outline(patch: Patch) -> Array:
     return convex_hull(patch.corners[:, :2])
 
 
-def shown_forces(solution: Solution | Hold) -> list[ShownForce]:
+def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
     """Force of every contact of a solution; constraints without a patch (loops, limits) are left out."""
     out = []
     forces: Mapping[str, Array] = solution.forces
     split: Mapping[str, Array] = solution.corner_forces
-    # A `Hold` carries its rows itself, a `Solution` its problem.
+    # A `Actuation` carries its rows itself, a `Solution` its problem.
     keeper: Any = getattr(solution, "problem", solution)
     for rows in keeper.rows:
         if rows.patch is None or rows.name not in forces:

@@ -30,7 +30,7 @@ from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
     from rbd.solution import Solution
-    from rbd.statics.equilibrium import Hold
+    from rbd.statics.actuation import Actuation
 
 # Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
@@ -132,7 +132,7 @@ class Scene:
         return address
 
     def show(
-        self, state: State, solution: Solution | Hold | None = None, *, external: Iterable[Push] | Push | None = None
+        self, state: State, solution: Solution | Actuation | None = None, *, external: Iterable[Push] | Push | None = None
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
 
