@@ -108,7 +108,7 @@ def test_torques_beyond_their_limits_are_a_failure(monkeypatch: pytest.MonkeyPat
     right = rbd.hold
     for change in ({"tau": 1e5}, {"tau": 1.0 + 1e-6}):
 
-        def wrong(*given, change=change, **more) -> rbd.statics.equilibrium.Hold:
+        def wrong(*given, change=change, **more) -> rbd.Actuation:
             held = right(*given, **more)
             return replace(held, tau=held.tau * change["tau"])
 

@@ -715,8 +715,8 @@ def certified(answer: Any) -> bool:
     """Whether every solution in an answer is one, and every inertia is positive definite."""
     if isinstance(answer, rbd.problem.Answer):
         return answer.status in (rbd.problem.Status.SOLVED, rbd.problem.Status.INACCURATE)
-    if isinstance(answer, rbd.Hold):
-        return answer.residual < 1e-6
+    if isinstance(answer, rbd.Actuation):
+        return answer.residuals.stationarity < 1e-6
     if isinstance(answer, rbd.State):
         return bool(np.linalg.eigvalsh(answer.M)[0] > 0.0)
     return all(map(certified, answer)) if isinstance(answer, list | tuple) else True

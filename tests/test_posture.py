@@ -121,7 +121,7 @@ def test_on_two_points_a_robot_is_turned_until_it_balances(bend: float) -> None:
     off = (com - right)[:2]
     assert abs(off[0] * along[1] - off[1] * along[0]) < 1e-9
     assert np.abs([left[2], right[2]]).max() < 1e-12
-    assert rbd.hold(state, feet).residual < 1e-9
+    assert rbd.hold(state, feet).residuals.stationarity < 1e-9
 
 
 @pytest.mark.parametrize("name", ["solo12", "anymal_c", "go2"])

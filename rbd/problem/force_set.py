@@ -137,8 +137,7 @@ class ForceSet:
         """The same with each circular cone replaced by a pyramid.
 
         Args:
-            inscribed: Take the pyramid inside the cone (tangential radius mu) in place of the one around it
-                (mu / cos(pi / n)).
+            inscribed: Take the pyramid inside the cone (radius mu) in place of the one around it (mu / cos(pi / n)).
         """
         rays, elements, new = [], [], {}
         firsts: list[int] = []

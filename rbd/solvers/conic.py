@@ -31,14 +31,15 @@ from rbd.problem.cones import project_cones, project_dual_cones
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome
 
 MET = 1e-11
-"""A miss up to this is rounding, of numbers around one."""
-_ROUNDING = 1e-14  # of numbers around one
+"""A miss up to this is rounding, of numbers around one; where H has larger entries, 1e-14 of these."""
+_ROUNDING, _DIGITS = 1e-14, 1e-14  # of numbers around one; of entries of H
 NEWTON_STEPS = 12
 """Of Newton's method, before Clarabel is asked."""
 _NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
 _REACH = 1e6  # of a proof that is not improved
 _ENOUGH = 1e3  # of a proof
 _GAP = 1e-10
+_NIL = 1e-12
 _INWARD = 1e-10
 
 
@@ -226,11 +227,12 @@ def _by_newton(program: Conic) -> ConicAnswer | None:
     return newton_steps(program, x, y, z)
 
 
-def newton_steps(program: Conic, x: Array, y: Array, z: Array, steps: int = NEWTON_STEPS) -> ConicAnswer | None:
+def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | None:
     """Newton's method from a point; None where it does not end at a miss of rounding."""
     e, n = program.A.shape
     best: tuple[float, int, Array, Array, Array] | None = None
-    for count in range(steps + 1):
+    met = max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
+    for count in range(NEWTON_STEPS + 1):
         s, r = program.C @ x, program.answer_of_X(x, y, z)
         p, t = x - r, s - z
         inside = program.project(p)
@@ -240,9 +242,9 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array, steps: int = NEWT
             best = miss, count, x, y, z
         if (
             miss <= _ROUNDING
-            or count == steps
+            or count == NEWTON_STEPS
             or not miss < 1e3 * max(best[0], 1.0)
-            or (best[0] <= MET and count > best[1] + 1)
+            or (best[0] <= met and count > best[1] + 1)
         ):
             break
         # d off = [(I - V) + V H, -V A^T, -V C^T; A, 0, 0; (I - D) C, 0, D] with V, D the slopes of the projections: where a row
@@ -269,7 +271,7 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array, steps: int = NEWT
     assert best is not None
     _, count, x, y, z = best
     x = program.project(x)
-    if program.miss(x, y, z) > MET:
+    if program.miss(x, y, z) > met:
         return None
     return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count)
 
@@ -371,6 +373,8 @@ def _interior_point(program: Conic) -> ConicAnswer:
     ]  # fmt: skip
     M = np.vstack(rows)
     h = np.concatenate(side) - M @ given
+    nil = np.flatnonzero(np.abs(M[:e]).max(axis=1, initial=0.0) <= _NIL)  # rows of rounding have no answer in digits
+    M[nil], h[nil] = 0.0, np.where(np.abs(h[nil]) <= _NIL, 0.0, h[nil])
     P, g = np.triu(program.H[np.ix_(free, free)]), (program.g + program.H @ given)[free]
     if not free.any() or not (is_finite(M) and is_finite(h) and is_finite(P) and is_finite(g)):
         return nothing

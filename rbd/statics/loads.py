@@ -63,10 +63,13 @@ class Loads:
 
     @lazy
     def row_size(self) -> Array:
-        """What the rows without motors are divided by, shape (e,): a passive finger is balanced as well as a base."""
+        """What the rows without motors are divided by, shape (e,): a passive finger is balanced as well as a base.
+
+        The largest of its terms, at least what moves it at 1 m/s2 (rad/s2), or 1 N, over the unit.
+        """
         still = self.state.robot.unactuated
         top = np.maximum(np.abs(self.per_weight[still]).max(axis=1, initial=0.0), np.abs(self.need[still]) / self.unit)
-        return np.where(top > 0.0, top, 1.0)
+        return np.maximum(top, np.minimum(self.state.M.diagonal()[still], 1.0) / self.unit)
 
     @lazy
     def A(self) -> Array:

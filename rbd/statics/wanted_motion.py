@@ -16,14 +16,14 @@ from rbd.errors import CannotMove, ContactMoves, DuplicateName, InputError, NoSo
 from rbd.least_constraint import warn_of_distant
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
-from rbd.problem.allowed_forces import Refused, allowed_forces, narrowed, refusal_words
+from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import Effort
-from rbd.statics.least_effort import least_effort, warned
+from rbd.statics.effort_program import least_effort, warned
 from rbd.statics.loads import Loads
 from rbd.statics.refusal import Refusal
 from rbd.statics.shortfall import nearest_possible
