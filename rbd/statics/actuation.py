@@ -14,9 +14,9 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.least_constraint import momentum_balance
 from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
-from rbd.problem.motion_forces import given_weights
 from rbd.problem.answer import Answer, ContactForce, Status, corner_split
 from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.motion_forces import given_weights
 from rbd.problem.problem import COULOMB, GaussProblem
 from rbd.problem.residuals import Residuals
 from rbd.problem.rows import Rows

@@ -16,9 +16,9 @@ from rbd.errors import CannotMove, ContactMoves, DuplicateName, InputError, NoSo
 from rbd.least_constraint import warn_of_distant
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
-from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.statics.actuation import Actuation
