@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -43,7 +42,7 @@ class Effort:
 
     torques: float | Sequence[float] | Array | Mapping[str, float] = 1.0
     forces: float | Mapping[str, float] = FORCE_WEIGHT
-    normal_force: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    normal_force: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     edge_margin: float = 0.0
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -112,8 +113,8 @@ class WantedMotion:
             return found
         allowed, _ = self._allowed(sets, y, still, margin)
         raise Refusal(
-            self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.holds,
-            lambda: self.nearest(sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
+            self._loads(allowed), self.a, self.contacts, self.external, self.effort, self.friction, margin, self.holds,
+            partial(WantedMotion.nearest, self, sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
         ).error()  # fmt: skip
 
     def possible(self, margin: float, *, stacklevel: int) -> Actuation | None:
@@ -130,7 +131,7 @@ class WantedMotion:
                 f"{name} cannot move so: {refusal_words(refused, [r.name for r in self.rows])} m/s2 (or rad/s2). Put the "
                 "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what "
                 "opens.",
-                nearest=lambda: self.nearest(sets, margin),
+                nearest=partial(WantedMotion.nearest, self, sets, margin),
             )
         found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin)
         return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None
