@@ -113,6 +113,16 @@ class Conic:
             return math.inf
         return max(float(np.abs(part).max(initial=0.0)) for part in self.equations(x, y, z))
 
+    def allows(self, x: Array) -> bool:
+        """Whether x is in X, and the rows are between their bounds; A x = b is not asked."""
+        if len(self.mu):
+            cones = x[self.cones]
+            if not (np.hypot(cones[:, 0], cones[:, 1]) <= self.mu * cones[:, 2]).all():
+                return False
+        s = self.C @ x
+        between = (s >= self.low).all() and (s <= self.high).all()
+        return bool(between and (3 * len(self.mu) == len(x) or ((x >= self.lower) & (x <= self.upper)).all()))
+
     def outside(self, x: Array) -> float:
         """Largest violation of A x = b, of the rows' bounds and of X; infinite of NaN."""
         if not is_finite(x):
@@ -224,6 +234,8 @@ def _by_newton(program: Conic) -> ConicAnswer | None:
     if info != 0 or not is_finite(found):
         return None
     x, y, z = found[:n], found[n:], np.zeros(len(program.C))
+    if program.allows(x):
+        return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", 0)
     return newton_steps(program, x, y, z)
 
 

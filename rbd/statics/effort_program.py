@@ -17,6 +17,9 @@ from rbd.statics.actuation import Actuation
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
 
+_EXACT = 1e-14
+"""What is left of balance below this, of numbers around one, is rounding."""
+
 
 def least_effort(
     loads: Loads,
@@ -25,6 +28,7 @@ def least_effort(
     external: External,
     effort: Effort,
     margin: float,
+    rest_speed: float,
 ) -> Actuation | ConicAnswer:
     """The actuation; where there is none within tolerance, what the program ended with."""
     program = effort.program(loads)
@@ -39,7 +43,7 @@ def least_effort(
         x, method, count = _balanced(program, found.x), found.method, found.iterations
     w = x * loads.unit
     tau, _ = loads.torques(w)
-    return Actuation(loads.state, a, tau, w, loads, tuple(constraints), external, effort, margin, program, count, method)
+    return Actuation(a, tau, w, loads, constraints, external, effort, margin, rest_speed, program, count, method)
 
 
 def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:
@@ -60,7 +64,7 @@ def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:
 def _balanced(program: Conic, x: Array) -> Array:
     """The same x moved, within what is strictly inside its bounds and cones, so that A x = b to rounding."""
     left = program.b - program.A @ x
-    if not left.any():
+    if not left.size or np.abs(left).max() <= _EXACT:
         return x
     free = (x > program.lower) & (x < program.upper)
     if len(program.mu):
