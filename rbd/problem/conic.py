@@ -7,8 +7,8 @@ normal). One sign: r = H x + g - A^T y - C^T z is what X answers with. x is the 
 
     x = P_X(x - r),     A x = b,     C x = P_[low, high](C x - z)
 
-with P the projection: `Conic.miss` measures how far that is from true, and judges every answer. Where there is no x, (y, z) with
-r = -A^T y - C^T z, H and g left out, is a certificate if
+with P the projection: `Conic.miss` measures how far that is from true, and judges every answer. Where there is no x, (y, z)
+with r = -A^T y - C^T z, H and g left out, is a certificate if
 
     y . b + least of z . s over s in [low, high] + least of r . x over x in X  >  0 :
 
