@@ -58,5 +58,5 @@ def inverse_dynamics(
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")
-    wanted = WantedMotion.of(state, a, contacts, external, objective, friction, holds=False, stacklevel=3)
-    return wanted.actuation(checked_margin(margin), rest_speed=rest_speed, stacklevel=3)
+    wanted = WantedMotion.of(state, a, contacts, external, objective, friction, rest_speed, holds=False, stacklevel=3)
+    return wanted.actuation(checked_margin(margin), stacklevel=3)

@@ -21,7 +21,7 @@ from math import hypot, inf
 import numpy as np
 
 from rbd.arrays import Array, block_diagonal
-from rbd.problem.cones import SecondOrderCone
+from rbd.problem.cones import Part, SecondOrderCone
 from rbd.problem.force_set import Element, ForceSet, column_slices, locked
 
 
@@ -87,7 +87,18 @@ def allowed_forces(sets: ForceSet, y: Array, still: Array, margin: float = 0.0) 
 @lru_cache(maxsize=256)
 def narrowed(sets: ForceSet, margin: float) -> ForceSet:
     """The same with friction within 1 - margin of its cones; itself without a margin."""
-    return _chosen(sets, {}, margin) if margin and len(sets.mu) else sets
+    if not (margin and len(sets.mu)):
+        return sets
+    elements = [replace(e, shape=_narrower(e, margin)) for e in sets.elements]
+    return replace(sets, mu=locked(sets.mu * (1.0 - margin)), elements=tuple(elements))
+
+
+def _narrower(element: Element, margin: float) -> Part:
+    """Its shape; of a circular cone one with less friction."""
+    shape = element.shape
+    if not (element.is_cone and isinstance(shape, SecondOrderCone)):
+        return shape
+    return SecondOrderCone(shape.mu * (1.0 - margin), shape.facets)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +126,9 @@ def _chosen(sets: ForceSet, changed: dict[int, _Choice], margin: float) -> Force
             lower += sets.lower[e.columns].tolist()
             upper += sets.upper[e.columns].tolist()
             if e.is_cone and isinstance(shape, SecondOrderCone):
-                shape = SecondOrderCone(shape.mu * (1.0 - margin), shape.facets)
                 cone_at.append(first)
-                mu.append(shape.mu)
+                mu.append(shape.mu * (1.0 - margin))
+                shape = _narrower(e, margin)
         else:
             blocks.append(choice.columns)
             lower.append(choice.lower)
@@ -156,6 +167,8 @@ def refusal_words(refused: Sequence[Refused], names: Sequence[str]) -> str:
 
 def given_weights(sets: ForceSet, allowed: ForceSet, w: Array) -> Array:
     """Weights of the sets that `allowed` was made of, shape (p,), from those of `allowed`, or of its pyramids."""
+    if allowed.G is sets.G:  # no column was exchanged
+        return w
     out = np.empty(sets.size)
     for old, new in zip(sets.elements, allowed.elements, strict=True):
         out[old.columns] = w[new.columns] @ allowed.push[new.columns] if old.is_cone else w[new.columns]

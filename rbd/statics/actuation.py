@@ -15,13 +15,14 @@ from rbd.least_constraint import momentum_balance
 from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
 from rbd.problem.answer import Answer, ContactForce, Status, corner_split
+from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import given_weights
 from rbd.problem.problem import COULOMB, GaussProblem
 from rbd.problem.residuals import Residuals
 from rbd.problem.rows import Rows
 from rbd.solution import Solution
-from rbd.solvers.conic import Conic, solve_conic
+from rbd.solvers.conic import solve_conic
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
 
@@ -79,8 +80,7 @@ class Actuation:
     """Motor torques and contact forces with which a robot moves as wanted: M a + h = S^T tau + tau_ext + J^T f.
 
     Attributes:
-        state: The robot at (q, v).
-        a: Its acceleration, shape (nv,) [m/s2, rad/s2].
+        a: The robot's acceleration, shape (nv,) [m/s2, rad/s2].
         tau: Motor torques, shape (nu,) [N, N m]; nothing on the base or on passive joints.
         weights: Weights of the forces that the motion allows, shape (p,) [N].
         loads: The equations of motion, and the sets of these weights.
@@ -88,12 +88,12 @@ class Actuation:
         external: Other forces, as given.
         effort: What was made least.
         margin: Friction of points that keep still stays within 1 - margin of its cone.
+        rest_speed: As of `rbd.solve`.
         program: The conic program that was solved.
         iterations: How many steps it took.
         method: "Newton" or "Clarabel".
     """
 
-    state: State
     a: Array
     tau: Array
     weights: Array
@@ -102,9 +102,15 @@ class Actuation:
     external: External
     effort: Effort
     margin: float
+    rest_speed: float
     program: Conic
     iterations: int
     method: str
+
+    @property
+    def state(self) -> State:
+        """The robot at (q, v)."""
+        return self.loads.state
 
     @property
     def rows(self) -> Sequence[Rows]:
@@ -112,40 +118,42 @@ class Actuation:
         return self.loads.rows
 
     @lazy
-    def solution(self) -> Solution:
-        """The same motion and forces as an answer of Coulomb's law under these torques, with all that can be said of it."""
+    def answer(self) -> Answer:
+        """The same motion and forces as an answer of Coulomb's law under these torques."""
         rhs, wrench = free_force(self.state, self.tau, self.external)
         rows, sets = self.rows, self.loads.sets
-        loose = any(r.resultant is None or r.patch is None for r in rows)
+        loose = any([r.resultant is None or r.patch is None for r in rows])
         balance = momentum_balance(self.state, wrench, with_base=loose)
-        problem = GaussProblem(self.state.M, rhs, rows, balance, from_state=self.state.robot.sound)
-        weights = given_weights(problem.force_set, sets, self.weights)
-        corners = dict[str, Array]()
-        at = 0
-        f = sets.G @ self.weights
-        for i, r in enumerate(rows):
+        problem = GaussProblem(self.state.M, rhs, rows, balance, None, self.rest_speed, from_state=self.state.robot.sound)
+        weights = None if problem.bilateral else given_weights(problem.force_set, sets, self.weights)
+        return Answer(problem, self.a, sets.G @ self.weights, weights, COULOMB, CHOICE, self.iterations, 0.0)
+
+    @lazy
+    def solution(self) -> Solution:
+        """`answer`, with all that can be said of it: `Solution.uniqueness()` is of the forces under these torques."""
+        corners, at, f, sets = dict[str, Array](), 0, self.answer.multipliers, self.loads.sets
+        for i, r in enumerate(self.rows):
             part = f[at : at + len(r)]
             at += len(r)
             if r.patch is not None:
                 held = not len(r) or at_rest(r.cone).bilateral
                 corners[r.name] = corner_split(r, part) if held else sets.at_points(self.weights, i) @ r.patch.axes.T
-        answer = Answer(problem, self.a, f, None if problem.bilateral else weights, COULOMB, CHOICE, self.iterations, 0.0)
-        return replace(Solution.of(answer), chosen_corners=corners, choice=CHOICE)
+        return replace(Solution.of(self.answer), chosen_corners=corners, choice=CHOICE)
 
     @property
     def residuals(self) -> Residuals:
         """How far torques, forces and motion are from the equations of Coulomb's law; as of every answer."""
-        return self.solution.residuals
+        return self.answer.residuals
 
     @property
     def status(self) -> Status:
         """What the residuals amount to."""
-        return self.solution.status
+        return self.answer.status
 
     @property
     def forces(self) -> dict[str, Array]:
         """{contact: force (3,) or wrench (6,) at the patch's centre}, on the robot, world axes [N, N m]."""
-        return self.solution.forces
+        return self.answer.forces
 
     @property
     def corner_forces(self) -> dict[str, Array]:
@@ -155,7 +163,7 @@ class Actuation:
     @property
     def contacts(self) -> dict[str, ContactForce]:
         """Normal and tangential parts, friction used and centre of pressure of each contact."""
-        return self.solution.contacts
+        return self.answer.contacts
 
     @lazy
     def margins(self) -> Margins:

@@ -16,13 +16,14 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
+from rbd.problem.conic import Conic
 from rbd.problem.rows import Rows
-from rbd.solvers.conic import Conic
 from rbd.statics.loads import Loads
 
 FORCE_WEIGHT = 1e-4
 """Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
 _MOST = 1e12
+_ALIKE = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Effort:
         InputError: on numbers that are none, negative, or bounds that cross.
     """
 
-    torques: float | Sequence[float] | Array | Mapping[str, float] = 1.0
+    torques: float | Sequence[float] | Array | Mapping[str, float] = _ALIKE
     forces: float | Mapping[str, float] = FORCE_WEIGHT
     normal_force: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     edge_margin: float = 0.0
@@ -119,10 +120,11 @@ class Effort:
 
     def program(self, loads: Loads) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
-        p, T, t = self.torque_weights(loads.state.robot.actuated_names), loads.T, loads.t
+        T, t = loads.T, loads.t
+        p = 1.0 if self.torques is _ALIKE else self.torque_weights(loads.state.robot.actuated_names)
         weighed = T.T * p
         H = 2.0 * (weighed @ T)
-        H.flat[:: len(H) + 1] += 2.0 * self.force_weights(loads)
+        H.flat[:: len(H) + 1] += 2.0 * (self.forces if isinstance(self.forces, float) else self.force_weights(loads))
         limited = loads.limited
         if not limited.all():
             T, t = T[limited], t[limited]
@@ -134,6 +136,10 @@ class Effort:
         return Conic(
             H, -2.0 * (weighed @ loads.t), loads.A, loads.b, T, low, high, loads.lower, loads.upper, sets.cone_columns, sets.mu
         )
+
+
+DEFAULT = Effort()
+"""Least squares of torques over their limits."""
 
 
 def _known(what: str, name: str, rows: Sequence[Rows]) -> None:

@@ -23,7 +23,7 @@ from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.statics.actuation import Actuation
-from rbd.statics.effort import Effort
+from rbd.statics.effort import DEFAULT, Effort
 from rbd.statics.effort_program import least_effort, warned
 from rbd.statics.loads import Loads
 from rbd.statics.refusal import Refusal
@@ -47,6 +47,7 @@ class WantedMotion:
         external: The same as given.
         effort: What is made least.
         friction: "cone" or "inscribed".
+        rest_speed: As of `rbd.solve`.
         holds: Whether it is a pose at rest, to be held.
     """
 
@@ -58,6 +59,7 @@ class WantedMotion:
     external: External
     effort: Effort
     friction: str
+    rest_speed: float
     holds: bool
 
     @classmethod
@@ -69,6 +71,7 @@ class WantedMotion:
         external: External,
         effort: Effort | None,
         friction: str,
+        rest_speed: float = REST_SPEED,
         *,
         holds: bool,
         stacklevel: int,
@@ -88,25 +91,24 @@ class WantedMotion:
             warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
         if friction not in FRICTIONS:
             raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
-        effort = Effort() if effort is None else effort
+        effort = DEFAULT if effort is None else effort
         if not isinstance(effort, Effort):
             raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
         tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
-        return cls(state, a, given, rows, tau_ext, external, effort, friction, holds)
+        return cls(state, a, given, rows, tau_ext, external, effort, friction, rest_speed, holds)
 
-    def actuation(self, margin: float, *, rest_speed: float = REST_SPEED, stacklevel: int) -> Actuation:
+    def actuation(self, margin: float, *, stacklevel: int) -> Actuation:
         """The torques and forces of least effort.
 
         Args:
             margin: Friction of points that keep still stays within 1 - margin of its cone.
-            rest_speed: As of `rbd.solve`.
             stacklevel: Of warnings.
 
         Raises:
             ContactMoves: the velocity is none that the contacts allow.
             CannotMove: the acceleration is none that they allow, or there are no such torques and forces.
         """
-        sets = self._sets(rest_speed)
+        sets = self._sets()
         still, y = self._accelerations(sets)
         found = self._found(sets, y, still, margin, stacklevel + 1)
         if found is not None:
@@ -119,7 +121,7 @@ class WantedMotion:
 
     def possible(self, margin: float, *, stacklevel: int) -> Actuation | None:
         """The same as `actuation` of a pose to be held, or None where there is none."""
-        sets = self._sets(REST_SPEED)
+        sets = self._sets()
         still, y = self._accelerations(sets)
         return self._found(sets, y, still, margin, stacklevel + 1)
 
@@ -133,7 +135,7 @@ class WantedMotion:
                 "opens.",
                 nearest=partial(WantedMotion.nearest, self, sets, margin),
             )
-        found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin)
+        found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
         return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None
 
     def _loads(self, sets: ForceSet) -> Loads:
@@ -145,10 +147,11 @@ class WantedMotion:
         allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)
         return (allowed.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(allowed.mu) else allowed), refused
 
-    def _sets(self, rest_speed: float) -> ForceSet:
+    def _sets(self) -> ForceSet:
         """The force sets, velocities regarded."""
         if self.holds:
             return at_rest(*[r.cone for r in self.rows])
+        rest_speed = self.rest_speed
         sets = ForceSet.of(self.rows, rest_speed)
         if sets.impact:
             raise ContactMoves(
@@ -198,7 +201,18 @@ class WantedMotion:
         at = moved._loads(loads.sets)
         tau, _ = at.torques(w)
         out = Actuation(
-            self.state, a, tau, w, at, self.contacts, self.external, self.effort, margin, self.effort.program(at), 0, "Clarabel"
+            a,
+            tau,
+            w,
+            at,
+            self.contacts,
+            self.external,
+            self.effort,
+            margin,
+            self.rest_speed,
+            self.effort.program(at),
+            0,
+            "Clarabel",
         )
         checked = warned(out, 4)
         if checked is None:
