@@ -23,6 +23,7 @@ from rbd.statics.shortfall import Missing, excess, missing
 
 _NOTHING = 1e-7
 """What is missing below this, over the body weight, is nothing."""
+_TOLD = 8  # limits, contacts or joints that a message names
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class Refusal:
             over = excess(self.loads, self.effort)
         words = f"{name} cannot {does}{self._on()}: {self._why(limits, lack, over)}"
         if limits:
-            words += f" In the way together: {'; '.join(map(str, limits))}."
+            words += f" In the way together: {_listed([str(limit) for limit in limits])}."
         if lack is not None and lack.size > _NOTHING * self.loads.unit:
             words += f" {_capital(str(lack))}."
         if not self.holds:
@@ -80,7 +81,7 @@ class Refusal:
         return kind(words, limits=limits, certificate=proof, missing=lack, excess=over, nearest=self.nearest)
 
     def _on(self) -> str:
-        return " on " + ", ".join(repr(r.name) for r in self.loads.rows) if self.loads.rows else ""
+        return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""
 
     def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> str:
         robot = self.loads.state.robot
@@ -91,7 +92,7 @@ class Refusal:
             return f"a torque limit prevents it. At best {needs} of its limit."
         passive = [repr(limit.name) for limit in limits if limit.kind == "passive"]
         if passive and not any(limit.kind == "base" for limit in limits):
-            return f"{', '.join(passive)} would need torque, and is passive."
+            return f"{_listed(passive, ', ')} would need torque, and is passive."
         if not self.loads.rows:
             return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
         if self.margin and self.without_margin():
@@ -181,6 +182,12 @@ class Refusal:
 def _with_friction(contact: Constraint, mu: float) -> Constraint:
     """The contact with at least this coefficient, if it has one."""
     return contact.with_friction(max(mu, contact.friction)) if has_friction(contact) else contact  # type: ignore[attr-defined]
+
+
+def _listed(words: Sequence[str], between: str = "; ") -> str:
+    """The first few, and how many more."""
+    more = f"{between}and {len(words) - _TOLD} more" if len(words) > _TOLD else ""
+    return between.join(words[:_TOLD]) + more
 
 
 def _capital(words: str) -> str:

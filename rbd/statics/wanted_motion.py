@@ -89,11 +89,13 @@ class WantedMotion:
             raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
         if not all([r.patch is None or r.patch.touches for r in rows]):
             warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
-        if friction not in FRICTIONS:
+        if not isinstance(friction, str) or friction not in FRICTIONS:
             raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
         effort = DEFAULT if effort is None else effort
         if not isinstance(effort, Effort):
             raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
+        if not 0.0 <= as_float(rest_speed) < 1e100:
+            raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
         tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
         return cls(state, a, given, rows, tau_ext, external, effort, friction, rest_speed, holds)
 
