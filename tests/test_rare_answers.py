@@ -15,9 +15,9 @@ import rbd
 from rbd import installation
 from rbd.errors import CannotHold, InaccurateWarning, InputError, NoSolution, WrongPinocchio
 from rbd.problem.cones import Cone
+from rbd.problem.programs import Outcome
 from rbd.problem.residuals import blame
 from rbd.problem.rows import Rows
-from rbd.problem.programs import Outcome
 from rbd.solvers import conic
 from rbd.statics import effort_program
 from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, check_solver, law_residuals, reference_problems
