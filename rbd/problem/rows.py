@@ -117,7 +117,7 @@ class Rows:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"the name of rows is {self.name!r:.80}; expected a word, e.g. 'left_sole'.")
+            raise InputError(f"the name of rows is {self.name!r:.80}; expected a string, e.g. 'left_sole'.")
         if type(self.J) is not np.ndarray or self.J.dtype != float:
             object.__setattr__(self, "J", as_array(f"J of rows {self.name!r}", self.J))
         if self.J.ndim != 2:
