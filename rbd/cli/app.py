@@ -1,8 +1,8 @@
 """Robots in contact, from the command line.
 
-Exit codes: 0 done, 1 no solution (the message says which limit prevents it), 2 bad input.
+Exit codes: 0 done, 1 no solution (the message names the limit that prevents it), 2 bad input.
 """
-# What a command needs is imported inside it: --help answers in a third of a second.
+# Imports are inside commands: --help takes a third of a second.
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
-"""Of a longer motion not every step is recorded."""
+"""Largest number of recorded samples by default."""
 # Options and arguments of several commands.
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
@@ -334,7 +334,7 @@ def plane(
 
 
 def _every(duration: float, step: float) -> int:
-    """Every how many steps are recorded; one where there is no such motion, which `simulate` refuses."""
+    """Number of steps between records; one for an invalid motion, which `simulate` refuses."""
     if not (0.0 < step < math.inf and 0.0 < duration < math.inf):
         return 1
     return max(1, math.ceil(min(duration / step, 1e12) / MOST_SAMPLES))
