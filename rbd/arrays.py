@@ -18,8 +18,8 @@ Value = TypeVar("Value")
 RANK = 1e-9
 """Singular values up to this, over the largest, count as zero: for Jacobians, generators and their combinations.
 
-Rounding leaves 1e-15 for dependent rows, and loops closed to 1e-12 a little more; what is independent on a
-robot, such as the lever arm of a millimetre, is at 1e-3 or above.
+Rounding leaves 1e-15 for dependent rows, and loops closed to 1e-12 a little more; independent rows of a
+robot, such as the lever arm of a millimetre, are at 1e-3 or above.
 """
 SQUARED = 1e-11
 """The same for matrices such as J M^-1 J^T, whose singular values are squares: 3e-6 before squaring."""

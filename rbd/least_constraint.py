@@ -241,7 +241,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         more = f" and {len(told) - 6} more" if len(told) > 6 else ""
         warnings.warn(
             f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
-            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or tell the plane: robot.feet(on=0.75), "
+            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
             "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
             DistantContactWarning,
             stacklevel=stacklevel,

@@ -88,7 +88,7 @@ class Solution(Answer):
 
         They add up to the wrench, but four of them are not unique: `force_choice` describes the choice, `uniqueness()` how far
         they could go. A bilateral contact has no corner law: its corners may pull. `weights` stay what the solver found. Rows
-        made by hand with a friction, line or wrench cone and no patch: in their axes, as the solver returned them.
+        built by hand with a friction, line or wrench cone and no patch: in their axes, as the solver returned them.
         """
         by_hand = {r.name: self._by_hand(i, r) for i, r in enumerate(self.problem.rows) if r.patch is None and _has_points(r)}
         return by_hand | {name: corners.copy() for name, corners in self._split[0].items()}
@@ -246,8 +246,8 @@ def _has_points(rows: Rows) -> bool:
 def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
     """A solver's answer with its analysis; for contradictory rows the motion of least violation.
 
-    The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that says
-    itself why it is none (`Answer.reason`), though the rows do not contradict each other, is left as it is.
+    The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that states
+    why there is none (`Answer.reason`), though the rows do not contradict each other, is unchanged.
     """
     answer = solver.solve(problem)
     found = Solution.of(answer)

@@ -197,7 +197,7 @@ class Reach:
         return rows
 
     def _shut(self) -> Array:
-        """Planes that every point of the set lies on, by the point of the widened set off the most planes.
+        """Planes that contain the whole set, by the point of the widened set off the most planes.
 
         x / theta is in the set; theta >= 1 scales the relative interior away from the planes.
         """

@@ -48,7 +48,7 @@ class Derivatives:
 
     A change dq is in the tangent space: q becomes pin.integrate(q, dq), dq of a floating base linear then angular in the
     base's axes, as v. All else is constant: tau, the numbers of v, and external forces in the axes in which they were given.
-    A sticking contact keeps sticking for any dq and dv (its rows have no gap and no speed), so the derivatives are those
+    A sticking contact sticks for any dq and dv (its rows have no gap and no speed), so the derivatives are those
     of its formula J a + J_dot v = 0. It is the robot's derivative along J v = 0, as a contact that starts to slide
     changes its mode.
 

@@ -205,7 +205,7 @@ class CollisionContacts:
         return Rows(self.name, np.zeros((0, nv)), np.zeros(0), NonNegative(0), resultant=np.zeros((6, 0)), patch=patch)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copies are constructed anew, in another process too."""
+        """Copies are constructed by the class, in another process too."""
         words = ("friction", "facets", "ground", "pairs", "on", "margin")
         return _made, (self.name, self.robot, {word: getattr(self, word) for word in words})
 

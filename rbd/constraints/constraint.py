@@ -1,7 +1,7 @@
 """`Constraint`: a name, and rows at a state; and the optional members of a kind of constraint.
 
-`name` and `rows(state)` are sufficient for `rbd.solve` and smooth motion. The members below are optional; the rest of the
-package reads them through the functions of this module, which supply the default where one is absent.
+`name` and `rows(state)` are sufficient for `rbd.solve` and smooth motion. The members below are optional; other modules of the
+package read them through the functions of this module, which supply the default where one is absent.
 
     points(state, t)              its contact points, a `ContactPoints`; t: seconds since a moving ground was given.
                                   Absent: simulation takes its rows, and their `error` for the gap

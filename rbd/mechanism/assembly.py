@@ -295,7 +295,7 @@ def branches(
     Args:
         state: Of the robot; its configuration is not used, starts are drawn.
         constraints: As for `assemble`; None for the loops and wheels of the robot's file.
-        fixed: {joint: value} exact values, of so many joints that nothing can move.
+        fixed: {joint: value}, exact, of as many joints as there are degrees of freedom.
         seed: Of the starts: the same seed gives the same branches.
         tries: Number of starts.
         within_limits: Only poses within the limits of the robot's file; if not, those outside are marked.

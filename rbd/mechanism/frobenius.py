@@ -51,7 +51,7 @@ class PointReport:
         rank: Of the constraints' Jacobian A.
         growth: Dimensions of D, D + [D, D], D + [D, D] + [D, [D, D]], ... until they stop growing.
         gap: (smallest singular value that counted as a new direction, None where none did; largest that did not), of brackets
-            dimensionless.
+            in dimensionless form.
         complete: Whether it stopped growing; False where brackets deeper than were taken might add more.
         regular: Whether the rank is the same at two configurations nearby; where it is not, D is not smooth here, and what
             brackets show concerns only the rows that are independent here.
@@ -107,7 +107,7 @@ class Integrability:
 
     @property
     def holonomic(self) -> bool:
-        """Whether brackets add nothing at any of the points: the constraints are integrable to positions."""
+        """Whether brackets add no direction at any of the points: the constraints are integrable to positions."""
         return all(len(r.growth) == 1 for r in self.reports)
 
     @property

@@ -21,7 +21,7 @@ s^3, s the least singular value over the largest. So below s = 2e-3 (`NEAR`: 1e-
 nor velocities are projected along small singular values, and a is the limit above, with error O(s). It is a first
 guess: from it neighbours on the branch are computed at 3, 6 and 9 times that distance, ahead and behind, where a is
 accurate, and a is interpolated from theirs to order 6 (`SmoothMotion._across`). Measured on an antiparallelogram, a kite and
-N-four-bars, wherever steps end: energy changes by 1e-8 to 1e-13 a crossing at 1 ms, 16 times less or better at half the
+N-four-bars, for any step times: energy changes by 1e-8 to 1e-13 a crossing at 1 ms, 16 times less or better at half the
 step. A cut of the singular values alone, from 1e-8 to 1e-5, leaves the branch or changes it by 1e-6 to 1e-3.
 
 Constraints that only nearly cross (s does not reach zero) deflect the motion: rows then require more than s |a|, or

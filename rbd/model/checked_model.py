@@ -243,7 +243,7 @@ class Slot:
 class DataPool:
     """A few `pin.Data`, lent to states by ticket.
 
-    Creating one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no other
+    Creating one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
     else needs it, and runs its kinematics again when it was taken away. All use is under `lock`, but for `give_back`.
     """
 

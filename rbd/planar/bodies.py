@@ -106,7 +106,7 @@ def bodies_of(
     Args:
         chain: The chain.
         bodies: "points": all mass at each link's end, d_i = ell_i and I_i = 0; "rods": thin and uniform, d_i = ell_i / 2 and
-            I_i = m_i ell_i^2 / 12. None: as centres and inertias say.
+            I_i = m_i ell_i^2 / 12. None: from centres and inertias.
         lengths: In place of the chain's own [m].
         masses: m_i [kg], n numbers or expressions.
         centres: d_i [m].
@@ -114,7 +114,7 @@ def bodies_of(
 
     Raises:
         InputError: wrong counts, masses or lengths not above zero, inertias below it, numbers that are not finite, what
-            depends on time; points or rods with centres or inertias of their own.
+            depends on time; points or rods with separate centres or inertias.
     """
     n = check_chain(chain).n
     if bodies is not None and (not isinstance(bodies, str) or bodies not in ("points", "rods")):

@@ -7,7 +7,7 @@ links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:
 
 so the moment that moves link i is E_i = sum_j mu_ij (cos(phi_i - phi_j) dw_j/dt + sin(phi_i - phi_j) w_j^2) + g nu_i cos phi_i.
 Other angles are phi = S q + s with constant S: M, the Christoffel symbols and the forces transform with S as tensors, and
-nothing is differentiated or simplified. Two links meet in one cosine whose angle is the sum of the joint angles between them.
+without differentiation or simplification. Two links share one cosine whose angle is the sum of the joint angles between them.
 A test derives the same by differentiation.
 
 Sources: [Duarte2021], problem 4; docs/theory.md for the form M a + C v + g = tau.

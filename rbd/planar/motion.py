@@ -109,7 +109,7 @@ def endpoint_motion(
     Of two links one branch is followed. Of more the joint rates are the least ones, q' = J^+ v, integrated to 1e-11, so that q
     and its derivatives belong to one smooth motion. At a pose in line J loses rank: joint rates are undetermined, or
     unbounded as the pose is approached. Such samples are omitted, with a remark in `note`: the literature's motion, (1, 0) m to
-    (0.5, 0.5) m with links of 0.5 m, begins stretched out, its joint accelerations grow like 1/sqrt(t) as t goes to 0, and
+    (0.5, 0.5) m with links of 0.5 m, starts stretched out, its joint accelerations grow like 1/sqrt(t) as t goes to 0, and
     with the usual 101 times it begins at 0.01 s.
 
     Args:

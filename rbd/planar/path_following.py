@@ -1,7 +1,7 @@
 """Joint angles, rates, accelerations and jerks along a path of the end point.
 
 One branch of the inverse kinematics is followed continuously, with angles without jumps by a turn. One and two links are
-computed for all samples at once. Two links keep their branch, except where the path runs through a singular pose: there both
+computed for all samples at once. Two links stay on their branch, except where the path runs through a singular pose: there both
 branches meet, and the chain continues in the one without a kink in its motion, as a path through the base or along
 a tangent of the outer circle demands. More links follow the path of least motion: each step is perpendicular to the null
 space of J half-way, so that q' = J^+ r' as samples become dense.

@@ -107,7 +107,7 @@ def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array |
         chain: A chain, or one under relations of its angles. A relation takes degrees of freedom and closes no loop, as a joint
             coupling does.
         pinned: Where the end point is hinged to the ground, x and y [m]: the chain is then closed. Numbers, if the lengths
-            are; else anything, and the chain is taken to reach it.
+            are; else any expressions, assumed within reach.
 
     Raises:
         InputError: not a chain, a pin out of reach, or a pin of a chain under relations.

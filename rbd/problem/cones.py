@@ -212,7 +212,7 @@ class WrenchCone:
 class LineCone:
     """Wrenches that forces in friction cones at the two ends of a line can make: an edge of a foot on the ground.
 
-    The line lies along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
+    The line is along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
     a line transmits no moment about its own axis.
 
     Args:

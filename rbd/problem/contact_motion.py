@@ -20,7 +20,7 @@ from rbd.arrays import Array
 from rbd.problem.cones import Cone, Interval, Line, LineCone, Part, Product, SecondOrderCone, WrenchCone
 
 REST_SPEED = 1e-6
-"""A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem says otherwise."""
+"""A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem gives another."""
 _LISTED = 6  # largest number of points or contacts listed by name
 
 

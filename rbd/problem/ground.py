@@ -36,7 +36,7 @@ class Ground:
         normal: Out of the ground, a unit vector in W, shape (3,). Not given: z where `point` is, else the contact's
             (z of a point contact, z of the placement of an edge or a patch).
         point: Any point of its plane, in W, shape (3,) [m]. None: its position is not known, and a contact touches it
-            wherever it is.
+            in any pose.
         velocity: Of its surface, world axes: linear (3,), or linear and angular (6,) [m/s, rad/s]; stored as (6,). None: it
             is at rest. A contact's rows are relative to it: a point that moves with the surface is at rest.
         acceleration: Of the same material point of the surface, (3,) or (6,) [m/s2, rad/s2]. Both hold for one
@@ -172,7 +172,7 @@ def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Su
 
     Args:
         names: Of the feet.
-        on: One for all, or {foot: surface}; feet that are not named stand on z = 0.
+        on: One for all, or {foot: surface}; z = 0 for feet that are not named.
 
     Raises:
         UnknownName: an unknown foot, with the nearest names.

@@ -140,7 +140,7 @@ class Robot(CheckedModel):
             friction: Coulomb's coefficient; None for bilateral contacts.
             facets: Facets of the corner pyramids in a QP.
             on: The ground under them: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
-                {foot: ground}, as on stairs, where feet that are not named stand on z = 0. None: not known. A foot more than a
+                {foot: ground}, as on stairs, with z = 0 for feet that are not named. None: not known. A foot more than a
                 millimetre off its plane gets a `DistantContactWarning` where it is solved.
 
         Raises:
@@ -186,7 +186,7 @@ class Robot(CheckedModel):
         return out
 
     def loops(self) -> tuple[Constraint, ...]:
-        """The constraints that close its tree: of the loop file beside its URDF, or of an MJCF's <equality>; empty for a tree.
+        """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
 
         They act only where they are given: `rbd.solve(state, tau, robot.loops())`.
         """

@@ -72,8 +72,8 @@ class ConeSolver:
 
     The order is by cost; figures in `docs/design/admm.md`. Under the convex law the motion is unique. Under Coulomb's it
     need not be, nor need there be one where the convex law has none [Acary2011]. Where a sole slides on four corners, how
-    how they share its load, so the friction and the motion, is not determined by rigid bodies: the answer is the
-    limit of equally compliant points, and `Solution.reason` says so. Where points slide or leave that stick under the
+    they share its load, so the friction and the motion, is not determined by rigid bodies: the answer is the
+    limit of equally compliant points, see `Solution.reason`. Where points slide or leave that stick under the
     convex law, its motion is tried too: if it satisfies Coulomb's law it is in `Solution.others` (a box that falls
     between two walls might also be jammed). Else the answer is the first one found.
 

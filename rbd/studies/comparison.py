@@ -252,7 +252,7 @@ class LawComparison:
 
     @property
     def agree(self) -> bool:
-        """Whether the robot moves the same way under both, to `SAME`, and no other motion of Coulomb's law was found."""
+        """Whether the robot has the same motion under both, to `SAME`, and no other motion of Coulomb's law was found."""
         return self.difference <= SAME and not self.coulomb.others
 
     @property

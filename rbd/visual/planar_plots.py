@@ -82,7 +82,7 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
 
 
 def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artist]:
-    """The path in the plane, and the path in the space of the angles: what is straight in one is bent in the other.
+    """The path in the plane, and the path in the space of the angles: a straight path in one is curved in the other.
 
     Dots lie evenly in time, close together where the motion is slow. Of two links the second angle is drawn over the first,
     of more links each further one; the one angle of one link over time.
