@@ -15,13 +15,14 @@ from rbd.least_constraint import momentum_balance
 from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
 from rbd.problem.answer import Answer, ContactForce, Status, corner_split
+from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import given_weights
 from rbd.problem.problem import COULOMB, GaussProblem
 from rbd.problem.residuals import Residuals
 from rbd.problem.rows import Rows
 from rbd.solution import Solution
-from rbd.solvers.conic import Conic, solve_conic
+from rbd.solvers.conic import solve_conic
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
 

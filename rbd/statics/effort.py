@@ -17,8 +17,8 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
+from rbd.problem.conic import Conic
 from rbd.problem.rows import Rows
-from rbd.solvers.conic import Conic
 from rbd.statics.loads import Loads
 
 FORCE_WEIGHT = 1e-4

@@ -12,7 +12,8 @@ from rbd.constraints.constraint import Constraint
 from rbd.errors import InaccurateWarning
 from rbd.model.dynamics import External
 from rbd.problem.answer import Status
-from rbd.solvers.conic import Conic, ConicAnswer, solve_conic
+from rbd.problem.conic import Conic, ConicAnswer
+from rbd.solvers.conic import solve_conic
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
@@ -32,18 +33,14 @@ def least_effort(
 ) -> Actuation | ConicAnswer:
     """The actuation; where there is none within tolerance, what the program ended with."""
     program = effort.program(loads)
-    if not program.g.size:
-        x, method, count = np.zeros(0), "Newton", 0
-        if not program.outside(x) <= 1e-9:
-            return solve_conic(_with_a_column(program), newton=False)
-    else:
-        found = solve_conic(program)
-        if not found.solved:
-            return found
-        x, method, count = _balanced(program, found.x), found.method, found.iterations
-    w = x * loads.unit
+    found = solve_conic(program)
+    if not found.solved:
+        return found
+    w = _balanced(program, found.x) * loads.unit
     tau, _ = loads.torques(w)
-    return Actuation(a, tau, w, loads, constraints, external, effort, margin, rest_speed, program, count, method)
+    return Actuation(
+        a, tau, w, loads, constraints, external, effort, margin, rest_speed, program, found.iterations, found.method
+    )
 
 
 def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:
@@ -74,12 +71,3 @@ def _balanced(program: Conic, x: Array) -> Array:
     moved = x.copy()
     moved[free] += np.linalg.lstsq(program.A[:, free], left, rcond=1e-12)[0]
     return moved if program.outside(moved) < program.outside(x) else x
-
-
-def _with_a_column(program: Conic) -> Conic:
-    """The same with one column that does nothing: for a program without any, of which a proof is wanted."""
-    e, q = len(program.b), len(program.C)
-    return Conic(
-        np.ones((1, 1)), np.zeros(1), np.zeros((e, 1)), program.b, np.zeros((q, 1)), program.low, program.high,
-        np.full(1, -1.0), np.ones(1), program.cones, program.mu,
-    )  # fmt: skip

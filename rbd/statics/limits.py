@@ -23,9 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.problem.force_set import at_rest
+from rbd.problem.conic import Certificate, Conic
+from rbd.problem.force_set import Element, ForceSet, at_rest
 from rbd.problem.programs import Outcome
-from rbd.solvers.conic import Certificate, Conic, solve_conic
+from rbd.solvers.conic import solve_conic
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
 
@@ -76,13 +77,12 @@ class Relaxable:
     def columns(self) -> dict[Limit, Array]:
         """{limit: generalised forces that it forbids, shape (nv, k)}, motors and bounds of normal forces apart."""
         loads, out = self.loads, dict[Limit, Array]()
-        full, at = at_rest(*[r.cone for r in loads.rows]), 0
+        full = at_rest(*[r.cone for r in loads.rows])
         G = loads.J.T @ full.G * loads.unit
         for i, r in enumerate(loads.rows):
             free = [e for e in full.elements if e.rows == i]
             now = [e for e in loads.sets.elements if e.rows == i]
             fixed = [loads.sets.lower[e.columns.start] == loads.sets.upper[e.columns.start] for e in now]
-            at += len(r)
             points = [(e, n, gone) for e, n, gone in zip(free, now, fixed, strict=True) if e.size == 3 or _pushes(full, e)]
             boxes = [G[:, e.columns] for e in free if np.isfinite(full.upper[e.columns]).any()]
             if boxes:
@@ -157,16 +157,8 @@ class Relaxable:
 
     def refuted(self, relaxed: Collection[Limit] = ()) -> Certificate | None:
         """The proof that there are none, or None where there are, or where it was not found."""
-        program = self.program(relaxed)
-        if not len(program.g):  # nothing can act: one column that does nothing, so that there is a program
-            return self._without_forces(program)
-        found = solve_conic(program, newton=False, tolerance=1e-8)
+        found = solve_conic(self.program(relaxed), newton=False, tolerance=1e-8)
         return found.certificate if found.outcome is Outcome.INFEASIBLE else None
-
-    @staticmethod
-    def _without_forces(program: Conic) -> Certificate | None:
-        side = np.where(program.low > 0.0, program.low, np.where(program.high < 0.0, program.high, 0.0))
-        return Certificate.of(program, program.b, side)
 
     def irreducible(self, proof: Certificate) -> tuple[Limit, ...]:
         """A set of limits that contradict each other, none of which could be left out.
@@ -199,9 +191,9 @@ class Relaxable:
         return abs(motors[names.index(limit.name)]) > _ZERO
 
 
-def _pushes(full: object, element: object) -> bool:
+def _pushes(full: ForceSet, element: Element) -> bool:
     """Whether an element of one column is a point that only pushes."""
-    lower, upper = full.lower[element.columns], full.upper[element.columns]  # type: ignore[attr-defined]
+    lower, upper = full.lower[element.columns], full.upper[element.columns]
     return bool(lower[0] == 0.0 and upper[0] == math.inf)
 
 

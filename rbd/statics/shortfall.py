@@ -9,8 +9,9 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
+from rbd.problem.conic import Conic
 from rbd.problem.programs import Outcome
-from rbd.solvers.conic import Conic, solve_conic
+from rbd.solvers.conic import solve_conic
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
 
