@@ -154,9 +154,30 @@ def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
 def _settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
     """The answer made exact by Newton's method, or as it is where it is good enough; None where it is no answer."""
     miss = program.miss(found.x, found.y, found.z)
-    if miss <= _NEAR and (better := newton_steps(program, found.x, found.y, found.z)) is not None:
-        return replace(better, method=found.method, iterations=found.iterations)
+    if miss <= _NEAR:
+        for y, z in ((found.y, found.z), _multipliers(program, found.x)):
+            if (better := newton_steps(program, found.x, y, z)) is not None:
+                return replace(better, method=found.method, iterations=found.iterations)
     return replace(found, outcome=Outcome.SOLVED) if miss <= tolerance else None
+
+
+def _multipliers(program: Conic, x: Array) -> tuple[Array, Array]:
+    """Multipliers with r = 0 at all that is inside X by a little more than rounding, and z = 0 inside the rows' bounds.
+
+    Where x is that near to the edge of X, r as found is as large as the distance, and Newton's method takes x for held.
+    """
+    s = program.C @ x
+    inside = (x > program.lower + _INWARD) & (x < program.upper - _INWARD)
+    if len(program.mu):
+        cones = x[program.cones]
+        far = program.mu * cones[:, 2] - np.hypot(cones[:, 0], cones[:, 1]) > _INWARD
+        inside[program.cones] = far[:, None]
+    held = (s <= program.low + _INWARD) | (s >= program.high - _INWARD)
+    E = np.vstack([program.A, program.C[held]])[:, inside]
+    found = np.linalg.lstsq(E.T, (program.H @ x + program.g)[inside], rcond=1e-12)[0]
+    z = np.zeros(len(s))
+    z[held] = found[len(program.b) :]
+    return found[: len(program.b)], z
 
 
 def _refuted(program: Conic) -> Certificate | None:
