@@ -145,7 +145,9 @@ def test_the_first_lines_of_a_push_say_whether_motors_could_withstand_it(tmp_pat
     assert np.abs(np.array(list(data["tau"].values())) - against.tau).max() > 10.0
     total = sum(np.array(c["force"]) for c in data["withstood"]["contacts"].values())
     assert np.abs(total - [0.0, -118.0, robot.mass * 9.81]).max() < 1e-9  # statics
-    assert 0.95 <= data["withstood"]["friction_used"] <= 1.0
+    used = data["withstood"]["friction_used"]
+    assert used == pytest.approx({name: 1.0 - left for name, left in against.margins.friction.items()}, abs=1e-9)
+    assert "right_sole uses 95.0 % of its friction" in " ".join(" ".join(lines).split())
 
 
 def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_happens(tmp_path):
@@ -164,9 +166,11 @@ def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_
     force, moment = (np.array(data["withstood"]["missing"][part]) for part in ("force", "moment"))
     assert force[1] < 0.0 < moment[0]  # help against the push, and against its moment
     _, lines, _ = pushed("--push", "0,0,2000")
-    assert lines[1] == "No motor torques withstand the push: its feet lift."
+    assert lines[1] == "No motor torques withstand the push: left_sole and right_sole would have to pull."
     _, lines, _ = pushed("--push", "0,89,0", "--friction", "0.1")
     assert "its feet slip" in lines[1]
+    _, lines, _ = pushed("--push", "0,88.5,0", "--friction", "0.1")
+    assert "only with friction up to its limit" in " ".join(" ".join(lines[1:3]).split())
 
 
 def test_braced_motors_withstand_the_push_or_there_is_no_answer(tmp_path):

@@ -216,12 +216,12 @@ class StandReport:
             return None
         names = self.held.state.robot.actuated_names
         if isinstance(self.against, Actuation):
-            margin = min((float(np.nanmin(f, initial=1.0)) for f in self.against.margins.corner_friction.values()), default=1.0)
             return {
                 "possible": True,
                 "tau": dict(zip(names, self.against.tau.tolist(), strict=True)),
                 "share_of_limit": dict(zip(names, (1.0 - self.against.margins.torque).tolist(), strict=True)),
-                "friction_used": 1.0 - margin,
+                "friction_used": {name: 1.0 - left for name, left in self.against.margins.friction.items()},
+                "margin": self.against.margin,
                 "contacts": {name: {"force": f[:3].tolist()} for name, f in self.against.forces.items()},
             }
         lack = self.against.missing
@@ -319,10 +319,6 @@ def holding(state: State, feet: Sequence[Constraint], external: Sequence[Externa
         return error
 
 
-_GIVES_WAY = {"edge": "it tips", "friction": "its feet slip", "push": "its feet lift", "motor": "motors are too weak"}
-"""What a limit in the way means for a robot that is pushed."""
-
-
 def _strain(held: Actuation) -> str:
     """How near torques and friction come to their limits."""
     robot, used = held.state.robot, 1.0 - held.margins.torque
@@ -330,17 +326,24 @@ def _strain(held: Actuation) -> str:
     if np.isfinite(robot.effort_limit).any():
         worst = int(np.argmax(used))
         told.append(f"the largest torque is {100 * used[worst]:.1f} % of its limit ({robot.actuated_names[worst]})")
-    friction = {name: 1.0 - float(np.nanmin(f)) for name, f in held.margins.corner_friction.items() if not np.isnan(f).all()}
+    friction = held.margins.friction
     if friction:
-        most = max(friction, key=lambda name: friction[name])
-        told.append(f"a point of {most} uses {100 * friction[most]:.1f} % of its friction")
+        most = min(friction, key=lambda name: friction[name])
+        told.append(f"{most} uses {100 * (1.0 - friction[most]):.1f} % of its friction")
+    if not held.margin:
+        told.append("only with friction up to its limit")
     return ", ".join(told) or "no limits are stated"
 
 
 def _refusal(error: CannotHold) -> str:
     """In a few words, what would give way."""
-    kinds = {limit.kind for limit in error.limits}
-    gives = [words for kind, words in _GIVES_WAY.items() if kind in kinds]
     if not error.limits:
         return "Whether motors can withstand the push was not found."
-    return f"No motor torques withstand the push{': ' + ' or '.join(gives) if gives else ''}."
+    named: dict[str, list[str]] = {}
+    for limit in error.limits:
+        named.setdefault(limit.kind, []).append(limit.name)
+    gives = {"edge": "it tips", "friction": "its feet slip", "motor": "motors are too weak"}
+    told = [words for kind, words in gives.items() if kind in named]
+    if "push" in named:
+        told.append(f"{' and '.join(named['push'])} would have to pull")
+    return f"No motor torques withstand the push{': ' + ', or '.join(told) if told else ''}."
