@@ -31,7 +31,7 @@ from rbd.cli.terminal import (
     timed,
     write_json,
 )
-from rbd.errors import InputError, ModelWarning, SimulationStopped
+from rbd.errors import CannotHold, InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
@@ -73,6 +73,7 @@ def stand(
     law: Law = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
+    braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
@@ -82,19 +83,23 @@ def stand(
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
 
     Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
-    the contact law, and prints what each foot carries.
+    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
+    if none do, which limits prevent it.
     """
-    from rbd.cli.robot_reports import StandReport
+    from rbd.cli.robot_reports import StandReport, holding
     from rbd.least_constraint import solve
     from rbd.model.dynamics import ExternalForce
     from rbd.problem.cones import check_friction
     from rbd.robots.robot import load_robot
     from rbd.solvers.default import slip_law
+    from rbd.statics.actuation import Actuation
     from rbd.statics.equilibrium import hold
 
     console = open_console()
     with answering(stand):
         force = _push(push, at)
+        if braced and force is None:
+            raise InputError("--braced came without --push X,Y,Z: there is nothing to withstand.")
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
         check_friction(friction, facets)
         slip_law(law)
@@ -109,11 +114,14 @@ def stand(
         for e in external:
             loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "hold"):
-            held = hold(state, feet)
+            against = holding(state, feet, external) if external else None
+            if braced and isinstance(against, CannotHold):
+                raise against
+            held = against if braced and isinstance(against, Actuation) else hold(state, feet)
         with timed(seconds, "solve"):
             solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
-        report = StandReport(held, solution, force, at, seconds)
+        report = StandReport(held, solution, force, at, seconds, against, braced)
         if html is not None or show:
             from rbd.visual import Scene
 
