@@ -62,20 +62,27 @@ def _by_newton(program: Conic) -> ConicAnswer | None:
     e, n = program.A.shape
     K = np.zeros((n + e, n + e))
     K[:n, :n], K[:n, n:], K[n:, :n] = program.H, -program.A.T, program.A
-    _, _, found, info = lapack.dgesv(K, np.concatenate([-program.g, program.b]))
+    right = np.concatenate([-program.g, program.b])
+    _, _, found, info = lapack.dgesv(K, right)
     if info != 0 or not is_finite(found):
         return None
     x, y, z = found[:n], found[n:], np.zeros(len(program.C))
-    if program.allows(x):
+    # Of dependent rows K is singular but for rounding, and what is found meets nothing.
+    if program.allows(x) and float(np.abs(K @ found - right).max()) <= _met(program):
         return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", 0)
     return newton_steps(program, x, y, z)
+
+
+def _met(program: Conic) -> float:
+    """A miss up to this is rounding."""
+    return max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
 
 
 def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | None:
     """Newton's method from a point; None where it does not end at a miss of rounding."""
     e, n = program.A.shape
     best: tuple[float, int, Array, Array, Array] | None = None
-    met = max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
+    met = _met(program)
     for count in range(NEWTON_STEPS + 1):
         s, r = program.C @ x, program.answer_of_X(x, y, z)
         p, t = x - r, s - z

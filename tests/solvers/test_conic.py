@@ -234,6 +234,19 @@ def test_rows_of_zeros_and_twice_the_same_row(newton: bool, rng: np.random.Gener
         is_proof(replace(twice, b=twice.b + wrong), refuted.certificate, rng)
 
 
+def test_more_equations_than_unknowns(rng: np.random.Generator) -> None:
+    """Five of three: no answer is made of rounding, whose multipliers are 1e17; where they are met, the answer is."""
+    for _ in range(100):
+        x = project_cones(rng.normal(size=(1, 3)) + [0.0, 0.0, 1.0], np.array([0.6]))[0]
+        A, b = rng.normal(size=(5, 3)), rng.normal(size=5)
+        program = plain(np.eye(3), np.zeros(3), A=A, b=b, cones=[0, 1, 2], mu=[0.6])
+        found = solve_conic(program)
+        assert found.outcome is Outcome.INFEASIBLE
+        is_proof(program, found.certificate, rng)
+        met = solve_conic(replace(program, b=A @ x))
+        assert met.solved and met.x == pytest.approx(x, abs=1e-9)
+
+
 @pytest.mark.parametrize("newton", [True, False])
 def test_columns_that_are_fixed(newton: bool) -> None:
     """They keep their value, and what is left is decided by the others; where all are fixed, the equations are met or not."""
