@@ -83,8 +83,8 @@ def stand(
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
 
     Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
-    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and if
-    none do, which limits prevent it.
+    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
+    if none do, which limits prevent it.
     """
     from rbd.cli.robot_reports import StandReport, holding
     from rbd.least_constraint import solve
