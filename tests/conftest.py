@@ -10,6 +10,9 @@ import pytest
 import rbd
 
 
+gc.disable()  # until all is collected
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What takes minutes is run by `make exhaustive`."""
     parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
@@ -20,6 +23,7 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 100)
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
