@@ -9,7 +9,6 @@ import pytest
 
 import rbd
 
-
 gc.disable()  # until all is collected
 
 

@@ -8,6 +8,7 @@ import resource
 import select
 import signal
 import time
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -70,3 +71,16 @@ def ended(start: Callable[[int], tuple[int, int]], numbers: Iterable[int], jobs:
             with open(pipe) as stream:
                 said = stream.read()
             yield Ended(i, said, os.waitpid(process, 0)[1] & 127, pipe in late)
+
+
+def alone(work: Callable[[], Any], seconds: float = 60.0) -> Any:
+    """What some work tells, as JSON, that is done in a child: what would end the process fails the test alone."""
+
+    def failed(error: BaseException) -> dict[str, str]:
+        return {"error": "".join(traceback.format_exception(error))}
+
+    (end,) = ended(lambda _: child(lambda: {"told": work()}, failed, {}), [0], 1, seconds)
+    assert end.said and not end.signal and not end.late, f"it ended by signal {end.signal}, late: {end.late}, without a word"
+    told = json.loads(end.said)
+    assert "told" in told, told["error"]
+    return told["told"]

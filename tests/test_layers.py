@@ -220,7 +220,9 @@ def test_the_reader_of_asked_types_sees_all_ways():
     """The test above can fail."""
     ways = ["isinstance(c, LoopClosure | A)", "issubclass(k, (JointLimit, B))", "type(c) is C", "type(c).__name__ == 'D'"]
     ways.append("match c:\n    case E(): pass")
-    assert {"LoopClosure", "A", "JointLimit", "B", "C", "D", "E"} <= {name for way in ways for name in asked_types(ast.parse(way))}
+    assert {"LoopClosure", "A", "JointLimit", "B", "C", "D", "E"} <= {
+        name for way in ways for name in asked_types(ast.parse(way))
+    }
 
 
 def _users(library: str) -> set[str]:
