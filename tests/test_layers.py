@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -226,13 +227,19 @@ def test_the_reader_of_asked_types_sees_all_ways():
 
 
 def _users(library: str) -> set[str]:
-    out = set()
+    return _libraries()[library]
+
+
+@cache
+def _libraries() -> dict[str, set[str]]:
+    """{library: modules that import it}."""
+    out = defaultdict(set)
     for module in MODULES:
         for node in ast.walk(parsed(module)):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            if any(name.split(".")[0] == library for name in names):
-                out.add(module)
+            for name in names:
+                out[name.split(".")[0]].add(module)
     return out
 
 
