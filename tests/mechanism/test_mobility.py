@@ -341,12 +341,10 @@ class TestFiniteMotionOfSurfaces:
         uneven = base[:, [1, 0, 2]] * [0.5, 0.3, 1.0] + [0.1, 0.0, 0.0]
         for platform, expected in ((0.6 * base, 1), (uneven, 0)):
             lengths = legs(q, platform)
-            hold = FunctionConstraint(
-                "legs", lambda q, p=platform, at=lengths: legs(q, p) - at, jacobian=partial(rates, platform)
-            )
-            by_differences = replace(hold, jacobian=None).rows(robot.at(moved)).J
-            assert np.abs(rates(platform, moved) - by_differences).max() < 1e-8
-            found = mobility(rbd.State(robot, q), [hold])
+            hold = FunctionConstraint("legs", lambda q, p=platform, at=lengths: legs(q, p) - at)
+            J = partial(rates, platform)
+            assert np.abs(J(moved) - hold.rows(rbd.State(robot, moved)).J).max() < 1e-8
+            found = mobility(rbd.State(robot, q), [replace(hold, jacobian=J)])
             assert (found.count.value, found.finite) == (0, expected)
 
     def test_a_row_of_rhombi_laid_flat_has_a_way_for_each(self):

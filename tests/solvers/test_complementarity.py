@@ -42,7 +42,7 @@ def random_bounds(rng, p) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("near_symmetric", [False, True])
 def test_all_solutions_are_those_of_brute_force(near_symmetric, exhaustive):
-    """150 random problems, or 300, of up to 6 entries: none, one and several solutions, the same ones, and completeness claimed."""
+    """150 or 300 random problems of up to 6 entries: none, one and several solutions, the same, completeness claimed."""
     rng = np.random.default_rng(3)
     counts = set()
     for _ in range(300 if exhaustive else 150):
