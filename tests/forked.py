@@ -9,6 +9,7 @@ import select
 import signal
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -38,7 +39,10 @@ def child(judge: Callable[[], Any], failed: Callable[[BaseException], Any], limi
         limits: {resource: most}, soft and hard.
     """
     read, write = os.pipe()
-    if process := os.fork():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of threads beside a fork
+        process = os.fork()
+    if process:
         os.close(write)
         return process, read
     try:
