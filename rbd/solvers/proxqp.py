@@ -242,7 +242,17 @@ def _exact(found: Answer) -> bool:
     force = POLISH * max(1.0, max_abs(P.rhs), max_abs(found.multipliers))
     rate = max(1.0, max_abs(found.a))
     near = momentum <= force and gap <= POLISH * rate and off_cone <= force and slack <= force * rate
-    return near and found.residuals.within(SOLVED)
+    return near and _creep(found) <= POLISH * rate and found.residuals.within(SOLVED)
+
+
+def _creep(found: Answer) -> float:
+    """The largest acceleration of forces between their bounds, such as dry friction that is not at its limit: they hold."""
+    P, w = found.problem, found.weights
+    T = P.force_set.pyramids
+    if w is None or not T.has_intervals:
+        return 0.0
+    inside = T.below & T.above & (w > T.lower) & (w < T.upper)
+    return max_abs(T.accelerations(P.J @ found.a + P.offset)[inside])
 
 
 def _better(one: Answer, other: Answer) -> Answer:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, is_finite, lazy
+from rbd.arrays import Array, is_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, DuplicateName, InaccurateWarning, NotAtRest
@@ -30,6 +30,8 @@ AT_REST = 1e-9
 FORCE_WEIGHT = 1e-4
 """Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
 _LONG = 1e2  # of rays of friction 100
+_MOVED = 6
+"""Rounds of making the equilibrium exact: more than one where weights would pull."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,16 +227,27 @@ class _Statics:
 
     def _exact(self, x: Array) -> Array:
         """The same x moved, within the weights that carry something, so that A x = b to rounding, if it can be."""
-        tried = [x]
+        tried, most = [x], max_abs(x)
         for least in (1e-6, 1e-10):  # at a limit, few weights carry much: those that carry little help then
-            free, moved = (x > self.low + least) & (x < self.high - least), x.copy()
-            for _ in range(2):
-                left = (self.b - self.A @ moved) / self.row_size
-                moved[free] += np.linalg.lstsq(self.A[:, free] / self.row_size[:, None], left, rcond=1e-12)[0]
+            moved = self._moved(x, least * most)
             if self._unbalanced(moved) <= 1e-13 and self._miss(moved) <= SOLVED:
                 return moved
             tried.append(moved)
         return min(tried, key=self._miss)
+
+    def _moved(self, x: Array, least: float) -> Array:
+        """The same x moved towards A x = b, within its bounds, by the weights that are farther than `least` from theirs."""
+        free, moved = (x > self.low + least) & (x < self.high - least), x.copy()
+        for _ in range(_MOVED):
+            for _ in range(2):
+                left = (self.b - self.A @ moved) / self.row_size
+                moved[free] += np.linalg.lstsq(self.A[:, free] / self.row_size[:, None], left, rcond=1e-12)[0]
+            inside = np.clip(moved, self.low, self.high)
+            beyond = inside != moved
+            if not beyond.any() or not is_finite(moved):
+                break
+            moved, free = inside, free & ~beyond  # those that would pull stay at zero: without them once more
+        return np.clip(moved, self.low, self.high)
 
     def _refuse(self) -> None:
         """Raise CannotHold with the limit in the way, if there is one."""
