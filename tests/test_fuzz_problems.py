@@ -46,6 +46,7 @@ def test_random_problems_are_solved_or_refused(exhaustive: bool) -> None:
         (0, 649, "solved"),  # friction 1e6: rays a million long hid a gap of 7e-4 m/s2
         (0, 662, "solved"),  # the shortest forces rubbed in the air: 6.7e-8 N up, 0.067 N sideways
         (0, 2048, "solved"),  # an interior point's leftovers at points that leave
+        (0, 2127, "solved"),  # recorded forces that made another velocity, 1e-7 m/s away
         (0, 3511, "solved"),  # hold, by a hundred points: one pulled with 1e-10 of the weight
         (0, 3722, "solved"),  # likewise
         (0, 3840, "solved"),  # a joint whose friction is not at its limit crept at 1e-10 rad/s2
