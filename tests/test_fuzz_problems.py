@@ -59,6 +59,7 @@ def test_random_problems_are_solved_or_refused(exhaustive: bool) -> None:
         (1, 77, "solved"),  # a gram squeezed with kilonewtons by ProxSuite
         (1, 133, "solved"),  # a hundred points that slide
         (1, 244, "refused"),  # ProxSuite ends in NaN
+        (3, 289, "solved"),  # friction 1e6, refined no further than 1e-9 m/s2
         (11, 81, "solved"),  # hold, by a hundred points of friction 1e6: NaN torques
         (11, 368, "solved"),  # a stop that carries nothing
         (12, 59, "solved"),  # a hundred points of friction 1e-4: the last digits

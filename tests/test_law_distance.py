@@ -82,6 +82,13 @@ def test_one_direction_of_a_point_is_not_measured_by_another_where_it_slips() ->
     assert c.scaled == pytest.approx(1e-4, rel=0.1)
 
 
+@pytest.mark.parametrize("law", ["coulomb", "convex", "convex, 4 facets"])
+def test_numbers_of_all_sizes_are_judged_without_a_warning(law) -> None:
+    """Slip of 1e-290 m/s2, of 1e100: told by the status, though quotients of such numbers overflow."""
+    assert _point([0.0, 0.0, 1.0], [1e-290, 0.0, 0.0], CONE, law).status == "solved"
+    assert _point([0.0, 0.0, 1e50], [1e100, 0.0, 0.0], STEEP, law).status == "failed"
+
+
 @pytest.mark.parametrize("facets", [3, 4, 5, 16])
 @pytest.mark.parametrize("mu", [1e-3, 0.7, 50.0])
 def test_the_nearest_force_of_a_pyramid(mu, facets, rng) -> None:

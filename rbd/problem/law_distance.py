@@ -68,6 +68,7 @@ class Points:
         pairs = {(mu, n) for mu, n in zip(self.mu.tolist(), self.facets.tolist(), strict=True)}
         return min((_spread(mu, n) for mu, n in pairs), default=1.0)
 
+    @np.errstate(all="ignore")  # of numbers near the largest that there are: what is NaN then is no answer
     def distances(self, p: Array, y: Array, along: Array, push: Array, *, coulomb: bool) -> Array:
         """Distances to the law, over their own scales, shape (k,).
 
@@ -123,6 +124,7 @@ def bound_distances(T: ForceSet, w: Array, y: Array, along: Array, push: Array) 
     return np.asarray(np.maximum(low, high))
 
 
+@np.errstate(all="ignore")
 def largest_distance(T: ForceSet, w: Array, y: Array, slack: Array, *, coulomb: bool) -> float:
     """What the distances are at most, cheap: without the scales of single points.
 
@@ -156,8 +158,8 @@ def largest_distance(T: ForceSet, w: Array, y: Array, slack: Array, *, coulomb: 
 def _rubbed(moved: Array, mu: Array) -> Array:
     """Alart and Curnier's projection: a normal force N >= 0, and a tangential one cut to the disc of radius mu N."""
     N = np.maximum(moved[:, 2], 0.0)
-    t = np.maximum(np.hypot(moved[:, 0], moved[:, 1]), _TINY)
-    factor = np.minimum(mu * N / t, 1.0)
+    radius = mu * N
+    factor = radius / np.maximum(np.maximum(np.hypot(moved[:, 0], moved[:, 1]), radius), _TINY)
     out = np.empty_like(moved)
     out[:, 0], out[:, 1], out[:, 2] = factor * moved[:, 0], factor * moved[:, 1], N
     return out

@@ -15,7 +15,7 @@ from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet
 from rbd.problem.problem import BILATERAL, CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import nonnegative
-from rbd.problem.residuals import SOLVED
+from rbd.problem.residuals import ENOUGH, SOLVED
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, held_refined, independent_factor
 from rbd.solvers.refinement import rays_refined
@@ -120,7 +120,7 @@ class ProxQP:
             if not _exact(found):
                 polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
                 found = _better(found, answer(polished, attempt.iterations))
-                if not found.residuals.within(SOLVED):
+                if not found.residuals.within(ENOUGH):
                     found = held_refined(found) if P.bilateral else rays_refined(found)
             best = found if best is None else _better(best, found)
             if best.residuals.within(SOLVED):
