@@ -52,6 +52,7 @@ def test_random_problems_are_solved_or_refused(exhaustive: bool) -> None:
         (0, 3511, "solved"),  # hold, by a hundred points: one pulled with 1e-10 of the weight
         (0, 3722, "solved"),  # likewise
         (0, 3840, "solved"),  # a joint whose friction is not at its limit crept at 1e-10 rad/s2
+        (0, 3918, "refused"),  # a hundred points of friction 1e6, all about to slip: an interior point's leftovers
         (0, 4198, "solved"),  # a fall whose rounding was taken for the turn of a joint
         (0, 4353, "solved"),  # likewise
         (0, 3567, "solved"),  # a point that lifts off at 6e-7 m/s2 and pushes
