@@ -89,9 +89,9 @@ def fists() -> Path:
 
 
 def crouch() -> Path:
-    """The plot of examples/24_torques_of_a_crouch.py, as it writes it."""
+    """The plot of examples/25_torques_of_a_crouch.py, as it writes it."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        _example("24_torques_of_a_crouch").main(show=True)
+        _example("25_torques_of_a_crouch").main(show=True)
         with Image.open(next(Path(folder).rglob("*.png"))) as drawn:
             drawn.resize((770, 462), Image.Resampling.LANCZOS).save(PICTURES / "crouch.png")
     return PICTURES / "crouch.png"
