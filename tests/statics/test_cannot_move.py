@@ -203,7 +203,7 @@ def test_what_is_in_the_way_is_irreducible(name: str, questions: dict[str, Quest
 
 @pytest.mark.parametrize("name", NAMES)
 def test_drawn_motions_beyond_limits_are_refused_by_irreducible_sets(name: str, exhaustive: bool) -> None:
-    """Accelerations that are too large, of drawn moving states: an irreducible set each, and a nearest motion that comes back."""
+    """Accelerations that are too large, of drawn moving states: an irreducible set each, and a nearest motion comes back."""
     one, rng, count = robot(name), np.random.default_rng(41), 0
     while count < (100 if exhaustive else 6):
         moving = drawn(one, rng, friction=float(rng.uniform(0.2, 0.9)), speed=0.5)
