@@ -16,6 +16,7 @@
       NoSolution                        no answer within tolerance; carries problem and result
         CannotHold                      no motor torques hold this pose
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
+        CannotReach                     no pose was found that meets the targets; names them, with the nearest pose
         SingularPose                    here the known motions do not decide the others
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
                                         carries what was computed till then
@@ -190,6 +191,38 @@ class CannotAssemble(NoSolution):
         self.distances = {} if distances is None else dict(distances)
         self.minimum = minimum
         self.elsewhere = elsewhere
+
+
+class CannotReach(NoSolution):
+    """No pose was found that meets the targets within the limits of the joints.
+
+    Attributes:
+        q: The pose that comes nearest, shape (nq,), or None.
+        misses: {target: `Miss`, its distance [m] and angle [rad]} there, of those that are not met.
+        minimum: Whether the distance is a true minimum there: slope zero along all that no limit holds, outwards at limits, and
+            no negative curvature. So nothing nearby is nearer; a pose far away may be.
+        slope: What is left of the slope, without units.
+        limits: {joint: how much the slope presses against its limit}, of those at a limit: positive at the upper one.
+        proof: Why no pose at all meets them, an `OutOfReach`: places farther apart than what joins them; or None.
+        without: Targets that, one of them left out, let all others be met.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        q: np.ndarray | None = None,
+        misses: Mapping[str, Any] | None = None,
+        minimum: bool = False,
+        slope: float = 0.0,
+        limits: Mapping[str, float] | None = None,
+        proof: Any = None,
+        without: tuple[str, ...] = (),
+    ) -> None:
+        super().__init__(message)
+        self.q, self.minimum, self.slope, self.proof, self.without = q, minimum, slope, proof, without
+        self.misses = {} if misses is None else dict(misses)
+        self.limits = {} if limits is None else dict(limits)
 
 
 class SingularPose(NoSolution):

@@ -429,6 +429,17 @@ CASES: dict[str, Case] = {
     "mechanism.project_velocity": Case(
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
     ),
+    "find_pose": Case(
+        rbd.find_pose, {"robot": BOX, "targets": {"box": (0.1, 0.0, 0.3)}, "posture": BOX.neutral(), "com": None}, 30
+    ),
+    "find_pose, a place": Case(
+        lambda where, normal, com: rbd.find_pose(BOX, {"box": (where, normal)}, com=com),
+        {"where": np.array([0.1, 0.2, 0.3]), "normal": np.array([0.0, 0.6, 0.8]), "com": np.array([0.1, 0.2])},
+        30,
+    ),
+    "mechanism.find_pose": Case(
+        lambda on: rbd.mechanism.find_pose(BOX, {rbd.SurfaceContact("side", "box", half_lengths=(0.1, 0.1)): on}), {"on": 0.2}
+    ),
     "mechanism.mobility": Case(
         rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tolerance": 1e-9, "seed": 1}
     ),
@@ -616,6 +627,7 @@ MADE_BY_RBD = {
     "Integrability",
     "MechanismClass",
     "Assembly",
+    "FoundPose",
     "Branch",
     "Branches",
     "Trace",

@@ -11,6 +11,7 @@ from rbd.mechanism.partition import (
     independent_velocities,
     velocity_partition,
 )
+from rbd.mechanism.pose_search import FoundPose, find_pose
 from rbd.mechanism.projection import project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
@@ -23,6 +24,7 @@ __all__ = [
     "Assembly",
     "Branch",
     "Branches",
+    "FoundPose",
     "Integrability",
     "Mobility",
     "Singularities",
@@ -34,6 +36,7 @@ __all__ = [
     "assemble",
     "branches",
     "classify",
+    "find_pose",
     "four_bar",
     "independent_velocities",
     "integrability",

@@ -1,0 +1,352 @@
+"""`find_pose`: a configuration with contacts, frames and the centre of mass where they shall be, within the joints' limits.
+
+Levenberg's and Marquardt's steps within the limits (`rbd.mechanism.bounded_descent`) lead from the posture to the targets, down
+to rounding; where they end in a minimum above zero, others start elsewhere. Then, along the targets, to the pose nearest to the
+posture: steps that minimise |W d|^2, d the displacement from it, over the motions that the targets and limits leave.
+
+Lengths count over the robot's own length (`robot.joints.length`), angles in radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, max_abs
+from rbd.constraints.constraint import Constraint
+from rbd.errors import CannotReach, InputError, ModelError
+from rbd.mechanism.bounded_descent import Bounded, Minimum, Reached
+from rbd.mechanism.closure import position_residual
+from rbd.mechanism.pose_targets import (
+    CentreOfMass,
+    Miss,
+    OutOfReach,
+    Target,
+    Where,
+    misses,
+    out_of_reach,
+    read_com,
+    read_targets,
+)
+from rbd.mechanism.poses import draw
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.problem.programs import within
+from rbd.robots.robot import Robot
+
+Named = TypeVar("Named")
+
+STARTS = 24
+"""Other starts that are tried, with a seed of their own, before targets are said not to be met."""
+MET = 1e-12
+"""How near a target must come [m, rad]; farther than 10 m from the origin rounding takes more."""
+_NOISE = 1e-6
+"""What is off by so much less than the worst is rounding of the minimum: slopes of 1e-13 leave 1e-7 of the way there."""
+_STEPS, _BACK = 200, 30
+"""Most steps towards the targets: from a start, and back onto them."""
+_NEARER, _HALVINGS, _GAIN = 40, 6, 1e-4
+"""Most steps nearer to the posture, halvings of one, and what it must take off the square of the way for another to follow: a
+robot that crouches evenly is often at a saddle, a thousandth from which it would crouch on one side."""
+_HOLD = 1e3
+"""How much more a row counts that is to hold than one that is to become small."""
+_STIFF, _ROUNDS = 1e2, 4
+"""How much more loops count in the method of multipliers; a round leaves so much of their errors, squared."""
+_BASE = 0.03
+"""How much less the way of a base counts than that of a joint: it goes where the targets want it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPose:
+    """A pose that meets its targets.
+
+    Attributes:
+        state: The robot there, at rest.
+        misses: {target: its distance [m] and angle [rad] from where it shall be}, recomputed from the model.
+        loops: {loop of the robot: how far it is open} [m, rad].
+        moved: How far the joints are from the posture: Euclidean length [rad; slides over the robot's length].
+        at_limits: Joints that stand at a limit.
+        starts: How many starts were needed: one, where the posture led there.
+    """
+
+    state: State
+    misses: Mapping[str, Miss]
+    loops: Mapping[str, float]
+    moved: float
+    at_limits: tuple[str, ...]
+    starts: int
+
+    @property
+    def q(self) -> Array:
+        """The configuration, shape (nq,), read-only."""
+        return self.state.q
+
+    @property
+    def worst(self) -> float:
+        """Largest distance and angle that is left, of targets and loops [m, rad]."""
+        return max([*self.loops.values(), *(max(miss.distance, miss.angle) for miss in self.misses.values())])
+
+    def __str__(self) -> str:
+        lines = [f"{self.state.robot.name}: {len(self.misses)} targets met to {self.worst:.1e} (m, rad), {self.moved:.4g} away"]
+        lines += [f"  {name}: {miss.distance:.1e} m, {miss.angle:.1e} rad" for name, miss in self.misses.items()]
+        lines += [f"  {name}: closed to {apart:.1e} m, rad" for name, apart in self.loops.items()]
+        lines += [f"  at a limit: {', '.join(self.at_limits)}"] if self.at_limits else []
+        return "\n".join(lines)
+
+
+def find_pose(
+    robot: Robot,
+    targets: Mapping[object, Where],
+    *,
+    posture: str | Array | State | None = None,
+    com: Sequence[float] | Array | None = None,
+) -> FoundPose:
+    """A pose with contacts, frames and the centre of mass where they shall be, near a posture, within the joints' limits.
+
+        feet and contacts    (x, y, z): its centre there, a sole flat on the ground, free to turn about the normal
+                             ((x, y, z), n): the same, its z along the unit vector n
+                             rbd.Ground(point=..., normal=...), or a height [m]: anywhere on that plane, a sole flat on it
+                             None: anywhere on what it stands on, z = 0 unless told
+                             pinocchio.SE3: its centre and its axes there (soles)
+        frames               (x, y, z): its origin there. ((x, y, z), n): and its z along n. pinocchio.SE3: all six.
+                             rbd.Ground: its origin anywhere on that plane
+
+    All in W. A foot is named as `robot.feet()` calls it; any other contact is given itself, `{hand: (0.5, 0.2, 1.0)}`, its
+    friction of no account. Loops of the robot's file stay closed. The base goes where it must; the joints stay near the
+    posture: steps along the targets bring them nearer until one takes less than 1e-4 off the squared way, and joints that the
+    targets do not need stay where they are.
+
+    Neither bodies that meet each other nor torques are looked at.
+
+    Args:
+        robot: The robot.
+        targets: {foot, contact or frame: where}.
+        posture: Where to start and to stay near: a name, q, or a state; by default as the robot stands, else neutral. Joints
+            beyond their limits are moved onto them first.
+        com: Where the centre of mass shall be: (x, y), or (x, y, z) in W [m].
+
+    Returns:
+        The pose, each target met to 1e-12 m and rad (and rounding, far from the origin).
+
+    Raises:
+        CannotReach: not all targets can be met, as far as is known; with the nearest pose, how far each target is there,
+            whether that is a true minimum of the distance, and, where places are too far apart for the links between them,
+            the proof that no pose meets them.
+        InputError: targets or places that are none, not finite, wrong in size.
+        FrameNotFound: neither a foot nor a frame goes by a name.
+
+    >>> wide = rbd.find_pose(talos, {"left_sole": (0, 0.135, 0), "right_sole": (0, -0.135, 0)}, com=(0, 0))
+    >>> rbd.hold(wide.state, talos.soles())
+    """
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    asked, place = read_targets(robot, targets), read_com(com)
+    search = _Search(robot, asked, place, tuple(robot.loops()))
+    q0 = search.bounded.inside(_posture(robot, posture))
+    proof = out_of_reach(robot, asked)
+    tried = [search.descend(q0)]
+    if search.met(tried[0]):
+        return search.found(q0, tried[0], 1)
+    rng = np.random.default_rng(0)
+    for i in range(0 if proof else STARTS):
+        tried.append(search.descend(search.other_start(q0, rng, i)))
+        if search.met(tried[-1]):
+            return search.found(q0, tried[-1], len(tried))
+    end = search.minimum(min(tried, key=lambda reached: reached.size2))
+    if search.met(end.at):
+        return search.found(q0, end.at, len(tried))
+    raise search.failure(end, len(tried) - 1, proof)
+
+
+def _posture(robot: CheckedModel, posture: object) -> Array:
+    """Where to start."""
+    if isinstance(posture, State):
+        if posture.robot is not robot:
+            raise InputError(f"posture is a state of {posture.robot.name}, another robot; expected one of {robot.name}.")
+        return posture.q
+    if isinstance(posture, str) and isinstance(robot, Robot):
+        return robot.standing(posture).q if robot.source.feet and robot.floating else robot.posture(posture)
+    if posture is not None:
+        return robot.check_q(posture)  # type: ignore[arg-type]
+    standing, neutral = getattr(robot, "standing", None), np.asarray(pin.neutral(robot.model))
+    try:
+        return neutral if standing is None else np.asarray(standing().q)
+    except ModelError:  # no feet are known, or no posture
+        return neutral
+
+
+class _Search:
+    """The targets of a robot, its loops, and what is tried to meet them.
+
+    Args:
+        robot: The robot.
+        targets: Of contacts and frames.
+        com: Of the centre of mass.
+        loops: What stays closed.
+        stiff: How much more loops count than targets.
+        shift: What is added to the loops' errors, or None: multipliers over `stiff`.
+
+    Attributes:
+        bounded: The errors of all, within the limits.
+        tolerance: How near a target must come [m, rad].
+    """
+
+    def __init__(
+        self,
+        robot: CheckedModel,
+        targets: Sequence[Target],
+        com: CentreOfMass | None,
+        loops: Sequence[Constraint],
+        *,
+        stiff: float = 1.0,
+        shift: Array | None = None,
+    ) -> None:
+        self.robot, self.targets, self.com, self.loops = robot, tuple(targets), com, tuple(loops)
+        self._parts: tuple[Target | CentreOfMass, ...] = self.targets if com is None else (*self.targets, com)
+        self._stiff, self._shift, self._length = stiff, shift, robot.joints.length
+        self.bounded = Bounded(robot, self._errors)
+        far = max([robot.joints.reach, *(max_abs(t.point) for t in self.targets if t.point is not None)])
+        self.tolerance = MET * max(1.0, 0.1 * far)
+        roots = [joint for joint in robot.joints.values() if robot.model.parents[joint.id] == 0]
+        self._bases = [joint for joint in roots if joint.kind in ("FreeFlyer", "Planar")]
+
+    def _errors(self, state: State) -> tuple[Array, Array]:
+        errors, rows = [], []
+        for part in self._parts:
+            e, J = part.errors(state)
+            lengths = len(e) - part.angles
+            e[:lengths] /= self._length
+            J[:lengths] /= self._length
+            errors.append(e)
+            rows.append(J)
+        if self.loops:
+            e, J = self._open(state)
+            errors.append(self._stiff * (e if self._shift is None else e + self._shift))
+            rows.append(self._stiff * J)
+        return np.concatenate(errors), np.concatenate(rows)
+
+    def _open(self, state: State) -> tuple[Array, Array]:
+        """Errors of the loops, and their Jacobian [m, rad]."""
+        found = [position_residual(loop.rows(state)) for loop in self.loops]
+        return np.concatenate([e for e, _ in found]), np.concatenate([J for _, J in found])
+
+    def descend(self, q: Array, most: int = _STEPS) -> Reached:
+        """As near to the targets as steps lead, down to rounding."""
+        return self.bounded.descend(self.bounded.at(q), tolerance=0.02 * MET, most=most)
+
+    def misses(self, q: Array) -> dict[str, Miss]:
+        """{target: how far it is off}."""
+        return misses(self.robot, q, self.targets, self.com)
+
+    def apart(self, q: Array) -> dict[str, float]:
+        """{loop: how far it is open}."""
+        state = State(self.robot, q)
+        return {loop.name: float(np.linalg.norm(position_residual(loop.rows(state))[0])) for loop in self.loops}
+
+    def met(self, reached: Reached) -> bool:
+        """Whether all targets are, and all loops closed."""
+        q = reached.state.q
+        if reached.residual > 1e3 * self.tolerance:
+            return False
+        closed = all(apart <= self.tolerance for apart in self.apart(q).values())
+        return closed and all(miss.within(self.tolerance) for miss in self.misses(q).values())
+
+    def other_start(self, q0: Array, rng: np.random.Generator, i: int) -> Array:
+        """A configuration from which to try again: about the posture, farther from time to time, then anywhere."""
+        if 2 * i < STARTS:
+            return self.bounded.move(q0, rng.normal(size=self.robot.nv) * (0.1 + 1.8 * i / STARTS))
+        q = self.bounded.inside(draw(self.robot, rng))
+        for base in self._bases:  # where it was, turned about
+            place = slice(base.q.start, base.q.start + (3 if base.kind == "FreeFlyer" else 2))
+            q[place] = q0[place]
+        return q
+
+    def found(self, q0: Array, reached: Reached, starts: int) -> FoundPose:
+        """The pose nearest to the posture that steps along the targets reach."""
+        state = self._nearer(q0, reached).state
+        d = self.bounded.way(q0, state.q)
+        for base in self._bases:
+            d[base.v] = 0.0
+        lower, upper = self.bounded.room(state.q)
+        limits = np.flatnonzero(np.minimum(-lower, upper) < 1e-9)
+        names = tuple(self.robot.joints.velocities[i].name for i in limits)
+        return FoundPose(state, self.misses(state.q), self.apart(state.q), float(np.linalg.norm(d)), names, starts)
+
+    def _nearer(self, q0: Array, reached: Reached) -> Reached:
+        weight = np.ones(self.robot.nv)
+        for base in self._bases:
+            weight[base.v] = _BASE
+        at, d = reached, weight * self.bounded.way(q0, reached.state.q)
+        for _ in range(_NEARER):
+            rows = at.J * (_HOLD / max(1e-300, float(np.linalg.norm(at.J, 2))))
+            A, b = np.concatenate([rows, np.diag(weight)]), np.append(np.zeros(len(rows)), -d)
+            z = within(A, b, *self.bounded.room(at.state.q))
+            z *= min(1.0, 0.5 / max(1e-300, max_abs(z)))
+            for _ in range(_HALVINGS):
+                there = self.descend(self.bounded.move(at.state.q, z), _BACK)
+                way = weight * self.bounded.way(q0, there.state.q)
+                if way @ way < d @ d and self.met(there):
+                    break
+                z = 0.5 * z
+            else:
+                break
+            enough = way @ way > (1.0 - _GAIN) * (d @ d)
+            at, d = there, way
+            if enough:
+                break
+        return at
+
+    def minimum(self, nearest: Reached) -> Minimum:
+        """The minimum of the targets' distance, loops closed: by the method of multipliers."""
+        if not self.loops:
+            return self.bounded.minimise(nearest)
+        q, shift = nearest.state.q, 0.0 * self._open(nearest.state)[0]
+        for _ in range(_ROUNDS):
+            stiff = _Search(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
+            end = stiff.bounded.minimise(stiff.descend(q))
+            q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
+        return end
+
+    def failure(self, end: Minimum, others: int, proof: OutOfReach | None) -> CannotReach:
+        """What is to be said where the targets are not met."""
+        q, name = end.at.state.q, self.robot.name
+        left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
+        size = {k: max(m.distance / self._length, m.angle) for k, m in left.items()}
+        worst = max(size.values(), default=0.0)
+        left = {k: left[k] for k in sorted(left, key=lambda k: -size[k]) if size[k] > _NOISE * worst}
+        pressed = {c.name: float(x) for c, x in zip(self.robot.joints.velocities, end.held, strict=True) if abs(x) > 0.0}
+        say = [f"{name} does not meet its targets: nearest, {'; '.join(f'{k!r:.60} is {m} off' for k, m in _first(left))}."]
+        open_ = {k: x for k, x in self.apart(q).items() if x > 1e-9}
+        say += [f"Its loops do not close there: {', '.join(f'{k!r:.60} by {x:.3g}' for k, x in _first(open_))}."] * bool(open_)
+        say += [f"No pose at all does: {proof}."] * bool(proof)
+        if end.proved:
+            at = f"; at a limit: {', '.join(k[:60] for k, _ in _first(pressed))}" if pressed else ""
+            say.append(f"No small motion brings it nearer: a true minimum of the distance (slope {end.slope:.0e}{at}).")
+        else:
+            say.append("Whether that is a minimum of the distance is not known: the steps ran out.")
+        say += [f"None of {others} other starts came nearer."] * (others > 0)
+        without = self._without_each(q, left)
+        say += [f"Without {' or '.join(f'{k!r:.60}' for k in without)} the others are met."] * bool(without)
+        return CannotReach(
+            " ".join(say), q=q, misses=left, minimum=end.proved, slope=end.slope, limits=pressed, proof=proof, without=without
+        )
+
+    def _without_each(self, q: Array, left: Mapping[str, Miss]) -> tuple[str, ...]:
+        """Which targets, one of them left out, let the others be met from here."""
+        out = []
+        for name, _ in _first(left):
+            targets = [t for t in self.targets if t.name != name]
+            com = None if self.com is None or self.com.name == name else self.com
+            if targets or com:
+                less = _Search(self.robot, targets, com, self.loops)
+                if less.met(less.descend(q)):
+                    out.append(name)
+        return tuple(out)
+
+
+def _first(of: Mapping[str, Named]) -> list[tuple[str, Named]]:
+    """The first few, for a message."""
+    return list(of.items())[:5]
