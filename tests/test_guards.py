@@ -429,6 +429,7 @@ CASES: dict[str, Case] = {
     "mechanism.project_velocity": Case(
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
     ),
+    "mechanism.project_acceleration": Case(rbd.mechanism.project_acceleration, {"state": MOVING, "a": V, "constraints": FEET}),
     "find_pose": Case(
         rbd.find_pose, {"robot": BOX, "targets": {"box": (0.1, 0.0, 0.3)}, "posture": BOX.neutral(), "com": None}, 30
     ),
@@ -493,6 +494,10 @@ CASES: dict[str, Case] = {
         lambda foot: SOLUTION.with_forces({SOLUTION.problem.rows[0].name: foot}), {"foot": [2.0]}
     ),
     "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
+    "State.with_joints": Case(
+        lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),
+        {"values": {"root_joint": STATE.q[:7]}, "angle": 0.3},
+    ),
     "State.frame": Case(STATE.frame, {"name": FRAME, "offset": np.zeros(3)}),
     "visual.Scene": Case(
         use_scene,
@@ -628,6 +633,7 @@ MADE_BY_RBD = {
     "MechanismClass",
     "Assembly",
     "FoundPose",
+    "ProjectedAcceleration",
     "Branch",
     "Branches",
     "Trace",

@@ -12,7 +12,7 @@ from rbd.mechanism.partition import (
     velocity_partition,
 )
 from rbd.mechanism.pose_search import FoundPose, find_pose
-from rbd.mechanism.projection import project_velocity
+from rbd.mechanism.projection import ProjectedAcceleration, project_acceleration, project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
 from rbd.modules import submodule as _submodule
@@ -27,6 +27,7 @@ __all__ = [
     "FoundPose",
     "Integrability",
     "Mobility",
+    "ProjectedAcceleration",
     "Singularities",
     "SingularitiesAlong",
     "Trace",
@@ -43,6 +44,7 @@ __all__ = [
     "link_angles",
     "mobility",
     "n_four_bar",
+    "project_acceleration",
     "project_velocity",
     "singularities",
     "singularities_along",
