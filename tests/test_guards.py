@@ -71,6 +71,7 @@ PROBLEM = rbd.gauss_problem(STATE, TAU, FEET)
 SOLUTION = rbd.solve(STATE, TAU, FEET)
 V = np.linspace(-0.5, 0.5, BOLT.nv)
 MOVING = rbd.State(BOLT, STATE.q, V)
+LIFTED = {"root_joint": np.array([0.1, 0.2, 0.9, 0.0, 0.6, 0.0, 0.8])}
 CORNERS = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
 ROWS = PROBLEM.rows[0]
 PLAIN = {"name": "row", "J": np.array([[1.0, 0.0], [0.5, 2.0]]), "bias": np.array([0.5, -0.1])}
@@ -430,6 +431,7 @@ CASES: dict[str, Case] = {
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
     ),
     "mechanism.project_acceleration": Case(rbd.mechanism.project_acceleration, {"state": MOVING, "a": V, "constraints": FEET}),
+    "place_on_ground": Case(rbd.robots.place_on_ground, {"state": STATE.with_joints(LIFTED), "contacts": FEET}),
     "find_pose": Case(
         rbd.find_pose, {"robot": BOX, "targets": {"box": (0.1, 0.0, 0.3)}, "posture": BOX.neutral(), "com": None}, 30
     ),

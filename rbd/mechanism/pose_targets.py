@@ -16,7 +16,7 @@ from rbd.constraints.contact import Contact
 from rbd.errors import DuplicateName, FrameNotFound, InputError, nearest
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.state import State
-from rbd.problem.ground import FLOOR, Body, Ground, unit_normal
+from rbd.problem.ground import Ground, standing_plane, unit_normal
 from rbd.robots.robot import Robot
 
 CENTRE_OF_MASS = "centre of mass"
@@ -189,14 +189,8 @@ def read_com(com: object) -> CentreOfMass | None:
 
 def _of_contact(contact: Contact, where: object) -> Target:
     """A contact on a plane, or its centre at a point and flat, or at a pose."""
-    X_FP, name = _patch(contact), contact.name
-    if isinstance(contact.on, Body):
-        raise InputError(f"contact {name!r:.80} touches a body of the robot; expected one on the ground.")
-    own = contact.on if isinstance(contact.on, Ground) else None
-    plane = own if own is not None and own.point is not None else FLOOR
-    flat = len(contact.corners) > 1
-    normal = np.asarray(plane.normal if own is None or own.normal is None else own.normal)
-    height = as_float(where)
+    X_FP, name, flat = _patch(contact), contact.name, len(contact.corners) > 1
+    plane, height = standing_plane(name, contact.on), as_float(where)
     if where is None or isinstance(where, Ground) or not math.isnan(height):
         if isinstance(where, Ground):
             plane = _known(name, where)
@@ -208,7 +202,7 @@ def _of_contact(contact: Contact, where: object) -> Target:
     point, given, axes = _place(name, where)
     if given is not None and not flat:
         raise InputError(f"{name!r:.80} is a point, which has no direction; give where it shall be as (x, y, z).")
-    z = None if axes is not None or not flat else normal if given is None else given
+    z = None if axes is not None or not flat else np.asarray(plane.normal) if given is None else given
     return Target(name, contact.frame, X_FP, point, normal=z, axes=axes)
 
 
