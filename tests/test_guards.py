@@ -378,6 +378,7 @@ CASES: dict[str, Case] = {
         rbd.load_robot,
         {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
     ),
+    "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
     ),

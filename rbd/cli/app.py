@@ -24,6 +24,7 @@ from rbd.cli.terminal import (
     TRAJECTORIES,
     answering,
     check_outputs,
+    names_of,
     numbers_of,
     open_console,
     print_path,
@@ -40,6 +41,7 @@ MOST_SAMPLES = 10_000
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
 Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
+Feet = Annotated[str | None, typer.Option(metavar="A,B", help="Frames of its feet; those of the catalogue by default.")]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
 Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
@@ -68,6 +70,7 @@ def rbd(
 @app.command()
 def stand(
     robot: RobotName,
+    feet: Feet = None,
     friction: Friction = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
     law: Law = "coulomb",
@@ -100,18 +103,21 @@ def stand(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            loaded = load_robot(robot, package_dirs=package_dir or ())
+            loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet))
         if not loaded.source.feet:
-            raise InputError(f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do.")
+            raise InputError(
+                f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
+                "frames of its feet: --feet A,B."
+            )
         with timed(seconds, "stand"):
-            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
+            state, contacts = loaded.standing(posture), loaded.feet(friction, facets=facets)
         external = [] if force is None or at is None else [ExternalForce(at, force)]
         for e in external:
             loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "hold"):
-            held = hold(state, feet)
+            held = hold(state, contacts)
         with timed(seconds, "solve"):
-            solution = solve(state, held.tau, feet, law=law, external=external)
+            solution = solve(state, held.tau, contacts, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
         report = StandReport(held, solution, force, at, seconds)
         if html is not None or show:
@@ -212,6 +218,7 @@ def simulate(
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
     for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
+    feet: Feet = None,
     friction: Friction = 0.7,
     law: Law = "coulomb",
     hold_: Annotated[
@@ -254,7 +261,7 @@ def simulate(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
+            found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet))
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):
