@@ -71,6 +71,8 @@ def test_bounded_least_squares_lie_on_the_bounds_that_hold_them(rng):
     free = within(A, b, np.full(20, -np.inf), np.full(20, np.inf))
     assert free == pytest.approx(np.linalg.lstsq(A, b, rcond=None)[0], abs=1e-12)
     assert np.array_equal(within(A, b, upper, upper), upper)
+    refused = within(np.full((2, 2), np.nan), np.ones(2), np.array([0.1, -1.0]), np.ones(2))
+    assert np.array_equal(refused, [0.1, 0.0])
 
 
 def test_work_is_spent():

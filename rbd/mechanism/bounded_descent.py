@@ -63,6 +63,11 @@ class Reached:
         """|e|^2."""
         return float(self.e @ self.e)
 
+    @property
+    def scale(self) -> float:
+        """|J| |e|, over which slopes are measured."""
+        return float(np.linalg.norm(self.J)) * float(np.sqrt(self.size2))
+
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
@@ -219,9 +224,8 @@ class Bounded:
         g = at.J.T @ at.e
         lower, upper = self.room(at.state.q)
         stopped = (lower > -1e-12) & (g > 0.0) | (upper < 1e-12) & (g < 0.0)
-        scale = float(np.linalg.norm(at.J)) * float(np.sqrt(at.size2))
         free = np.flatnonzero(~stopped)
-        return free, max_abs(g[free]) / scale if scale > 0.0 else 0.0, np.where(stopped, -g, 0.0)
+        return free, max_abs(g[free]) / max(1e-300, at.scale), np.where(stopped, -g, 0.0)
 
     def _hessian(self, at: Reached) -> Array:
         n = self.robot.nv

@@ -10,8 +10,8 @@ Lengths count over the robot's own length (`robot.joints.length`), angles in rad
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -101,7 +101,7 @@ class FoundPose:
 
 def find_pose(
     robot: Robot,
-    targets: Mapping[object, Where],
+    targets: Mapping[Any, Where],
     *,
     posture: str | Array | State | None = None,
     com: Sequence[float] | Array | None = None,
@@ -318,7 +318,9 @@ class _Search:
             stiff = _Search(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
             end = stiff.bounded.minimise(stiff.descend(q))
             q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
-        return end
+        # The slope over what the targets alone make of |J| |e|, which the loops' weight has raised.
+        alone = _Search(self.robot, self.targets, self.com, ()).bounded.at(q)
+        return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
 
     def failure(self, end: Minimum, others: int, proof: OutOfReach | None) -> CannotReach:
         """What is to be said where the targets are not met."""

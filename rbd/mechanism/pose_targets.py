@@ -22,7 +22,8 @@ from rbd.robots.robot import Robot
 CENTRE_OF_MASS = "centre of mass"
 """How the centre of mass is called among the targets."""
 
-Where: TypeAlias = "Sequence[float] | Array | tuple[Sequence[float], Sequence[float]] | pin.SE3 | Ground | float | None"
+Three: TypeAlias = Sequence[float] | Array
+Where: TypeAlias = Three | tuple[Three, Three] | pin.SE3 | Ground | float | None
 """Where a target shall be; see `find_pose`."""
 
 

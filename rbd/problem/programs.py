@@ -218,16 +218,16 @@ def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
 def within(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     """The x within its bounds with the least |A x - b|, exactly on the bounds that hold it [StarkParker1995], shape (n,).
 
-    Bounds that leave an unknown no room fix it. Where the steps run out, the last x, which is within the bounds.
+    Bounds that leave an unknown no room fix it. Where the steps run out, the last x, which is within the bounds; where SciPy
+    refuses the problem, the x nearest to zero.
     """
     x, free = np.clip(np.zeros(A.shape[1]), lower, upper), upper > lower
     if free.any():
+        bounds, left = (lower[free], upper[free]), b - A[:, ~free] @ x[~free]
         try:
-            left = b - A[:, ~free] @ x[~free]
-            bounds = lower[free], upper[free]
             found = lsq_linear(A[:, free], left, bounds, method="bvls", tol=1e-14, max_iter=BOUNDED_STEPS)
-            held = found.active_mask  # -1, 0, 1; SciPy's x is there to rounding
-            x[free] = np.where(held < 0, bounds[0], np.where(held > 0, bounds[1], found.x))
         except (ValueError, np.linalg.LinAlgError):
-            x[free] = between(A[:, free], left, lower[free], upper[free])
-    return np.minimum(np.maximum(x, lower), upper)
+            return x
+        held = found.active_mask  # -1, 0, 1; SciPy's x is there to rounding
+        x[free] = np.where(held < 0, bounds[0], np.where(held > 0, bounds[1], np.clip(found.x, *bounds)))
+    return x
