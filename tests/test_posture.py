@@ -213,13 +213,13 @@ class TestPlaceOnGround:
         """A base that is fixed or slides, no contacts, one with a body, what is no contact, no state."""
         panda, cart = rbd.load_robot("panda", root="fixed"), rbd.load_robot(self.BOX, root="planar")
         for robot in (panda, cart):
-            with pytest.raises(InputError, match="no floating base"):
+            with pytest.raises(InputError, match="no single floating base"):
                 place_on_ground(robot.at(), [rbd.PointContact("p", robot.frames()[-1])])
         state, on_body = talos.standing(), rbd.PointContact("palm", "torso_2_link", on=rbd.Body("base_link"))
         for contacts, says in (
             ([], "contacts is empty"),
-            ([on_body], "'palm' touches a body"),
-            ([rbd.JointLock("lock", "arm_left_4_joint")], "'lock' is no contact"),
+            ([on_body], "'palm' is with a body"),
+            ([rbd.JointLock("lock", "arm_left_4_joint")], "'lock' is not a contact"),
             ([3], "3 is no constraint"),
             (talos.soles()[0], "single constraint"),
         ):

@@ -1,13 +1,13 @@
-"""Least squares on the manifold of configurations within joint limits: down to zero, or to a minimum with its certificate.
+"""Nonlinear least squares over configurations within joint limits: to zero, or to a minimum with its certificate.
 
 The distance is 1/2 |e(q)|^2, e without units. A step z is the minimiser of
 
     |J z + e|^2 + mu |e|^2 |z|^2        over        lower - q <= z <= upper - q
 
-Its damping goes with the square of the error: quadratic convergence where the errors vanish, also of rows that repeat each
-other [YamashitaFukushima2001]. Where they do not, Newton's steps with the true Hessian (differences of J^T e) lead to the
-minimum. It is certified to first order: slope J^T e = 0 along every joint that is free, and at a limit it points outwards;
-to second order by the least eigenvalue of the Hessian over the free ones.
+Its damping is quadratic in the error: quadratic convergence to zero, also with redundant rows [YamashitaFukushima2001]. Where
+the errors cannot vanish, Newton's steps with the true Hessian (differences of J^T e) converge to a minimum. Its certificate is
+of first order, a gradient J^T e that is zero for every free joint and points outwards at a limit, and of second order, the
+least eigenvalue of the Hessian over the free joints.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from rbd.problem.programs import within
 
 _START, _LEAST, _MOST = 0.5, 1e-6, 1e8
 _LONGEST = 1.0
-"""Longest entry of one step [rad, or the robot's length]."""
+"""Largest entry of one step [rad, or the robot's length]."""
 _PATIENCE = 10
-"""So many steps must take a tenth off |e|^2, or it is a minimum that they go to."""
+"""Number of steps that must reduce |e|^2 by a tenth; else the descent ends at a minimum above zero."""
 _DIFFERENCE = 1e-5
-"""Step of the Hessian's central differences: their own error goes with its square."""
+"""Step of the Hessian's central differences: their error is proportional to its square."""
 
 Errors = Callable[[State], tuple[Array, Array]]
-"""(e (m,), J (m, nv)) at a state, in any units that agree; J^T e is the exact gradient of 1/2 |e|^2."""
+"""(e (m,), J (m, nv)) at a state, without units; J^T e is the exact gradient of 1/2 |e|^2."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """How near the errors came to zero.
+    """Errors at one configuration.
 
     Attributes:
-        state: Where, at rest.
-        e: What is left, shape (m,).
+        state: The robot there, at rest.
+        e: The errors, shape (m,).
         J: Its Jacobian, in units of `Bounded.scale`, shape (m, nv).
-        steps: How many steps were taken.
+        steps: Number of steps taken.
     """
 
     state: State
@@ -65,19 +65,19 @@ class Reached:
 
     @property
     def scale(self) -> float:
-        """|J| |e|, over which slopes are measured."""
+        """|J| |e|, the scale of gradients."""
         return float(np.linalg.norm(self.J)) * float(np.sqrt(self.size2))
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """A point from which no small motion within the limits makes 1/2 |e|^2 less.
+    """A minimum of 1/2 |e|^2 within the limits, with its certificate.
 
     Attributes:
-        at: What is left there.
-        slope: Largest entry of J^T e over what the limits do not hold, over |J| |e|: zero at a minimum.
-        curvature: Least eigenvalue of the Hessian over the joints that no limit holds, over its largest.
-        held: What each limit takes of the slope, shape (nv,): positive at upper limits, negative at lower ones.
+        at: The errors there.
+        slope: Largest entry of the gradient J^T e over the free coordinates, over |J| |e|: zero at a minimum.
+        curvature: Least eigenvalue of the Hessian over the free coordinates, over its largest.
+        held: Multipliers of the limits, shape (nv,): positive at upper limits, negative at lower ones.
     """
 
     at: Reached
@@ -87,7 +87,7 @@ class Minimum:
 
     @property
     def proved(self) -> bool:
-        """Whether slope and curvature say so, to 1e-7 and -1e-6."""
+        """Whether it is a minimum: slope below 1e-7, curvature above -1e-6."""
         return self.slope < 1e-7 and self.curvature > -1e-6
 
 
@@ -99,7 +99,7 @@ class Bounded:
         errors: See `Errors`.
 
     Attributes:
-        scale: Unit of each velocity, shape (nv,): the robot's length for those that slide, else one.
+        scale: Unit of each velocity, shape (nv,): the robot's length for translations, else one.
     """
 
     def __init__(self, robot: CheckedModel, errors: Errors) -> None:
@@ -116,34 +116,34 @@ class Bounded:
         return Reached(state, e, J * self.scale, steps)
 
     def inside(self, q: Array) -> Array:
-        """The configuration with its joints moved to their nearest limits where they are beyond them."""
+        """The configuration with joints beyond their limits moved onto them."""
         out = q.copy()
         out[self._q] = np.minimum(np.maximum(out[self._q], self._low), self._high)
         return out
 
     def room(self, q: Array) -> tuple[Array, Array]:
-        """How far each coordinate may move down and up to its limits, shapes (nv,), in units of `scale`."""
+        """Distance of each coordinate to its lower and upper limit, shapes (nv,), in units of `scale`."""
         lower, upper = np.full(self.robot.nv, -np.inf), np.full(self.robot.nv, np.inf)
         unit = self.scale[self._v]
         lower[self._v], upper[self._v] = (self._low - q[self._q]) / unit, (self._high - q[self._q]) / unit
         return lower, upper
 
     def move(self, q: Array, z: Array) -> Array:
-        """The configuration reached by the displacement z, exactly on the limits that it meets."""
+        """The configuration reached by the displacement z, exactly on the limits that it reaches."""
         model = self.robot.model
         return self.inside(np.asarray(pin.normalize(model, pin.integrate(model, q, self.scale * z))))
 
     def way(self, q: Array, to: Array) -> Array:
-        """The displacement from one configuration to another, by the short way round."""
+        """The displacement from one configuration to another, by the shorter way round."""
         return displacement(self.robot, q, to) / self.scale
 
-    def try_(self, q: Array, z: Array, steps: int) -> Reached | None:
-        """What is left a step away; None where that is too far away for a state."""
+    def step_to(self, q: Array, z: Array, steps: int) -> Reached | None:
+        """The errors after a step; None if it leads too far from the origin for a state."""
         there = self.move(q, z)
         return self.at(there, steps) if max_abs(there) <= FARTHEST else None
 
     def descend(self, start: Reached, *, tolerance: float, most: int) -> Reached:
-        """Steps from a configuration towards zero, until the largest error is within the tolerance or no step makes it less."""
+        """Levenberg-Marquardt steps, until the largest error is within the tolerance or no step reduces it."""
         at, mu, before = start, _START, start.size2
         for i in range(most):
             if at.residual <= tolerance:
@@ -157,7 +157,7 @@ class Bounded:
             expected = size2 - float(np.square(at.J @ z + at.e).sum())
             if not expected > 1e-14 * size2:
                 break
-            there = self.try_(at.state.q, z, at.steps + 1)
+            there = self.step_to(at.state.q, z, at.steps + 1)
             gain = -1.0 if there is None else (size2 - there.size2) / expected
             if there is not None and gain > 1e-3:
                 at = there
@@ -171,7 +171,7 @@ class Bounded:
     def _step(self, at: Reached, mu: float) -> Array:
         size = float(np.sqrt(at.size2))
         lower, upper = self.room(at.state.q)
-        # From far away what slides may go as far as the error is; angles may not.
+        # Far away, translations may be as long as the error; angles may not.
         far = np.where(self.robot.joints.angular, 1.0, max(1.0, size))
         U, s, Vt = np.linalg.svd(at.J * far, full_matrices=False)
         kept = s > 1e-13 * max(1e-300, float(s.max(initial=0.0)))
@@ -179,7 +179,7 @@ class Bounded:
         z = -far * ((s / (s * s + mu * at.size2) * (at.e @ U)) @ Vt)
         if ((z >= lower) & (z <= upper) & (np.abs(z) <= _LONGEST * far)).all():
             return z
-        # In units of the error, so that the program's own tolerance is relative to it.
+        # Divided by the error, so that the solver's tolerance is relative to it.
         A = np.vstack([at.J * far, np.sqrt(mu) * size * np.eye(len(z))])
         b = np.append(-at.e / size, np.zeros(len(z)))
         longest = np.full(len(z), _LONGEST)
@@ -187,7 +187,7 @@ class Bounded:
         return far * size * found
 
     def minimise(self, start: Reached, *, most: int = 60) -> Minimum:
-        """Newton's steps to a minimum of 1/2 |e|^2 within the limits; downhill out of saddles."""
+        """Newton's steps to a minimum of 1/2 |e|^2 within the limits; saddles are left along the steepest descent."""
         at, curvature = start, 0.0
         for _ in range(most):
             g, (free, slope, _) = at.J.T @ at.e, self._slope(at)
@@ -197,7 +197,7 @@ class Bounded:
             curvature = float(values.min(initial=0.0)) / large
             if not len(free) or slope < 1e-13 and curvature > -1e-6:
                 break
-            if slope < 1e-9 and curvature <= -1e-6:  # a saddle: off it, along its steepest way down
+            if slope < 1e-9 and curvature <= -1e-6:  # a saddle: leave it along the direction of steepest descent
                 z = np.zeros(self.robot.nv)
                 z[free] = 0.1 * V[:, 0] * (1.0 if V[:, 0] @ g[free] <= 0.0 else -1.0)
             else:
@@ -211,7 +211,7 @@ class Bounded:
         return Minimum(at, slope, curvature, held)
 
     def _newton(self, at: Reached, H: Array) -> Array:
-        """The step to the least of the quadratic within the limits, curvatures taken as positive."""
+        """The minimiser of the quadratic model within the limits, with the absolute values of its curvatures."""
         values, V = np.linalg.eigh(H)
         root = np.sqrt(np.maximum(np.abs(values), 1e-7 * max(1e-300, float(np.abs(values).max()))))
         b = -(V.T @ (at.J.T @ at.e)) / root
@@ -220,7 +220,7 @@ class Bounded:
         return size * within(root[:, None] * V.T, b / size, lower / size, upper / size)
 
     def _slope(self, at: Reached) -> tuple[Array, float, Array]:
-        """(coordinates that no limit holds, their slope over |J| |e|, what limits hold)."""
+        """(free coordinates, their gradient over |J| |e|, multipliers of the limits)."""
         g = at.J.T @ at.e
         lower, upper = self.room(at.state.q)
         stopped = (lower > -1e-12) & (g > 0.0) | (upper < 1e-12) & (g < 0.0)
@@ -232,16 +232,16 @@ class Bounded:
         H = np.empty((n, n))
         model, q = self.robot.model, at.state.q
         for i, unit in enumerate(np.eye(n) * _DIFFERENCE):
-            # Past limits, too: they are looked after apart.
+            # Also beyond limits, which are handled separately.
             g = [there.J.T @ there.e for there in (self.at(pin.integrate(model, q, self.scale * z)) for z in (unit, -unit))]
             H[i] = (g[0] - g[1]) / (2.0 * _DIFFERENCE)
         return 0.5 * (H + H.T)
 
     def _lower(self, at: Reached, z: Array, slope: float) -> Reached | None:
-        """The first of halved steps that is lower; at rounding, one that is less steep."""
-        rounding = 1e-14 * float(np.sqrt(at.size2))  # of errors that are differences of places
+        """The first of successively halved steps that reduces |e|^2; at rounding, the gradient. None if there is none."""
+        rounding = 1e-14 * float(np.sqrt(at.size2))  # of errors that are differences of positions
         for _ in range(30):
-            there = self.try_(at.state.q, z, at.steps + 1)
+            there = self.step_to(at.state.q, z, at.steps + 1)
             if there is not None:
                 less = at.size2 - there.size2
                 if less > rounding or less > -rounding and self._slope(there)[1] < 0.5 * slope:

@@ -1,10 +1,10 @@
-"""`find_pose`: a configuration with contacts, frames and the centre of mass where they shall be, within the joints' limits.
+"""`find_pose`: inverse kinematics of contacts, frames and the centre of mass, within joint limits and near a posture.
 
-Levenberg's and Marquardt's steps within the limits (`rbd.mechanism.bounded_descent`) lead from the posture to the targets, down
-to rounding; where they end in a minimum above zero, others start elsewhere. Then, along the targets, to the pose nearest to the
-posture: steps that minimise |W d|^2, d the displacement from it, over the motions that the targets and limits leave.
+Levenberg-Marquardt steps within the limits (`rbd.mechanism.bounded_descent`) converge from the posture to the targets, down to
+rounding; if they end at a minimum above zero, further starts follow. Then steps that minimise |W d|^2, with d the displacement
+from the posture, over the motions that the targets and limits allow.
 
-Lengths count over the robot's own length (`robot.joints.length`), angles in radians.
+Lengths are divided by the robot's length (`robot.joints.length`), angles are in radians.
 """
 
 from __future__ import annotations
@@ -41,37 +41,37 @@ from rbd.robots.robot import Robot
 Named = TypeVar("Named")
 
 STARTS = 24
-"""Other starts that are tried, with a seed of their own, before targets are said not to be met."""
+"""Further starts, with a separate seed, before targets are reported as not satisfied."""
 MET = 1e-12
-"""How near a target must come [m, rad]; farther than 10 m from the origin rounding takes more."""
+"""Tolerance of targets [m, rad]; larger by rounding more than 10 m from the origin."""
 _NOISE = 1e-6
-"""What is off by so much less than the worst is rounding of the minimum: slopes of 1e-13 leave 1e-7 of the way there."""
+"""Errors below this fraction of the largest are rounding of the minimum, and are not reported."""
 _STEPS, _BACK = 200, 30
-"""Most steps towards the targets: from a start, and back onto them."""
+"""Largest number of steps onto the targets: from a start, and from a step nearer to the posture."""
 _NEARER, _HALVINGS, _GAIN = 40, 6, 2e-3
-"""Most steps nearer to the posture, halvings of one, and what it must take off the square of the way for another to follow.
+"""Largest number of steps nearer to the posture, of halvings of a step, and the least relative decrease of |W d|^2.
 
-A humanoid that crouches evenly is at a saddle: leaning aside it would come nearer by a percent, in steps that begin small.
+A symmetric crouch of a humanoid is a saddle of |W d|^2: leaning sideways reduces it by a percent, in steps that begin small.
 """
 _HOLD = 1e3
-"""How much more a row counts that is to hold than one that is to become small."""
+"""Weight of the targets' rows over those of the displacement."""
 _STIFF, _ROUNDS = 1e2, 4
-"""How much more loops count in the method of multipliers; a round leaves so much of their errors, squared."""
+"""Weight of loops in the method of multipliers, and its rounds; each divides their errors by the weight's square."""
 _BASE = 0.03
-"""How much less the way and the heading of a base count than its tilt and the joints: it goes where the targets want it."""
+"""Weight of a base's translation and heading in |W d|; its tilt and the joints have one."""
 
 
 @dataclass(frozen=True, eq=False)
 class FoundPose:
-    """A pose that meets its targets.
+    """A pose that satisfies its targets.
 
     Attributes:
         state: The robot there, at rest.
-        misses: {target: its distance [m] and angle [rad] from where it shall be}, recomputed from the model.
-        loops: {loop of the robot: how far it is open} [m, rad].
-        moved: How far the joints are from the posture: Euclidean length [rad; slides over the robot's length].
-        at_limits: Joints that stand at a limit.
-        starts: How many starts were needed: one, where the posture led there.
+        misses: {target: its error, a distance [m] and an angle [rad]}, recomputed from the model.
+        loops: {loop of the robot: its position error} [m, rad].
+        moved: Distance of the joints from the posture: Euclidean norm [rad; translations over the robot's length].
+        at_limits: Joints at a limit.
+        starts: Number of starts: one if the search from the posture succeeded.
     """
 
     state: State
@@ -88,13 +88,14 @@ class FoundPose:
 
     @property
     def worst(self) -> float:
-        """Largest distance and angle that is left, of targets and loops [m, rad]."""
+        """Largest error of targets and loops [m, rad]."""
         return max([*self.loops.values(), *(max(miss.distance, miss.angle) for miss in self.misses.values())])
 
     def __str__(self) -> str:
-        lines = [f"{self.state.robot.name}: {len(self.misses)} targets met to {self.worst:.1e} (m, rad), {self.moved:.4g} away"]
+        head = f"{self.state.robot.name}: {len(self.misses)} targets satisfied to {self.worst:.1e} (m, rad)"
+        lines = [f"{head}, {self.moved:.4g} from the posture"]
         lines += [f"  {name}: {miss.distance:.1e} m, {miss.angle:.1e} rad" for name, miss in self.misses.items()]
-        lines += [f"  {name}: closed to {apart:.1e} m, rad" for name, apart in self.loops.items()]
+        lines += [f"  {name}: closed to {apart:.1e} (m, rad)" for name, apart in self.loops.items()]
         lines += [f"  at a limit: {', '.join(self.at_limits)}"] if self.at_limits else []
         return "\n".join(lines)
 
@@ -106,39 +107,38 @@ def find_pose(
     posture: str | Array | State | None = None,
     com: Sequence[float] | Array | None = None,
 ) -> FoundPose:
-    """A pose with contacts, frames and the centre of mass where they shall be, near a posture, within the joints' limits.
+    """A pose with contacts, frames and the centre of mass at given places, near a posture, within joint limits.
 
-        feet and contacts    (x, y, z): its centre there, a sole flat on the ground, free to turn about the normal
-                             ((x, y, z), n): the same, its z along the unit vector n
-                             rbd.Ground(point=..., normal=...), or a height [m]: anywhere on that plane, a sole flat on it
-                             None: anywhere on what it stands on, z = 0 unless told
-                             pinocchio.SE3: its centre and its axes there (soles)
-        frames               (x, y, z): its origin there. ((x, y, z), n): and its z along n. pinocchio.SE3: all six.
-                             rbd.Ground: its origin anywhere on that plane
+        feet and contacts    (x, y, z): position of the centre; a sole is flat on the ground, its heading free
+                             ((x, y, z), n): the same, with z along the unit vector n
+                             rbd.Ground(point=..., normal=...), or a height [m]: on that plane, a sole flat, anywhere
+                             None: the same for its own ground, z = 0 by default
+                             pinocchio.SE3: position and axes of a sole
+        frames               (x, y, z): position of the origin. ((x, y, z), n): z along n too. pinocchio.SE3: position and axes.
+                             rbd.Ground: the origin on that plane, anywhere
 
-    All in W. A foot is named as `robot.feet()` calls it; any other contact is given itself, `{hand: (0.5, 0.2, 1.0)}`, its
-    friction of no account. Loops of the robot's file stay closed. The base goes where it must; the joints stay near the
-    posture: steps along the targets bring them nearer until one takes less than 2e-3 off the squared way, where the tilt of
-    the base counts like a joint. Joints that the targets do not need stay where they are.
+    All in W. Feet have the names of `robot.feet()`; other contacts are keys themselves, `{hand: (0.5, 0.2, 1.0)}`, and their
+    friction is not used. Loops of the robot's file stay closed. The base moves as the targets require; the joints stay near
+    the posture: steps along the targets reduce the displacement until a step reduces its square by less than 2e-3, with the
+    tilt of the base weighted as a joint. Joints that affect no target do not move.
 
-    Neither bodies that meet each other nor torques are looked at.
+    Collisions between bodies and torques are not considered.
 
     Args:
         robot: The robot.
-        targets: {foot, contact or frame: where}.
-        posture: Where to start and to stay near: a name, q, or a state; by default as the robot stands, else neutral. Joints
-            beyond their limits are moved onto them first.
-        com: Where the centre of mass shall be: (x, y), or (x, y, z) in W [m].
+        targets: {foot, contact or frame: place}.
+        posture: Initial configuration, and the one to stay near: a name, q, or a state; by default the standing posture, else
+            the neutral one. Joints beyond their limits are first moved onto them.
+        com: Position of the centre of mass, (x, y) or (x, y, z) in W [m].
 
     Returns:
-        The pose, each target met to 1e-12 m and rad (and rounding, far from the origin).
+        The pose, with each target satisfied to 1e-12 m and rad (more by rounding, far from the origin).
 
     Raises:
-        CannotReach: not all targets can be met, as far as is known; with the nearest pose, how far each target is there,
-            whether that is a true minimum of the distance, and, where places are too far apart for the links between them,
-            the proof that no pose meets them.
-        InputError: targets or places that are none, not finite, wrong in size.
-        FrameNotFound: neither a foot nor a frame goes by a name.
+        CannotReach: no pose was found; with the nearest pose, the error of each target there, whether it is a true minimum of
+            the distance, and, where points are farther apart than the links between them, the proof that there is no pose.
+        InputError: invalid targets or places: of a wrong kind or size, or not finite.
+        FrameNotFound: no foot and no frame of a given name.
 
     >>> wide = rbd.find_pose(talos, {"left_sole": (0, 0.135, 0), "right_sole": (0, -0.135, 0)}, com=(0, 0))
     >>> rbd.hold(wide.state, talos.soles())
@@ -164,7 +164,7 @@ def find_pose(
 
 
 def _posture(robot: CheckedModel, posture: object) -> Array:
-    """Where to start."""
+    """The initial configuration."""
     if isinstance(posture, State):
         if posture.robot is not robot:
             raise InputError(f"posture is a state of {posture.robot.name}, another robot; expected one of {robot.name}.")
@@ -181,19 +181,19 @@ def _posture(robot: CheckedModel, posture: object) -> Array:
 
 
 class _Search:
-    """The targets of a robot, its loops, and what is tried to meet them.
+    """A search for a pose: targets of a robot, and its loops.
 
     Args:
         robot: The robot.
         targets: Of contacts and frames.
         com: Of the centre of mass.
-        loops: What stays closed.
-        stiff: How much more loops count than targets.
-        shift: What is added to the loops' errors, or None: multipliers over `stiff`.
+        loops: Constraints that stay closed.
+        stiff: Weight of the loops over the targets.
+        shift: Added to the loops' errors, shape (m,): their multipliers over the weight's square; None for zero.
 
     Attributes:
         bounded: The errors of all, within the limits.
-        tolerance: How near a target must come [m, rad].
+        tolerance: Of the targets [m, rad].
     """
 
     def __init__(
@@ -236,20 +236,20 @@ class _Search:
         return np.concatenate([e for e, _ in found]), np.concatenate([J for _, J in found])
 
     def descend(self, q: Array, most: int = _STEPS) -> Reached:
-        """As near to the targets as steps lead, down to rounding."""
+        """The end of the descent from a configuration, down to rounding."""
         return self.bounded.descend(self.bounded.at(q), tolerance=0.02 * MET, most=most)
 
     def misses(self, q: Array) -> dict[str, Miss]:
-        """{target: how far it is off}."""
+        """{target: error}."""
         return misses(self.robot, q, self.targets, self.com)
 
     def apart(self, q: Array) -> dict[str, float]:
-        """{loop: how far it is open}."""
+        """{loop: position error} [m, rad]."""
         state = State(self.robot, q)
         return {loop.name: float(np.linalg.norm(position_residual(loop.rows(state))[0])) for loop in self.loops}
 
     def met(self, reached: Reached) -> bool:
-        """Whether all targets are, and all loops closed."""
+        """Whether all targets are satisfied, and all loops closed."""
         q = reached.state.q
         if reached.residual > 1e3 * self.tolerance:
             return False
@@ -257,17 +257,17 @@ class _Search:
         return closed and all(miss.within(self.tolerance) for miss in self.misses(q).values())
 
     def other_start(self, q0: Array, rng: np.random.Generator, i: int) -> Array:
-        """A configuration from which to try again: about the posture, farther from time to time, then anywhere."""
+        """Further initial configurations: around the posture, farther each time, then anywhere within the limits."""
         if 2 * i < STARTS:
             return self.bounded.move(q0, rng.normal(size=self.robot.nv) * (0.1 + 1.8 * i / STARTS))
         q = self.bounded.inside(draw(self.robot, rng))
-        for base in self._bases:  # where it was, turned about
+        for base in self._bases:  # at the same place, in another orientation
             place = slice(base.q.start, base.q.start + (3 if base.kind == "FreeFlyer" else 2))
             q[place] = q0[place]
         return q
 
     def found(self, q0: Array, reached: Reached, starts: int) -> FoundPose:
-        """The pose nearest to the posture that steps along the targets reach."""
+        """The result, after steps along the targets that reduce the displacement from the posture."""
         state = self._nearer(q0, reached).state
         d = self.bounded.way(q0, state.q)
         for base in self._bases:
@@ -300,7 +300,7 @@ class _Search:
         return at
 
     def _weight(self, q0: Array) -> Array:
-        """W, shape (nv, nv): one of joints and of the base's tilt; less of its place and of its heading, about the vertical."""
+        """W, shape (nv, nv): one for joints and for the base's tilt, `_BASE` for its translation and its heading."""
         weight = np.eye(self.robot.nv)
         for base in self._bases:
             weight[base.v, base.v] *= _BASE
@@ -310,7 +310,7 @@ class _Search:
         return weight
 
     def minimum(self, nearest: Reached) -> Minimum:
-        """The minimum of the targets' distance, loops closed: by the method of multipliers."""
+        """The minimum of the targets' distance; with loops, by the method of multipliers."""
         if not self.loops:
             return self.bounded.minimise(nearest)
         q, shift = nearest.state.q, 0.0 * self._open(nearest.state)[0]
@@ -318,36 +318,37 @@ class _Search:
             stiff = _Search(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
             end = stiff.bounded.minimise(stiff.descend(q))
             q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
-        # The slope over what the targets alone make of |J| |e|, which the loops' weight has raised.
+        # The slope over |J| |e| of the targets alone: the weight of the loops increases that of all.
         alone = _Search(self.robot, self.targets, self.com, ()).bounded.at(q)
         return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
 
     def failure(self, end: Minimum, others: int, proof: OutOfReach | None) -> CannotReach:
-        """What is to be said where the targets are not met."""
+        """The error for targets that are not satisfied."""
         q, name = end.at.state.q, self.robot.name
         left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
         size = {k: max(m.distance / self._length, m.angle) for k, m in left.items()}
         worst = max(size.values(), default=0.0)
         left = {k: left[k] for k in sorted(left, key=lambda k: -size[k]) if size[k] > _NOISE * worst}
         pressed = {c.name: float(x) for c, x in zip(self.robot.joints.velocities, end.held, strict=True) if abs(x) > 0.0}
-        say = [f"{name} does not meet its targets: nearest, {'; '.join(f'{k!r:.60} is {m} off' for k, m in _first(left))}."]
+        off = "; ".join(f"{k!r:.60} is {m} off" for k, m in _first(left))
+        say = [f"{name} does not reach its targets; at the nearest pose {off}."]
         open_ = {k: x for k, x in self.apart(q).items() if x > 1e-9}
         say += [f"Its loops do not close there: {', '.join(f'{k!r:.60} by {x:.3g}' for k, x in _first(open_))}."] * bool(open_)
-        say += [f"No pose at all does: {proof}."] * bool(proof)
+        say += [f"There is no pose: {proof}."] * bool(proof)
         if end.proved:
             at = f"; at a limit: {', '.join(k[:60] for k, _ in _first(pressed))}" if pressed else ""
-            say.append(f"No small motion brings it nearer: a true minimum of the distance (slope {end.slope:.0e}{at}).")
+            say.append(f"No small motion reduces the distance: a true minimum (slope {end.slope:.0e}{at}).")
         else:
-            say.append("Whether that is a minimum of the distance is not known: the steps ran out.")
-        say += [f"None of {others} other starts came nearer."] * (others > 0)
+            say.append("The number of steps ran out, so that this may not be a minimum of the distance.")
+        say += [f"None of {others} further starts ended nearer."] * (others > 0)
         without = self._without_each(q, left)
-        say += [f"Without {' or '.join(f'{k!r:.60}' for k in without)} the others are met."] * bool(without)
+        say += [f"Without {' or '.join(f'{k!r:.60}' for k in without)} the others are satisfied."] * bool(without)
         return CannotReach(
             " ".join(say), q=q, misses=left, minimum=end.proved, slope=end.slope, limits=pressed, proof=proof, without=without
         )
 
     def _without_each(self, q: Array, left: Mapping[str, Miss]) -> tuple[str, ...]:
-        """Which targets, one of them left out, let the others be met from here."""
+        """Targets without which, one at a time, the others are satisfied."""
         out = []
         for name, _ in _first(left):
             targets = [t for t in self.targets if t.name != name]
@@ -360,5 +361,5 @@ class _Search:
 
 
 def _first(of: Mapping[str, Named]) -> list[tuple[str, Named]]:
-    """The first few, for a message."""
+    """The first items, for a message."""
     return list(of.items())[:5]

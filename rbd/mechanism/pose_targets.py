@@ -1,4 +1,4 @@
-"""Targets of a pose: where contacts, frames and the centre of mass shall be; how far they are off, and what is out of reach."""
+"""Targets of a pose: contacts, frames and the centre of mass; their errors, and a proof that targets are out of reach."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from rbd.problem.ground import Ground, standing_plane, unit_normal
 from rbd.robots.robot import Robot
 
 CENTRE_OF_MASS = "centre of mass"
-"""How the centre of mass is called among the targets."""
+"""Name of the centre of mass among the targets."""
 
 Three: TypeAlias = Sequence[float] | Array
 Where: TypeAlias = Three | tuple[Three, Three] | pin.SE3 | Ground | float | None
-"""Where a target shall be; see `find_pose`."""
+"""Place of a target; see `find_pose`."""
 
 
 @dataclass(frozen=True)
 class Miss:
-    """How far a target is from where it shall be, recomputed from the model.
+    """Error of a target, recomputed from the model.
 
     Attributes:
-        distance: Of its point from the point, or from the plane [m].
-        angle: Of its axes, or of its z from the normal [rad]; zero where no direction is asked for.
+        distance: From its point or its plane [m].
+        angle: Between axes, or between z and the normal [rad]; zero where no direction is given.
     """
 
     distance: float
@@ -44,22 +44,22 @@ class Miss:
         return f"{self.distance:.6g} m{turned}"
 
     def within(self, tolerance: float) -> bool:
-        """Whether both are, in metres and radians."""
+        """Whether both are within a tolerance [m, rad]."""
         return self.distance <= tolerance and self.angle <= tolerance
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A frame P of the robot, and where it shall be: a point or a plane, and perhaps axes or the direction of its z.
+    """Target of a frame P of the robot: a point or a plane, and optionally axes or the direction of its z.
 
     Attributes:
-        name: Of the contact or the frame.
+        name: Name of the contact or the frame.
         frame: The robot's frame F.
-        X_FP: From it to P.
-        point: Where P's origin shall be, in W, shape (3,) [m]; None for anywhere.
-        plane: On which P's origin shall be; None for none.
-        normal: Where P's z shall point, in W, shape (3,); None for anywhere.
-        axes: R_WP, shape (3, 3); None for any.
+        X_FP: Pose of P in F.
+        point: Target of P's origin, in W, shape (3,) [m]; None if free.
+        plane: Plane of P's origin; None if free.
+        normal: Target direction of P's z, in W, shape (3,); None if free.
+        axes: Target R_WP, shape (3, 3); None if free.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Target:
 
     @property
     def angles(self) -> int:
-        """How many of its errors are angles: the last ones."""
+        """Number of its errors that are angles, the last ones."""
         return 3 if self.axes is not None else 2 if self.normal is not None else 0
 
     def errors(self, state: State) -> tuple[Array, Array]:
@@ -95,7 +95,7 @@ class Target:
         return np.concatenate(e), np.concatenate(rows)
 
     def miss(self, X_WP: pin.SE3) -> Miss:
-        """How far P is from where it shall be."""
+        """Error at a pose of P."""
         distance = angle = 0.0
         if self.point is not None:
             distance = float(np.linalg.norm(X_WP.translation - self.point))
@@ -110,7 +110,7 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class CentreOfMass:
-    """Where the centre of mass shall be.
+    """Target of the centre of mass.
 
     Attributes:
         place: (x, y) or (x, y, z) in W [m].
@@ -128,7 +128,7 @@ class CentreOfMass:
 
 
 def misses(robot: CheckedModel, q: Array, targets: Sequence[Target], com: CentreOfMass | None) -> dict[str, Miss]:
-    """{target: how far it is from where it shall be} at a configuration, by kinematics that the search did not use."""
+    """{target: error} at a configuration, by kinematics that are independent of the search."""
     model = robot.model
     data = model.createData()
     pin.forwardKinematics(model, data, q)
@@ -143,16 +143,16 @@ def misses(robot: CheckedModel, q: Array, targets: Sequence[Target], com: Centre
 
 
 def read_targets(robot: CheckedModel, targets: object) -> list[Target]:
-    """What `find_pose` is asked for, checked.
+    """The targets of `find_pose`, checked.
 
     Raises:
-        InputError: no mapping, an empty one, places that are none.
-        FrameNotFound: neither a foot nor a frame goes by a name; with the nearest of both.
-        DuplicateName: two targets under one name.
+        InputError: not a mapping, an empty one, or invalid places.
+        FrameNotFound: no foot and no frame of this name; with the nearest of both.
+        DuplicateName: two targets with the same name.
     """
     if not isinstance(targets, Mapping) or not targets:
         raise InputError(
-            f"targets is {targets!r:.80}; expected {{foot, contact or frame: where}}, "
+            f"targets is {targets!r:.80}; expected {{foot, contact or frame: place}}, "
             "e.g. {'left_sole': (0, 0.1, 0), 'right_sole': (0, -0.1, 0)}."
         )
     feet: dict[str, Contact] = {}
@@ -163,7 +163,7 @@ def read_targets(robot: CheckedModel, targets: object) -> list[Target]:
         if isinstance(what, str):
             found = _of_contact(feet[what], where) if what in feet else _of_frame(robot, feet, what, where)
         elif member(what, "corners") is None or member(what, "placement") is None:  # of a contact
-            raise InputError(f"{what!r:.80} is no target; expected the name of a foot or a frame, or a contact.")
+            raise InputError(f"{what!r:.80} is not a target; expected the name of a foot or a frame, or a contact.")
         else:
             found = _of_contact(made(what), where)  # type: ignore[arg-type]
         robot.site(found.frame)
@@ -174,10 +174,10 @@ def read_targets(robot: CheckedModel, targets: object) -> list[Target]:
 
 
 def read_com(com: object) -> CentreOfMass | None:
-    """Where the centre of mass shall be, checked.
+    """The target of the centre of mass, checked.
 
     Raises:
-        InputError: neither two nor three finite numbers.
+        InputError: not two or three finite numbers.
     """
     if com is None:
         return None
@@ -189,7 +189,7 @@ def read_com(com: object) -> CentreOfMass | None:
 
 
 def _of_contact(contact: Contact, where: object) -> Target:
-    """A contact on a plane, or its centre at a point and flat, or at a pose."""
+    """A contact on a plane, or its centre at a point with a direction, or at a pose."""
     X_FP, name, flat = _patch(contact), contact.name, len(contact.corners) > 1
     plane, height = standing_plane(name, contact.on), as_float(where)
     if where is None or isinstance(where, Ground) or not math.isnan(height):
@@ -199,16 +199,16 @@ def _of_contact(contact: Contact, where: object) -> Target:
             plane = Ground(point=_near(f"height of {name!r:.80}", np.array([0.0, 0.0, height])))
         return Target(name, contact.frame, X_FP, plane=plane, normal=np.asarray(plane.normal) if flat else None)
     if isinstance(where, pin.SE3) and not flat:
-        raise InputError(f"{name!r:.80} is a point, which has no axes of its own; give where it shall be as (x, y, z).")
+        raise InputError(f"{name!r:.80} is a point contact, which has no axes; give its place as (x, y, z).")
     point, given, axes = _place(name, where)
     if given is not None and not flat:
-        raise InputError(f"{name!r:.80} is a point, which has no direction; give where it shall be as (x, y, z).")
+        raise InputError(f"{name!r:.80} is a point contact, which has no direction; give its place as (x, y, z).")
     z = None if axes is not None or not flat else np.asarray(plane.normal) if given is None else given
     return Target(name, contact.frame, X_FP, point, normal=z, axes=axes)
 
 
 def _patch(contact: Contact) -> pin.SE3:
-    """X_FP, its origin at the corner of a point contact."""
+    """X_FP; for a point contact its origin is the point."""
     if len(contact.corners) > 1:
         return contact.placement
     return contact.placement * pin.SE3(np.eye(3), np.array(contact.corners[0]))
@@ -226,7 +226,7 @@ def _of_frame(robot: CheckedModel, feet: Mapping[str, Contact], frame: str, wher
 
 def _known(name: str, ground: Ground) -> Ground:
     if ground.point is None:
-        raise InputError(f"the ground for {name!r:.80} has no point, so where it is is not known; give rbd.Ground(point=...).")
+        raise InputError(f"the ground for {name!r:.80} has no point, so its plane is not known; give rbd.Ground(point=...).")
     _near(f"point of the ground for {name!r:.80}", np.asarray(ground.point))
     return ground
 
@@ -237,7 +237,7 @@ def _place(name: str, where: object) -> tuple[Array, Array | None, Array | None]
         R = np.array(where.rotation)
         check_finite(f"target of {name!r:.80}", where.homogeneous)
         if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
-            raise InputError(f"target of {name!r:.80}: its rotation is none: R^T R is not 1 to 1e-6, or it mirrors.")
+            raise InputError(f"target of {name!r:.80}: its rotation is invalid: R^T R is not 1 to 1e-6, or R reflects.")
         return _near(f"target of {name!r:.80}", np.array(where.translation)), None, _orthonormal(R)
     if isinstance(where, tuple | list) and len(where) == 2 and all(np.iterable(each) for each in where):
         normal = unit_normal(f"direction for {name!r:.80}", where[1])
@@ -246,25 +246,25 @@ def _place(name: str, where: object) -> tuple[Array, Array | None, Array | None]
         point = as_vector3(f"target of {name!r:.80}", where)  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(
-            f"{error} Where it shall be: (x, y, z), ((x, y, z), direction of its z), pinocchio.SE3 or rbd.Ground(point=...)."
+            f"{error} A place is (x, y, z), ((x, y, z), direction of its z), pinocchio.SE3 or rbd.Ground(point=...)."
         ) from None
     return _near(f"target of {name!r:.80}", point), None, None
 
 
 def _near(what: str, point: Array) -> Array:
     if not (np.abs(point) <= FARTHEST).all():
-        raise InputError(f"{what} is {point.tolist()!r:.80}; at most {FARTHEST:g} m from the origin is taken.")
+        raise InputError(f"{what} is {point.tolist()!r:.80}; expected at most {FARTHEST:g} m from the origin.")
     return point
 
 
 def _orthonormal(R: Array) -> Array:
-    """The rotation nearest to what is one to 1e-6."""
+    """The nearest rotation to a matrix that is one to 1e-6."""
     U, _, Vt = np.linalg.svd(R)
     return np.asarray(U @ Vt)
 
 
 def _turn(z: Array, normal: Array, across: Array) -> Array:
-    """The rotation vector that takes a unit vector to another, by the shorter way; of opposite ones, about `across`."""
+    """The shortest rotation vector from one unit vector to another; for opposite ones, about `across`."""
     axis = cross_matrix(z) @ normal
     sine, cosine = float(np.linalg.norm(axis)), float(z @ normal)
     angle = math.atan2(sine, cosine)
@@ -275,12 +275,12 @@ def _turn(z: Array, normal: Array, across: Array) -> Array:
 
 @dataclass(frozen=True)
 class OutOfReach:
-    """Two places farther apart than what joins them could stretch: no pose at all meets both.
+    """Two points farther apart than the links between them are long: no pose reaches both.
 
     Attributes:
-        names: The targets; one alone where the robot is fixed to the world.
-        apart: How far [m].
-        longest: How far the links between them reach, stretched out [m].
+        names: The targets; a single one for a robot with a fixed base.
+        apart: Their distance [m].
+        longest: Length of the stretched links between them [m].
     """
 
     names: tuple[str, ...]
@@ -288,17 +288,17 @@ class OutOfReach:
     longest: float
 
     def __str__(self) -> str:
-        who, short = (
-            f"{self.names[0]!r:.80} shall be {self.apart:.6g} m from where the robot is fixed",
-            self.apart - self.longest,
+        who = " and ".join(f"{name!r:.60}" for name in self.names)
+        where = "apart" if len(self.names) > 1 else "from the fixed base"
+        short = self.apart - self.longest
+        return (
+            f"{who} must be {self.apart:.6g} m {where}, and the links between have a length of {self.longest:.6g} m, "
+            f"{short:.6g} m less"
         )
-        if len(self.names) > 1:
-            who = f"{self.names[0]!r:.80} and {self.names[1]!r:.80} shall be {self.apart:.6g} m apart"
-        return f"{who}, and the links between, stretched out, reach {self.longest:.6g} m, {short:.6g} m less"
 
 
 def out_of_reach(robot: CheckedModel, targets: Sequence[Target]) -> OutOfReach | None:
-    """A proof that no pose meets the targets, whatever its joints: the pair that misses most; None if there is no such pair."""
+    """A proof that no pose satisfies the targets: the pair with the largest gap; None if there is no such pair."""
     ends = [(t.name, *_end(robot, t), t.point) for t in targets if t.point is not None]
     worst: OutOfReach | None = None
     for i, (name, joint, offset, point) in enumerate(ends):
@@ -332,7 +332,7 @@ def _end(robot: CheckedModel, target: Target) -> tuple[int, Array]:
 
 
 def _chain(robot: CheckedModel, joint: int) -> list[int]:
-    """The joints from one up to where its tree begins."""
+    """The joints from one up to the root of its tree."""
     out = []
     while joint:
         out.append(joint)
@@ -341,14 +341,14 @@ def _chain(robot: CheckedModel, joint: int) -> list[int]:
 
 
 def _length(robot: CheckedModel, joints: Sequence[int]) -> float:
-    """How far joints reach, each with the link before it."""
+    """Length of joints, each with the link before it [m]."""
     return sum(float(np.linalg.norm(robot.model.jointPlacements[j].translation)) + _stroke(robot, j) for j in joints)
 
 
 def _stroke(robot: CheckedModel, joint: int) -> float:
-    """How far a joint may slide [m]; zero of one that only turns."""
+    """Largest displacement of a joint [m]; zero for a revolute joint."""
     found = robot.joints[robot.model.names[joint]]
-    if found.kind == "Composite" or found.kind.startswith("H"):  # a screw slides as it turns; of others the links within
+    if found.kind == "Composite" or found.kind.startswith("H"):  # unbounded, or with links inside
         return math.inf
     if all(c.unit != "m" for c in found.velocities):
         return 0.0

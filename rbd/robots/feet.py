@@ -1,4 +1,4 @@
-"""Feet of a robot: as contacts, and those that a user registers, by frames or as contacts of their own."""
+"""Feet of a robot as contacts, and feet that a user registers, as frames or contacts."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def soles_at(robot: CheckedModel, collision: Geometry, frames: Sequence[str], at
     """The flat undersides of some frames' bodies; see `rbd.Robot.soles_from_collision`.
 
     Raises:
-        InputError: no list of names.
+        InputError: not a list of names.
         FrameNotFound: with the nearest names.
-        ModelError: a foot without collision shapes, or one that touches at less than three points.
+        ModelError: a foot without collision shapes, or with fewer than three points of contact.
     """
     if isinstance(frames, str) or not np.iterable(frames):
         raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
@@ -49,17 +49,17 @@ def soles_at(robot: CheckedModel, collision: Geometry, frames: Sequence[str], at
 
 
 def registered(robot: CheckedModel, collision: Geometry, feet: Sequence[str | Contact], at: State) -> tuple[Foot, ...]:
-    """Feet of one's own; see `rbd.load_robot`.
+    """Feet as frames or contacts, checked; see `rbd.load_robot`.
 
     Args:
         robot: The robot.
         collision: Its collision geometry.
         feet: Frames, or contacts at one point or at three or more.
-        at: Where the robot's feet are down.
+        at: A state in which the feet are down.
 
     Raises:
-        InputError: something else, none at all, edges.
-        DuplicateName: two feet of one name.
+        InputError: other objects, an empty list, edges.
+        DuplicateName: two feet have one name.
         FrameNotFound: with the nearest names.
         ModelError: a frame's body has no collision shapes, or stands on an edge.
     """

@@ -24,7 +24,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[float]]) -> Array:
-    """q, shape (nq,), with named joints at the values given and the others neutral; unknown names are passed over.
+    """q, shape (nq,), with named joints at the values given and the others neutral; unknown names are ignored.
 
     A continuous joint takes its angle [rad]; a floating base takes its seven numbers.
     """
@@ -57,7 +57,7 @@ def semantic_postures(robot: CheckedModel, srdf: Path) -> dict[str, Array]:
 
 
 def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, element: ElementTree.Element) -> list[float]:
-    """What an SRDF says for a joint: as many finite numbers as it has coordinates; an angle will do for one that turns."""
+    """An SRDF's values for a joint: one finite number a coordinate; an angle for a continuous joint."""
     count = max(len(element.get("value", "").split()), 1)
     model = robot.model
     if model.existJointName(name) and name != BASE_JOINT:  # whose size is a matter of how the robot is loaded
@@ -71,7 +71,7 @@ def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, elemen
 
 
 def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
-    """Q with its base turned so that the feet lie flat, moved so that the lowest is on z = 0, and balanced if on points."""
+    """Q with its base turned so that the feet are flat, moved so that the lowest is on z = 0, and balanced if on points."""
     q = q.copy()
     _turn(q, _levelling(State(robot, q), feet, UP))
     if not any(len(foot.corners) > 1 for foot in feet):
@@ -81,41 +81,41 @@ def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
 
 
 def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
-    """The state with its base moved and turned so that contacts lie on their ground; joints and v stay as they are.
+    """The state with its base placed so that contacts lie on their ground; joints and v are unchanged.
 
-    On one plane: the base is turned by the smallest rotation after which the patches face out of it (in the mean; points: their
-    mean plane), about its origin, and moved along the normal until the lowest corner touches. On several, as on stairs or
-    between two walls: by the least motion after which the squared distances of all corners from their planes are least. So
-    heading and place on the ground stay, as nearly as may be.
+    For one plane, the base rotates about its origin by the smallest rotation that aligns the mean normal of the patches (for
+    points, of their mean plane) with the plane's, and moves along it until the lowest corner touches. For several planes, as
+    on stairs or between two walls, it moves by the least motion that minimises the squared distances of all corners from their
+    planes. So heading and horizontal position change as little as possible.
 
-    Where the joints do not let all contacts lie on their planes at once, some stay off; `rbd.find_pose` moves joints too.
-    `robot.standing()` does the same for feet, and turns a robot on two points until its centre of mass is over them. v is that
-    of the base in its own axes, so that the motion turns with it.
+    If the joint angles do not allow all contacts on their planes at once, some stay off; `rbd.find_pose` moves joints too.
+    `robot.standing()` uses the same code for feet, and then balances a robot on two points. The base's velocity is in its own
+    axes, so that it rotates with the base.
 
     Args:
         state: A robot with a floating base.
-        contacts: Feet or others, friction of no account; each on the plane of its `on`, through the origin of W where only the
-            normal of that is given, and on z = 0 where nothing is.
+        contacts: Feet or other contacts; their friction is not used. Each lies on the plane of its `on`, which goes through W's
+            origin if only its normal is given; on z = 0 if nothing is.
 
     Raises:
-        InputError: no contacts, one that touches a body, a robot whose base is fixed or slides on the ground.
+        InputError: no contacts, one with a body, or a robot without a single floating base.
 
     >>> on_stairs = rbd.robots.place_on_ground(state, talos.soles(on={"left_sole": 0.17}))
     """
     robot, feet = check_state(state).robot, listed(contacts)
     if not robot.floating:
         raise InputError(
-            f"{robot.name} has no floating base that could be placed: it is fixed, slides on the ground, or has several. Load "
-            'it with rbd.load_robot(..., root="free_flyer"), or move its joints with rbd.find_pose.'
+            f"{robot.name} has no single floating base to place: its base is fixed or planar, or it has several. Load it with "
+            'rbd.load_robot(..., root="free_flyer"), or move its joints with rbd.find_pose.'
         )
     if not feet:
         raise InputError("contacts is empty; expected at least one, e.g. robot.feet().")
     for foot in feet:
         if member(foot, "corners") is None or member(foot, "placement") is None:
-            raise InputError(f"{made(foot).name!r:.80} is no contact that lies on the ground; expected e.g. robot.feet().")
+            raise InputError(f"{made(foot).name!r:.80} is not a contact with the ground; expected e.g. robot.feet().")
     planes, q = [standing_plane(foot.name, foot.on) for foot in feet], state.q.copy()  # type: ignore[attr-defined]
     up = np.sum([np.asarray(plane.normal) for plane in planes], axis=0)
-    if np.linalg.norm(up) > 1e-3 * len(planes):  # walls that face each other say nothing of the tilt
+    if np.linalg.norm(up) > 1e-3 * len(planes):  # opposite walls do not determine the tilt
         _turn(q, _levelling(state, feet, up / np.linalg.norm(up)))  # type: ignore[arg-type]
     if all(plane.same(planes[0]) for plane in planes):
         _lower(robot, q, feet, planes[0])  # type: ignore[arg-type]
@@ -125,12 +125,12 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
 
 
 def _lower(robot: CheckedModel, q: Array, feet: Sequence[Contact], plane: Ground) -> None:
-    """Move the base along a plane's normal until the lowest corner is on it; in place."""
+    """Move the base along a plane's normal until the lowest corner touches; in place."""
     q[:3] -= plane.distances(corner_points(State(robot, q), feet)).min() * np.asarray(plane.normal)
 
 
 def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequence[Ground]) -> None:
-    """Move the base to the least squares of the corners' distances from their planes: Newton's steps in its six; in place."""
+    """Move the base to the least squares of the corners' distances from their planes, by Gauss-Newton steps; in place."""
     points = corner_points(State(robot, q), feet)
     sizes = [len(foot.corners) for foot in feet]
     n = np.repeat([np.asarray(plane.normal) for plane in planes], sizes, axis=0)
@@ -158,7 +158,7 @@ def corner_points(state: State, feet: Sequence[Contact]) -> Array:
 
 
 def _levelling(state: State, feet: Sequence[Contact], normal: Array) -> Array:
-    """The smallest rotation of the robot, shape (3, 3), after which its feet face along a normal, shape (3,)."""
+    """The smallest rotation of the robot, shape (3, 3), that aligns its feet with a normal, shape (3,)."""
     patches = [foot.rows(state).patch for foot in feet if len(foot.corners) > 1]
     if patches:
         up = np.mean([patch.axes[:, 2] for patch in patches if patch is not None], axis=0)
@@ -173,7 +173,7 @@ def _levelling(state: State, feet: Sequence[Contact], normal: Array) -> Array:
         else:
             up = np.linalg.svd(spread)[2][2]
             up = up if up @ normal >= 0.0 else -up
-    length = float(np.linalg.norm(up))  # zero of soles that face each other, and of points one above the other
+    length = float(np.linalg.norm(up))  # zero for opposite soles, and for points on one vertical
     return _rotation_between(up / length, normal) if length > 1e-9 else np.eye(3)
 
 

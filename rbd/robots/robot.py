@@ -1,4 +1,4 @@
-"""Robot, load_robot and doctor: a checked model with its postures, its feet, a way to stand, and what is wrong with it."""
+"""Robot, load_robot and doctor: a checked model with its postures, its feet, a standing state, and its faults."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from rbd.robots.posture import configuration, semantic_postures, stand
 class Robot(CheckedModel):
     """A robot: its checked Pinocchio model, its postures and its feet.
 
-    Made by `load_robot`. Beside what `CheckedModel` has:
+    Made by `load_robot`. In addition to `CheckedModel`:
 
     Attributes:
         urdf: The model file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
-        leave_out: Parts of an MJCF file that were left out, as `load_robot` was told.
+        leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
         report: What the doctor found when it was loaded; None where it was not loaded from a file.
     """
 
@@ -56,7 +56,7 @@ class Robot(CheckedModel):
         mechanism: Mechanism = Mechanism(),  # noqa: B008  frozen
         leave_out: Iterable[str] = (),
     ) -> None:
-        # Nobody can put a force on a base that slides on the ground.
+        # A base that slides on the ground has no motor.
         base = (BASE_JOINT,) if root == "planar" else ()
         super().__init__(model, passive=_joined(passive, (*mechanism.file.passive, *base)), name=source.name)
         self.source = source
@@ -79,7 +79,7 @@ class Robot(CheckedModel):
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
+        """Copies are constructed from the model, in another process too; the geometry is then read from the file again."""
         args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism, sorted(self.leave_out)
         return Robot, args, {"sound": self.sound, "report": self.report}
 
@@ -113,12 +113,12 @@ class Robot(CheckedModel):
         keeps its base.
 
         Args:
-            posture: A name in `postures`; by default the one the catalogue names, else its only one; a robot that has none
-                stands with its joints at zero.
+            posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
+                in the neutral configuration.
 
         Raises:
             InputError: an unknown posture.
-            ModelError: no feet are known for this robot, or several postures of which none is said to be the one.
+            ModelError: no feet are known for this robot, or it has several postures and no default.
         """
         name = self.source.posture if posture is None else posture
         if name is None and len(self.postures) == 1:
@@ -136,13 +136,13 @@ class Robot(CheckedModel):
         return State(self, stand(self, self.posture(name), feet))
 
     def soles(self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0) -> list[SurfaceContact]:
-        """The soles of its feet as surface contacts, of the catalogue or as `load_robot` was told.
+        """The soles of its feet as surface contacts, from the catalogue or from `load_robot(feet=...)`.
 
         Args:
             friction: Coulomb's coefficient; None for bilateral contacts.
             facets: Facets of the corner pyramids in a QP.
-            on: What they stand on: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
-                {foot: its own}, as on stairs, where feet that are not named stand on z = 0. None: not known. A foot more than a
+            on: The ground under them: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
+                {foot: ground}, as on stairs, with z = 0 for feet that are not named. None: not known. A foot more than a
                 millimetre off its plane gets a `DistantContactWarning` where it is solved.
 
         Raises:
@@ -160,7 +160,7 @@ class Robot(CheckedModel):
     def feet(
         self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
     ) -> list[SurfaceContact | PointContact]:
-        """Its feet as contacts: soles or points, of the catalogue or as `load_robot` was told. Arguments as `soles`.
+        """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`. Arguments as `soles`.
 
         Raises:
             ModelError: no feet are known for this robot.
@@ -168,21 +168,21 @@ class Robot(CheckedModel):
         """
         if not self.source.feet:
             raise ModelError(
-                f"no feet are known for {self.name}: its file names none. Say which frames are its feet, "
-                "rbd.load_robot(file, feet=[...]), or give contacts of your own: "
+                f"no feet are known for {self.name}: its file names none. Name the frames of its feet, "
+                "rbd.load_robot(file, feet=[...]), or give your own contacts: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
         return contacts_of(self.source.feet, friction, facets, on)
 
     def loops(self) -> tuple[Constraint, ...]:
-        """The constraints that close its tree: of the loop file beside its URDF, or of an MJCF's <equality>; empty for a tree.
+        """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
 
         They act only where they are given: `rbd.solve(state, tau, robot.loops())`.
         """
         return self._loops
 
     def wheels(self) -> tuple[Constraint, ...]:
-        """Its wheels, balls and blades on the ground, of the loop file; they, too, act only where they are given."""
+        """Its wheels, balls and knife edges on the ground, from the loop file; they too act only where given as constraints."""
         return self._wheels
 
     def joint_limits(self, *, margin: float = 1e-6) -> list[JointLimit]:
@@ -199,17 +199,17 @@ class Robot(CheckedModel):
 
     @lazy
     def visual_model(self) -> pin.GeometryModel:
-        """Meshes and shapes to draw, boxes in place of meshes that cannot be had; the first use warns of those."""
+        """Meshes and shapes to draw, boxes in place of meshes that cannot be loaded; the first use warns of those."""
         return self._geometry(pin.GeometryType.VISUAL).model
 
     @lazy
     def collision_model(self) -> pin.GeometryModel:
-        """Collision shapes, boxes in place of meshes that cannot be had; the first use warns of those."""
+        """Collision shapes, boxes in place of meshes that cannot be loaded; the first use warns of those."""
         return self._collision.model
 
     @property
     def collision_stand_ins(self) -> frozenset[str]:
-        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
         return self._collision.stand_ins
 
     @lazy
@@ -235,7 +235,7 @@ class Robot(CheckedModel):
         """The flat undersides of its feet as surface contacts, from the collision shapes of its file.
 
         For a robot that the catalogue does not know. A sole is the convex hull of all points of the foot's shapes within
-        2 mm of the lowest plane (a ball gives its lowest point), with the corners left out that add little; it lies on
+        2 mm of the lowest plane (a ball gives its lowest point), without corners that add little area; it is on
         that plane.
 
         Args:
@@ -244,7 +244,7 @@ class Robot(CheckedModel):
             at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
                 neutral one. Feet may lean up to 20 degrees.
             facets: Facets of the corner pyramids in a QP.
-            on: What they stand on, as of `soles`, the feet by the names of their frames.
+            on: The ground under them, as in `soles`, the feet by the names of their frames.
 
         Raises:
             FrameNotFound: with the nearest names.
@@ -260,7 +260,7 @@ class Robot(CheckedModel):
         return [sole for sole in soles if isinstance(sole, SurfaceContact)]
 
     def _down(self) -> State:
-        """Where its feet are down, as far as is known: standing, else in its only posture, else neutral."""
+        """The state in which feet are assumed to be down: standing, else its only posture, else neutral."""
         known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
         return self.at(known) if known is None or not self.source.feet else self.standing(known)
 
@@ -282,22 +282,22 @@ def load_robot(
         name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...
         root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
             and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
-            By default what the loop file says, else "free_flyer". An MJCF file says itself whether it floats.
-        passive: Joints that carry no motor, beside those of the loop file.
-        package_dirs: Folders that hold the packages of `package://` meshes, or the meshes and included files of an MJCF that
-            are not in its own folder.
+            By default that of the loop file, else "free_flyer". An MJCF file states itself whether it floats.
+        passive: Joints without a motor, besides those of the loop file.
+        package_dirs: Folders with the packages of `package://` meshes, or the meshes and included files of an MJCF that
+            are not in its folder.
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
-        loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` beside the robot's
+        loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` next to the robot's
             file, if there is one, and the <equality> of an MJCF. None leaves all loops open.
         leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
             else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
             a motor without limits in place of those of the file.
-        feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and the command line: frames, each
-            by the flat underside of its body's collision shapes (or their lowest point, of a ball), in the posture in which it
-            stands, else neutral; or contacts of your own, whose friction and ground `robot.feet` then says.
+        feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
+            with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
+            posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
-    tells it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
+    reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
     singular, so they have kinematics and no accelerations.
 
     Raises:
@@ -339,7 +339,7 @@ def load_robot(
 
 
 def doctor(robot: Robot) -> ModelReport:
-    """What is wrong with a robot, and what of its file the dynamics leave out.
+    """Report on the faults of a robot, and on the contents of its file that the dynamics ignore.
 
     Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
     indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
@@ -347,7 +347,7 @@ def doctor(robot: Robot) -> ModelReport:
     loops and wheels, and where the loops are closed. M is tried at neutral and at
     random configurations (the same ones each time); no mesh is opened.
 
-    Where the file is no longer there, what was found when it was loaded, and a note that says so.
+    If the file no longer exists, the report at loading, with a note.
 
     Raises:
         InputError: not a robot.
@@ -385,4 +385,4 @@ def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
     try:
         return (*given, *more)
     except TypeError:
-        return passive  # what is no list of names is refused where names are looked up
+        return passive  # other types are refused where names are looked up

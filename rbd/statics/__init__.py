@@ -1,4 +1,4 @@
-"""Robots at rest: torques and contact forces that hold them, and the least friction that does."""
+"""Robots at rest: torques and contact forces in static equilibrium, and the least friction that they need."""
 
 from rbd.modules import submodule as _submodule
 from rbd.statics.equilibrium import Hold, hold

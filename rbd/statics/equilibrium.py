@@ -1,4 +1,4 @@
-"""Statics: the motor torques and contact forces that hold a robot still, and why there are none."""
+"""Statics: motor torques and contact forces that keep a robot at rest, or why there are none."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from rbd.statics.least_friction import Balance, LimitReached, rounded_up
 AT_REST = 1e-9
 """Largest |v| of a robot at rest."""
 FORCE_WEIGHT = 1e-4
-"""Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
-_LONG = 1e2  # of rays of friction 100
+"""Weight of sum (ray weight / body weight)^2 relative to sum (tau / limit)^2: it selects among forces that need no torque."""
+_LONG = 1e2  # for the rays of friction 100
 
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """How far a held pose is from each limit; zero is at the limit.
+    """Margins of a static equilibrium to each limit; zero is at the limit.
 
     Attributes:
         torque: 1 - |tau| / limit of each motor, shape (nu,); 1 where the file states no limit.
@@ -49,11 +49,11 @@ class Margins:
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """Torques and forces that keep a robot still.
+    """Torques and contact forces that keep a robot at rest.
 
     Attributes:
         state: The pose.
-        tau: Motor torques, shape (nu,) [N, N m]; nothing on the base or on passive joints.
+        tau: Motor torques, shape (nu,) [N, N m]; none on the base or on passive joints.
         forces: {contact: force (3,) or wrench (6,) at the patch's centre}, on the robot, world axes [N, N m].
         corner_forces: {contact: (k, 3)}, each in the pyramid inscribed in its friction cone [N].
         residual: Largest entry of |h - S^T tau - tau_ext - J^T f|, recomputed [N, N m].
@@ -106,27 +106,27 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     """Motor torques that keep a robot at rest, and the contact forces that go with them.
 
     Minimises sum (tau / limit)^2, plus a small weight on the forces, subject to S^T tau + tau_ext + J^T f = h(q, 0),
-    |tau| <= limit, and corner forces in the pyramids *inscribed* in the friction cones: what is found holds under the true
-    cones too. A motor without a stated limit is weighed against body weight times one metre.
+    |tau| <= limit, and corner forces in the pyramids *inscribed* in the friction cones: the result is valid under the circular
+    cones too. A motor without a stated limit counts with body weight times one metre.
 
     Args:
         state: The pose; v must be zero.
-        contacts: What it stands on; bilateral contacts (friction=None) may pull.
-        external: Other forces to hold against: generalised (nv,), or `ExternalForce`s.
+        contacts: The contacts; bilateral contacts (friction=None) may pull.
+        external: Other forces on the robot: generalised (nv,), or `ExternalForce`s.
 
     Raises:
         NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
-        CannotHold: naming the limit in the way: contacts that only push, friction, or a motor.
+        CannotHold: naming what prevents equilibrium: unilateral contacts, friction, or a motor's limit.
     """
     robot = checked(state).robot
     if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
         raise NotAtRest(f"hold wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
-    with suppress(TypeError):  # which rows_of puts into words
+    with suppress(TypeError):  # rows_of raises with a message
         contacts = tuple(contacts)
     rows = tuple(rows_of(state, contacts))
     if len(names := [r.name for r in rows]) != len(set(names)):
         twice = next(name for name in names if names.count(name) > 1)
-        raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
+        raise DuplicateName(f"two contacts are named {twice!r}; give each a different name.")
     warn_of_distant(robot, rows, stacklevel=3)
     for r in rows:  # at v = 0, J_dot v of a ground at rest is zero
         if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
@@ -135,7 +135,7 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
     statics = _Statics(state, contacts, rows, rhs)
     w = statics.weights()
     f = statics.G @ w
-    load = -statics.rhs - statics.J.T @ f  # what is left for the motors
+    load = -statics.rhs - statics.J.T @ f  # load on the motors
     tau = load[robot.actuated]
     load[robot.actuated] = 0.0
     forces, corners, at = {}, {}, 0
@@ -150,7 +150,7 @@ def hold(state: State, contacts: Sequence[Constraint], *, external: External = N
 
 
 class _Statics:
-    """The unknown is x, the rays' weights over the body weight: f = G x, and tau follows."""
+    """The static problem in x, the rays' weights over the body weight: f = G x, and tau follows."""
 
     def __init__(self, state: State, contacts: Sequence[Constraint], rows: tuple[Rows, ...], rhs: Array) -> None:
         robot = state.robot
@@ -169,15 +169,15 @@ class _Statics:
         self.A, self.b = per_ray[self.still], -rhs[self.still]
         self.least = np.minimum(state.M.diagonal()[self.still], 1.0)
         top = np.abs(self.A).max(axis=1, initial=0.0)
-        self.row_size = np.where(top > 0.0, top, 1.0)  # a passive finger is balanced as well as the base
+        self.row_size = np.where(top > 0.0, top, 1.0)  # a passive joint is balanced like the base
         self.passive = np.arange(len(base), len(self.still))
         self.T, self.t = per_ray[robot.actuated], -rhs[robot.actuated]  # tau = t - T x
 
     def weights(self) -> Array:
-        """The optimal weights [N], their equilibrium made exact.
+        """The optimal weights [N], with equilibrium exact to rounding.
 
         Raises:
-            CannotHold: naming the limit in the way.
+            CannotHold: naming what prevents equilibrium.
         """
         # Linear programs first: on a program without a solution ProxSuite can run for seconds, or without end.
         self._refuse()
@@ -198,7 +198,7 @@ class _Statics:
         return best * self.unit
 
     def _attempts(self) -> Iterator[Array]:
-        """Weights that the QP finds: of the rays as they are, and where friction makes them long, of rays of length one."""
+        """Weights from the QP: for the rays as given, and where large friction makes them long, for unit rays."""
         length = np.linalg.norm(self.G, axis=0)
         scale = np.where(self.limited, self.limit, self.unit)
         for size in (np.ones(len(length)), 1.0 / length)[: 1 + bool((length > _LONG).any())]:
@@ -212,21 +212,21 @@ class _Statics:
                 yield size * attempt.x
 
     def _unbalanced(self, x: Array) -> float:
-        """What is left where no motor is, each row over its own terms (as in `rbd.problem.scales`)."""
+        """Unbalanced load of unactuated coordinates, each row over the size of its terms (as in `rbd.problem.scales`)."""
         terms = np.maximum(np.maximum(np.abs(self.A) @ np.abs(x), np.abs(self.b)), self.least)
         return float((np.abs(self.A @ x - self.b) / terms).max(initial=0.0))
 
     def _miss(self, x: Array) -> float:
-        """Largest violation of equilibrium, cones and torque limits, each relative to its scale; infinite of NaN."""
+        """Largest violation of equilibrium, cones and torque limits, each relative to its scale; infinite for NaN."""
         if not is_finite(x):
             return np.inf
         out = max(self._unbalanced(x), float(np.maximum(self.low - x, x - self.high).max(initial=0.0)))
         return max(out, float((np.abs(self.t - self.T @ x) / self.limit).max(initial=0.0)) - 1.0)
 
     def _exact(self, x: Array) -> Array:
-        """The same x moved, within the weights that carry something, so that A x = b to rounding, if it can be."""
+        """Correct x within its nonzero weights, so that A x = b to rounding, if possible."""
         tried = [x]
-        for least in (1e-6, 1e-10):  # at a limit, few weights carry much: those that carry little help then
+        for least in (1e-6, 1e-10):  # at a limit few weights are large: the small ones are needed then
             free, moved = (x > self.low + least) & (x < self.high - least), x.copy()
             for _ in range(2):
                 left = (self.b - self.A @ moved) / self.row_size
@@ -237,7 +237,7 @@ class _Statics:
         return min(tried, key=self._miss)
 
     def _refuse(self) -> None:
-        """Raise CannotHold with the limit in the way, if there is one."""
+        """Raise CannotHold naming what prevents equilibrium, if anything does."""
         name, found = self.state.robot.name, self._least_excess()
         if found is None:
             raise CannotHold(f"{name} cannot be held{self._on()}: {self._why_unbalanced()}")
@@ -251,7 +251,7 @@ class _Statics:
         return " on " + ", ".join(repr(r.name) for r in self.rows) if self.rows else ""
 
     def _why_unbalanced(self) -> str:
-        """What is in the way where no contact forces and no torques, of whatever size, balance the robot."""
+        """Message: why no contact forces and no torques, of any size, balance the robot."""
         robot = self.state.robot
         if len(self.passive) and (found := self._least_excess(passive=True)) is not None:
             helped = sorted({robot.model.names[_joint_at(robot, self.still[i])] for i in self.passive[found[1] > 1e-7]})
@@ -277,7 +277,7 @@ class _Statics:
         return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
     def _why_friction(self) -> str:
-        """Whether more friction would do, and how much, under the circular cones themselves; empty where none would."""
+        """Message: how much friction would suffice under circular cones; empty where none would."""
         if not any(has_friction(c) for c in self.contacts):
             return ""
         try:
@@ -309,7 +309,7 @@ class _Statics:
         return ""
 
     def _circular(self, *, limits: bool, as_given: bool = False, from_zero: bool = False) -> Balance:
-        """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
+        """The same problem under circular cones: with the friction given, or with larger coefficients, or from zero on."""
         rough = self.contacts if as_given else tuple(_with_friction(c, 1.0) for c in self.contacts)
         rows = rows_of(self.state, rough)
         P, robot = at_rest(*[r.cone for r in rows]), self.state.robot
@@ -329,10 +329,10 @@ class _Statics:
         )  # fmt: skip
 
     def _least_excess(self, *, limits: bool = True, passive: bool = False) -> tuple[Array, Array] | None:
-        """What must give way at least: (over, idle), by a linear program (HiGHS); None if no forces balance even so.
+        """Least violation of torque limits: (over, idle), by a linear program (HiGHS); None if no forces balance even so.
 
-        over, shape (nu,), is by how many times its limit each torque exceeds it; idle, shape (number of passive joints,), the
-        torques that passive joints would need, over the body weight, where `passive` lets them. Their sum is minimal.
+        over, shape (nu,), is each torque's excess over its limit, relative; idle, shape (number of passive joints,), the
+        torques that passive joints would need, over the body weight, where `passive` allows them. Their sum is minimal.
         """
         r = len(self.low)
         n, p = int(self.limited.sum()) * limits, len(self.passive) * passive
