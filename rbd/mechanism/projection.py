@@ -30,7 +30,7 @@ from scipy.linalg import blas, lapack
 from rbd.arrays import Array, as_float, inertia_factor, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
-from rbd.errors import DuplicateName, InputError
+from rbd.errors import DuplicateName, InputError, SingularInertia
 from rbd.model.state import State, check_state
 from rbd.problem.cones import Box
 from rbd.solvers.kkt import independent_factor
@@ -240,7 +240,11 @@ def _nearest(stack: StackedRows, x: Array, wanted: Array, what: str, unit: str) 
         InputError: there is none; names the constraint with the largest violation.
         SingularInertia: M is not positive definite.
     """
-    J, W, given, robot = stack.J, stack.W, x, stack.state.robot
+    given, robot = x, stack.state.robot
+    try:
+        J, W = stack.J, stack.W
+    except SingularInertia as error:
+        raise SingularInertia(f"M of {robot.name} is not positive definite at this state: {error}") from None
     for _ in range(3):  # once is exact except for rounding, which is large for ill-conditioned M or J
         y = np.linalg.lstsq(W.T, J @ x - wanted, rcond=ZERO)[0]  # of least norm: of least |x - given| in M
         x = x - blas.dtrsv(stack.L, y, lower=1, trans=1)

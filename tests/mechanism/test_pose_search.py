@@ -241,20 +241,43 @@ def test_a_hand_too_far_away_is_told_with_its_proof(talos: rbd.Robot) -> None:
     assert error.minimum and error.proof is None and error.slope < 1e-9 and error.limits
     assert list(error.misses)[0] == HANDS["talos"][0] and 0.01 < error.misses[HANDS["talos"][0]].distance < 1.0
     assert HANDS["talos"][0] in error.without and HANDS["talos"][0] in str(error)
-    bounded = Bounded(talos, lengths_and_angles(talos, targets))
+    check_certificate(talos, targets, error)
+
+
+def test_draws_out_of_reach_are_certified(g1: rbd.Robot) -> None:
+    """Both feet fixed, a wrist at 1.6 to 2 m from the centre of mass: at every answer the certificate holds."""
+    rng, standing = np.random.default_rng(5), g1.standing()
+    stay = {sole.name: standing.frame(sole.frame).X_WF * sole.placement for sole in g1.soles()}
+    for _ in range(4):
+        away = rng.normal(size=3) * [1.0, 1.0, 0.3]
+        place = standing.com + rng.uniform(1.6, 2.0) * away / np.linalg.norm(away)
+        targets = {**stay, HANDS["g1"][0]: place}
+        with pytest.raises(CannotReach) as caught:
+            rbd.find_pose(g1, targets)
+        assert caught.value.minimum and caught.value.misses[HANDS["g1"][0]].distance > 0.01
+        check_certificate(g1, targets, caught.value)
+
+
+def check_certificate(robot: rbd.Robot, targets: dict, error: CannotReach) -> None:
+    """Differences of the distance give the multipliers of the limits and zero elsewhere; drawn motions never reduce it."""
+    bounded = Bounded(robot, lengths_and_angles(robot, targets))
     least = bounded.at(error.q).size2
     lower, upper = bounded.room(error.q)
     rng = np.random.default_rng(3)
     for size in (1e-1, 1e-2, 1e-3):
         for _ in range(60):
-            z = np.clip(size * rng.normal(size=talos.nv), lower, upper)
+            z = np.clip(size * rng.normal(size=robot.nv), lower, upper)
             assert bounded.at(bounded.move(error.q, z)).size2 > least * (1.0 - 1e-12)
-    for i, unit in enumerate(np.eye(talos.nv) * 1e-5):
-        there = [bounded.at(pin.integrate(talos.model, error.q, bounded.scale * z)).size2 for z in (unit, -unit)]
-        slope, name = 0.5 * (there[0] - there[1]) / 2e-5, talos.joints.velocities[i].name
+    for i, unit in enumerate(np.eye(robot.nv) * 1e-5):
+        there = [bounded.at(pin.integrate(robot.model, error.q, bounded.scale * z)).size2 for z in (unit, -unit)]
+        slope, name = 0.5 * (there[0] - there[1]) / 2e-5, robot.joints.velocities[i].name
         assert abs(slope + error.limits.get(name, 0.0)) < 1e-7
         if name in error.limits:  # and at a limit it points outwards
             assert (error.limits[name] > 0.0) == (upper[i] < 1e-12) and (error.limits[name] < 0.0) == (lower[i] > -1e-12)
+    for name, miss in error.misses.items():  # distances, by the state's own kinematics
+        target = next(t for t in read_targets(robot, targets) if t.name == name)
+        X_WP = robot.at(error.q).frame(target.frame).X_WF * target.X_FP
+        assert abs(float(np.linalg.norm(X_WP.translation - target.point)) - miss.distance) < 1e-12
 
 
 def lengths_and_angles(robot: CheckedModel, targets: dict):
