@@ -188,27 +188,30 @@ class Bounded:
 
     def minimise(self, start: Reached, *, most: int = 60) -> Minimum:
         """Newton's steps to a minimum of 1/2 |e|^2 within the limits; saddles are left along the steepest descent."""
-        at, curvature = start, 0.0
+        at = start
         for _ in range(most):
-            g, (free, slope, _) = at.J.T @ at.e, self._slope(at)
             H = self._hessian(at)
-            values, V = np.linalg.eigh(H[np.ix_(free, free)])
-            large = float(np.abs(values).max(initial=0.0)) or 1.0
-            curvature = float(values.min(initial=0.0)) / large
-            if not len(free) or slope < 1e-13 and curvature > -1e-6:
-                break
-            if slope < 1e-9 and curvature <= -1e-6:  # a saddle: leave it along the direction of steepest descent
-                z = np.zeros(self.robot.nv)
-                z[free] = 0.1 * V[:, 0] * (1.0 if V[:, 0] @ g[free] <= 0.0 else -1.0)
+            found, free = self._certificate(at, H)
+            if not len(free) or found.slope < 1e-13 and found.curvature > -1e-6:
+                return found
+            if found.slope < 1e-9 and found.curvature <= -1e-6:  # a saddle: leave it along the steepest descent
+                down, z = np.linalg.eigh(H[np.ix_(free, free)])[1][:, 0], np.zeros(self.robot.nv)
+                z[free] = 0.1 * down * (1.0 if down @ (at.J.T @ at.e)[free] <= 0.0 else -1.0)
             else:
                 z = self._newton(at, H)
             z *= min(1.0, 0.5 / max(1e-300, float(np.linalg.norm(z))))
-            there = self._lower(at, z, slope)
+            there = self._lower(at, z, found.slope)
             if there is None:
-                break
+                return found
             at = there
-        _, slope, held = self._slope(at)
-        return Minimum(at, slope, curvature, held)
+        return self._certificate(at, self._hessian(at))[0]
+
+    def _certificate(self, at: Reached, H: Array) -> tuple[Minimum, Array]:
+        """(what slope and Hessian say of a point, free coordinates)."""
+        free, slope, held = self._slope(at)
+        values = np.linalg.eigvalsh(H[np.ix_(free, free)])
+        curvature = float(values.min(initial=0.0)) / (float(np.abs(values).max(initial=0.0)) or 1.0)
+        return Minimum(at, slope, curvature, held), free
 
     def _newton(self, at: Reached, H: Array) -> Array:
         """The minimiser of the quadratic model within the limits, with the absolute values of its curvatures."""

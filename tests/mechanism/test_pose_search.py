@@ -100,6 +100,16 @@ def test_from_a_saddle_the_search_goes_down() -> None:
     assert abs(caught.value.misses["fore_tip"].distance - (1.0 - L1 - L2)) < 1e-12
 
 
+def test_a_descent_that_is_cut_short_claims_no_minimum() -> None:
+    """One Newton step from a bent pose is not the bottom, sixty are."""
+    robot = arm()
+    bounded = Bounded(robot, lengths_and_angles(robot, {"fore_tip": (1.0, 0.0, 0.0)}))
+    start = bounded.at(np.array([1.0, 0.7]))
+    assert not bounded.minimise(start, most=1).proved and bounded.minimise(start).proved
+    saddle = bounded.at(np.array([math.pi, 0.0]))
+    assert not bounded.minimise(saddle, most=0).proved
+
+
 def test_a_limit_that_stands_in_the_way_is_named() -> None:
     """The elbow bends by 0.5 rad at least: what is lacking is |p| less the chord, and the lower limit carries the slope."""
     chord, r = math.sqrt(L1 * L1 + L2 * L2 + 2.0 * L1 * L2 * math.cos(0.5)), 0.79
