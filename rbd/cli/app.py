@@ -41,7 +41,9 @@ MOST_SAMPLES = 10_000
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
 Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
-Feet = Annotated[str | None, typer.Option(metavar="A,B", help="Frames of its feet; those of the catalogue by default.")]
+Feet = Annotated[
+    str | None, typer.Option("--feet", metavar="A,B", help="Frames of its feet; those of the catalogue by default.")
+]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
 Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
@@ -70,7 +72,7 @@ def rbd(
 @app.command()
 def stand(
     robot: RobotName,
-    feet: Feet = None,
+    feet_: Feet = None,
     friction: Friction = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
     law: Law = "coulomb",
@@ -103,21 +105,21 @@ def stand(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet))
+            loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_))
         if not loaded.source.feet:
             raise InputError(
                 f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
                 "frames of its feet: --feet A,B."
             )
         with timed(seconds, "stand"):
-            state, contacts = loaded.standing(posture), loaded.feet(friction, facets=facets)
+            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
         external = [] if force is None or at is None else [ExternalForce(at, force)]
         for e in external:
             loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "hold"):
-            held = hold(state, contacts)
+            held = hold(state, feet)
         with timed(seconds, "solve"):
-            solution = solve(state, held.tau, contacts, law=law, external=external)
+            solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
         report = StandReport(held, solution, force, at, seconds)
         if html is not None or show:
@@ -218,7 +220,7 @@ def simulate(
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
     for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
-    feet: Feet = None,
+    feet_: Feet = None,
     friction: Friction = 0.7,
     law: Law = "coulomb",
     hold_: Annotated[
@@ -261,7 +263,7 @@ def simulate(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet))
+            found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet_))
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):
