@@ -70,7 +70,7 @@ class FoundPose:
         misses: {target: its error, a distance [m] and an angle [rad]}, recomputed from the model.
         loops: {loop of the robot: its position error} [m, rad].
         moved: Distance of the joints from the posture: Euclidean norm [rad; translations over the robot's length].
-        at_limits: Joints at a limit.
+        at_limits: Joints at a limit, except those that are at one in the posture.
         starts: Number of starts: one if the search from the posture succeeded.
     """
 
@@ -272,10 +272,14 @@ class _Search:
         d = self.bounded.way(q0, state.q)
         for base in self._bases:
             d[base.v] = 0.0
-        lower, upper = self.bounded.room(state.q)
-        limits = np.flatnonzero(np.minimum(-lower, upper) < 1e-9)
+        limits = np.flatnonzero(self._at_limit(state.q) & ~self._at_limit(q0))
         names = tuple(self.robot.joints.velocities[i].name for i in limits)
         return FoundPose(state, self.misses(state.q), self.apart(state.q), float(np.linalg.norm(d)), names, starts)
+
+    def _at_limit(self, q: Array) -> Array:
+        """Which coordinates are at a limit, shape (nv,), bool."""
+        lower, upper = self.bounded.room(q)
+        return np.minimum(-lower, upper) < 1e-9
 
     def _nearer(self, q0: Array, reached: Reached) -> Reached:
         weight = self._weight(q0)

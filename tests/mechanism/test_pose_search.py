@@ -368,6 +368,17 @@ def test_the_pose_is_near_the_posture(talos: rbd.Robot) -> None:
     assert squared_way(np.zeros(talos.nv)) < 1.02 * best.fun
 
 
+def test_joints_that_came_to_a_limit_are_named(talos: rbd.Robot) -> None:
+    """The torso leans to its limit; the grippers, which stand at theirs, are not named."""
+    step = {"left_sole": (0.15, 0.12, 0.0), "right_sole": (-0.1, -0.12, 0.0), HANDS["talos"][0]: (0.55, 0.35, 1.25)}
+    found = rbd.find_pose(talos, step, com=(0.02, 0.0))
+    assert found.at_limits == ("torso_2_joint",) and "at a limit: torso_2_joint" in str(found)
+    torso, gripper = talos.joints["torso_2_joint"], talos.joints["gripper_left_joint"]
+    assert 0.0 <= torso.upper - torso.coordinate(found.q) < 1e-9 or 0.0 <= torso.coordinate(found.q) - torso.lower < 1e-9
+    still = rbd.find_pose(talos, step)  # without com: of the hand's targets the gripper's own joint is none
+    assert gripper.coordinate(still.q) == gripper.upper and gripper.name not in still.at_limits
+
+
 def test_a_posture_may_be_a_name_an_array_or_a_state(talos: rbd.Robot) -> None:
     """All three lead to the same pose; joints beyond their limits are moved onto them first."""
     standing = talos.standing("half_sitting")
