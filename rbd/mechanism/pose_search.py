@@ -109,7 +109,7 @@ def find_pose(
 ) -> FoundPose:
     """A pose with contacts, frames and the centre of mass at given places, near a posture, within joint limits.
 
-        feet and contacts    (x, y, z): position of the centre; a sole is flat on the ground, its heading free
+        feet and contacts    (x, y, z): position of the centre; a sole (or an edge) is flat on the ground, its heading free
                              ((x, y, z), n): the same, with z along the unit vector n
                              rbd.Ground(point=..., normal=...), or a height [m]: on that plane, a sole flat, anywhere
                              None: the same for its own ground, z = 0 by default
@@ -139,6 +139,7 @@ def find_pose(
             the distance, and, where points are farther apart than the links between them, the proof that there is no pose.
         InputError: invalid targets or places: of a wrong kind or size, or not finite.
         FrameNotFound: no foot and no frame of a given name.
+        DuplicateName: two targets with the same name.
 
     >>> wide = rbd.find_pose(talos, {"left_sole": (0, 0.135, 0), "right_sole": (0, -0.135, 0)}, com=(0, 0))
     >>> rbd.hold(wide.state, talos.soles())
