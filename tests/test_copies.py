@@ -135,6 +135,10 @@ def mechanisms() -> Iterator[object]:
     moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
     yield from (rbd.mechanism.assemble(four_bar.at()), moving, rates)
+    yield rbd.mechanism.project_acceleration(four_bar.at(state.q, moving.v), np.ones(four_bar.nv))
+    box = rbd.load_robot(URDF / "box.urdf")
+    yield rbd.find_pose(box, {"box": (0.1, 0.2, 0.3)})
+    yield from errors(lambda: rbd.find_pose(four_bar, {"coupler_tip": (9.0, 0.0, 9.0)}))
     yield rbd.mechanism.trace(state, joint="crank_joint", values=(state.q[0], state.q[0] + 0.2), steps=4)
 
 

@@ -71,6 +71,7 @@ PROBLEM = rbd.gauss_problem(STATE, TAU, FEET)
 SOLUTION = rbd.solve(STATE, TAU, FEET)
 V = np.linspace(-0.5, 0.5, BOLT.nv)
 MOVING = rbd.State(BOLT, STATE.q, V)
+LIFTED = {"root_joint": np.array([0.1, 0.2, 0.9, 0.0, 0.6, 0.0, 0.8])}
 CORNERS = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
 ROWS = PROBLEM.rows[0]
 PLAIN = {"name": "row", "J": np.array([[1.0, 0.0], [0.5, 2.0]]), "bias": np.array([0.5, -0.1])}
@@ -391,6 +392,7 @@ CASES: dict[str, Case] = {
         rbd.load_robot,
         {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
     ),
+    "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
     ),
@@ -442,6 +444,19 @@ CASES: dict[str, Case] = {
     "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
     "mechanism.project_velocity": Case(
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
+    ),
+    "mechanism.project_acceleration": Case(rbd.mechanism.project_acceleration, {"state": MOVING, "a": V, "constraints": FEET}),
+    "place_on_ground": Case(rbd.robots.place_on_ground, {"state": STATE.with_joints(LIFTED), "contacts": FEET}),
+    "find_pose": Case(
+        rbd.find_pose, {"robot": BOX, "targets": {"box": (0.1, 0.0, 0.3)}, "posture": BOX.neutral(), "com": None}, 30
+    ),
+    "find_pose, a place": Case(
+        lambda where, normal, com: rbd.find_pose(BOX, {"box": (where, normal)}, com=com),
+        {"where": np.array([0.1, 0.2, 0.3]), "normal": np.array([0.0, 0.6, 0.8]), "com": np.array([0.1, 0.2])},
+        30,
+    ),
+    "mechanism.find_pose": Case(
+        lambda on: rbd.mechanism.find_pose(BOX, {rbd.SurfaceContact("side", "box", half_lengths=(0.1, 0.1)): on}), {"on": 0.2}
     ),
     "mechanism.mobility": Case(
         rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tolerance": 1e-9, "seed": 1}
@@ -496,6 +511,10 @@ CASES: dict[str, Case] = {
         lambda foot: SOLUTION.with_forces({SOLUTION.problem.rows[0].name: foot}), {"foot": [2.0]}
     ),
     "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
+    "State.with_joints": Case(
+        lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),
+        {"values": {"root_joint": STATE.q[:7]}, "angle": 0.3},
+    ),
     "State.frame": Case(STATE.frame, {"name": FRAME, "offset": np.zeros(3)}),
     "visual.Scene": Case(
         use_scene,
@@ -634,6 +653,8 @@ MADE_BY_RBD = {
     "Integrability",
     "MechanismClass",
     "Assembly",
+    "FoundPose",
+    "ProjectedAcceleration",
     "Branch",
     "Branches",
     "Trace",

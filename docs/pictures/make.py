@@ -43,6 +43,31 @@ def talos() -> Path:
         return screenshot(page, PICTURES / "talos.png", width=1100, height=900)
 
 
+def poses() -> Path:
+    """Three poses of `docs/poses.md`, each held by its feet."""
+    talos, g1, width, height = rbd.load_robot("talos"), rbd.load_robot("g1"), 500, 560
+    step = {"left_sole": (0.15, 0.12, 0.0), "right_sole": (-0.1, -0.12, 0.0), "gripper_left_base_link": (0.55, 0.35, 1.25)}
+    standing = g1.standing()
+    stay = {sole.name: standing.frame(sole.frame).X_WF * sole.placement for sole in g1.soles()}
+    stair = {"left_sole": (0.3, 0.085, 0.17), "right_sole": (0.0, -0.085, 0.0)}
+    made = (
+        (rbd.find_pose(talos, step, com=(0.02, 0.0)), talos.soles()),
+        (rbd.find_pose(g1, stay, com=standing.com - [0.0, 0.0, 0.2]), g1.soles()),
+        (rbd.find_pose(talos, stair, com=(0.15, 0.0)), talos.soles(on={"left_sole": 0.17})),
+    )
+    sheet = Image.new("RGB", (3 * width, height), "white")
+    with tempfile.TemporaryDirectory() as folder:
+        for i, (found, soles) in enumerate(made):
+            solution = rbd.solve(found.state, rbd.hold(found.state, soles).tau, soles)
+            with Scene(found.state.robot, legend=False) as scene:
+                scene.show(found.state, solution)
+                page = scene.export(Path(folder) / f"{i}.html")
+            shot = Image.open(screenshot(page, Path(folder) / f"{i}.png", width=width, height=height))
+            sheet.paste(shot.resize((width, height)), (width * i, 0))
+    sheet.save(PICTURES / "poses.png")
+    return PICTURES / "poses.png"
+
+
 def plot(picture: str, example: str, draw: str, size: tuple[float, float], *axes: int, sharex: bool = False) -> Path:
     """A plot of an example, drawn on axes of ours by the example's own function."""
     figure = Figure(figsize=size, layout="constrained")
@@ -172,6 +197,6 @@ def _example(name: str) -> ModuleType:
 
 
 if __name__ == "__main__":
-    scenes = (make() for make in (talos, fists, mechanisms, robots, crouch, inverse_dynamics))
+    scenes = (make() for make in (talos, fists, mechanisms, robots, crouch, inverse_dynamics, poses))
     for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
         print(made.relative_to(TOP))

@@ -24,6 +24,7 @@ from rbd.cli.terminal import (
     TRAJECTORIES,
     answering,
     check_outputs,
+    names_of,
     numbers_of,
     open_console,
     print_path,
@@ -40,6 +41,9 @@ MOST_SAMPLES = 10_000
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
 Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
+Feet = Annotated[
+    str | None, typer.Option("--feet", metavar="A,B", help="Frames of its feet; those of the catalogue by default.")
+]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
 Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
@@ -68,6 +72,7 @@ def rbd(
 @app.command()
 def stand(
     robot: RobotName,
+    feet_: Feet = None,
     friction: Friction = 0.7,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
     law: Law = "coulomb",
@@ -105,9 +110,12 @@ def stand(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            loaded = load_robot(robot, package_dirs=package_dir or ())
+            loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_))
         if not loaded.source.feet:
-            raise InputError(f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do.")
+            raise InputError(
+                f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
+                "frames of its feet: --feet A,B."
+            )
         with timed(seconds, "stand"):
             state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
         at = heaviest_link(loaded) if at is None else at
@@ -221,6 +229,7 @@ def simulate(
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
     for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
+    feet_: Feet = None,
     friction: Friction = 0.7,
     law: Law = "coulomb",
     hold_: Annotated[
@@ -263,7 +272,7 @@ def simulate(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
+            found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet_))
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):

@@ -218,3 +218,21 @@ def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     except (ValueError, np.linalg.LinAlgError):
         found = np.linalg.lstsq(A, b, rcond=None)[0]
     return np.minimum(np.maximum(found, lower), upper)
+
+
+def within(A: Array, b: Array, lower: Array, upper: Array) -> Array:
+    """The x within its bounds with the least |A x - b|, exactly on its active bounds [StarkParker1995], shape (n,).
+
+    Equal bounds fix an unknown. If the steps run out, the last x, which is within the bounds; if SciPy refuses the problem,
+    the x nearest to zero.
+    """
+    x, free = np.clip(np.zeros(A.shape[1]), lower, upper), upper > lower
+    if free.any():
+        bounds, left = (lower[free], upper[free]), b - A[:, ~free] @ x[~free]
+        try:
+            found = lsq_linear(A[:, free], left, bounds, method="bvls", tol=1e-14, max_iter=BOUNDED_STEPS)
+        except (ValueError, np.linalg.LinAlgError):
+            return x
+        held = found.active_mask  # -1, 0, 1; SciPy's x is on the bound to rounding
+        x[free] = np.where(held < 0, bounds[0], np.where(held > 0, bounds[1], np.clip(found.x, *bounds)))
+    return x
