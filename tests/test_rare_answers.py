@@ -222,6 +222,21 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
         assert held.residuals.stationarity < 1e-7 * talos.mass * 9.81
 
 
+def test_possible_torques_do_where_the_least_are_not_found(talos, monkeypatch):
+    """The least effort is not found, and any torques that hold are: they do hold, and say what they are not."""
+    settled = conic._settled
+    monkeypatch.setattr(conic, "_by_newton", lambda program: None)
+    monkeypatch.setattr(conic, "_settled", lambda p, *more: None if p.H.any() else settled(p, *more))
+    push = rbd.ExternalForce("torso_2_link", (0.0, 60.0, 0.0))
+    for margin in (0.0, 0.05):
+        held = rbd.hold(talos.standing(), talos.soles(0.4), external=push, margin=margin)
+        assert not held.least and held.status == "solved" and "the least was not found to nine digits" in str(held)
+        assert (np.abs(held.tau) <= talos.effort_limit).all()
+        assert np.abs(rbd.solve(talos.standing(), held.tau, talos.soles(0.4), external=push).a).max() < 1e-6
+    monkeypatch.undo()
+    assert rbd.hold(talos.standing(), talos.soles(0.4), external=push).least
+
+
 def test_torques_that_are_no_numbers_are_none(monkeypatch):
     """A program whose numbers are lost: no torques, of an arm too, whose motors balance whatever its contacts do."""
     arm = rbd.load_robot("ur5", root="fixed")

@@ -160,6 +160,9 @@ def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
 
 def _settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
     """The answer made exact by Newton's method, or as it is where it is good enough; None where it is no answer."""
+    if not (program.H.any() or program.g.any()):  # any x will do, without multipliers
+        y, z = np.zeros_like(found.y), np.zeros_like(found.z)
+        return replace(found, outcome=Outcome.SOLVED, y=y, z=z) if program.outside(found.x) <= tolerance else None
     miss = program.miss(found.x, found.y, found.z)
     if miss <= _NEAR:
         for y, z in ((found.y, found.z), _multipliers(program, found.x)):

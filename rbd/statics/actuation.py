@@ -92,6 +92,7 @@ class Actuation:
         program: The conic program that was solved.
         iterations: How many steps it took.
         method: "Newton" or "Clarabel".
+        least: Whether the effort is the least, to nine digits; else torques and forces are only possible ones.
     """
 
     a: Array
@@ -106,6 +107,7 @@ class Actuation:
     program: Conic
     iterations: int
     method: str
+    least: bool = True
 
     @property
     def state(self) -> State:
@@ -220,6 +222,8 @@ class Actuation:
         edge = [f for f in self.margins.corner_friction.values() if (f < 1e-6).any()]
         if edge and not self.margin:
             head += "\n  friction is at its limit: with these torques other motions may be possible, too"
+        if not self.least:
+            head += "\n  other torques may need less effort: the least was not found to nine digits"
         return "\n".join([head] + [f"  {name:<16}{c}" for name, c in self.contacts.items()])
 
 

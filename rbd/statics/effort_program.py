@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,11 +14,14 @@ from rbd.errors import InaccurateWarning
 from rbd.model.dynamics import External
 from rbd.problem.answer import Status
 from rbd.problem.conic import Conic, ConicAnswer
+from rbd.problem.programs import Outcome
 from rbd.solvers.conic import solve_conic
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads
 
+POSSIBLE = 1e-9
+"""Torques and forces whose equations and limits are missed by no more, of numbers around one, are possible."""
 _EXACT = 1e-14
 """What is left of balance below this, of numbers around one, is rounding."""
 
@@ -31,15 +35,22 @@ def least_effort(
     margin: float,
     rest_speed: float,
 ) -> Actuation | ConicAnswer:
-    """The actuation; where there is none within tolerance, what the program ended with."""
+    """The actuation; where there is none within tolerance, what the program ended with.
+
+    Near a limit, or where contacts are nearly redundant, the least may not be found; torques that are possible are.
+    """
     program = effort.program(loads)
     found = solve_conic(program)
-    if not found.solved:
+    least = found.solved
+    if found.outcome is Outcome.NOT_FOUND and program.outside(found.x) > POSSIBLE:
+        zero = np.zeros_like(program.H)
+        found = solve_conic(replace(program, H=zero, g=zero[:, 0]), newton=False, tolerance=POSSIBLE)
+    if not (found.solved or found.outcome is Outcome.NOT_FOUND and program.outside(found.x) <= POSSIBLE):
         return found
     w = _balanced(program, found.x) * loads.unit
     tau, _ = loads.torques(w)
     return Actuation(
-        a, tau, w, loads, constraints, external, effort, margin, rest_speed, program, found.iterations, found.method
+        a, tau, w, loads, constraints, external, effort, margin, rest_speed, program, found.iterations, found.method, least
     )
 
 

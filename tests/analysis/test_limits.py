@@ -268,12 +268,14 @@ class TestWork:
 
     def test_whether_a_robot_can_be_held_may_not_be_found(self, monkeypatch, talos):
         """Not "cannot be held": nobody knows, so there is no proof and nothing is named."""
+        push = rbd.ExternalForce("torso_2_link", (0.0, 115.0, 0.0))
+        assert rbd.hold(talos.standing(), talos.soles(0.5), external=push).status == "solved"
         monkeypatch.setattr(conic, "_by_newton", lambda program: None)
         for steps, seconds in ((1, conic.CONIC_SECONDS), (conic.CONIC_STEPS, 0.0)):
             monkeypatch.setattr(conic, "CONIC_STEPS", steps)
             monkeypatch.setattr(conic, "CONIC_SECONDS", seconds)
             with pytest.raises(CannotHold, match="was not found within") as caught:
-                rbd.hold(talos.standing(), talos.soles(0.5))
+                rbd.hold(talos.standing(), talos.soles(0.5), external=push)
             assert caught.value.certificate is None and caught.value.limits == ()
 
     def test_a_hold_that_newtons_method_does_not_find_is_found(self, monkeypatch, talos):
