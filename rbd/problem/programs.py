@@ -61,6 +61,9 @@ FORCE_CHOICE_WORK = 4e9
 FRICTION_PROGRAMS = 400
 """Linear programs in the search for the least coefficient of friction that holds a pose. Two soles need some fifty."""
 
+POLYGON_PROGRAMS = 1000
+"""Programs for one polygon of centres of mass or of pushes. Two soles need eight; a millionth of a square metre, a hundred."""
+
 CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100
