@@ -15,7 +15,7 @@ from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual.plots import an_axis, frame
-from rbd.visual.style import COM_COLOR, LIMIT_COLORS, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
+from rbd.visual.style import COM_COLOR, LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -51,8 +51,12 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
         raise InputError(f"labels are {labels!r:.80}; expected a name for each of {len(regions)} regions, or none.")
     drawn: list[Artist] = []
     for i, region in enumerate(regions):
-        kind = "support region" if isinstance(region, SupportRegion) else "zero-moment points"
-        color = SUPPORT_COLOR if isinstance(region, SupportRegion) else ZMP_COLOR
+        kind = "zero-moment points"
+        if isinstance(region, SupportRegion):
+            kind = "support region, torques within limits" if region.torque_limits else "support region"
+        color = ZMP_COLOR
+        if isinstance(region, SupportRegion):
+            color = LIMITED_COLOR if region.torque_limits else SUPPORT_COLOR
         name = str(labels[i]) if labels else kind
         if region.empty:
             name += " (empty)"

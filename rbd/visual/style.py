@@ -18,6 +18,7 @@ CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d3
 PUSH_COLOR = "#c2187a"
 COM_COLOR = "#1a1a1a"
 SUPPORT_COLOR = "#3f6f3f"
+LIMITED_COLOR = "#8a2f4f"  # of a support region within torque limits
 ZMP_COLOR = "#5e4fa2"
 WRENCH_COLOR = "#e69f00"
 LIMIT_COLORS = {
