@@ -25,7 +25,7 @@ from rbd.visual.page import Recorder, offline_page, write_page
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.server import LiveServer
 from rbd.visual.shapes import Mesh, outermost, round_number
-from rbd.visual.statics_marks import Drawn, statics_legend, statics_marks
+from rbd.visual.statics_marks import Drawn, legend_of, marks_of
 from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors, rgb_number
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class Scene:
             InputError: of something else.
             PictureError: if nothing has been shown yet.
         """
-        added = statics_marks(statics, self._shown())
+        added = marks_of(statics, self._shown())
         self._drawn = [mark for mark in self._drawn if not mark.path.startswith("statics/")] + added
         self._statics = statics
         self._viewer["marks/statics"].delete()
@@ -336,7 +336,7 @@ class Scene:
         drawn += marks.support_marks(support_outline(self._contacts), sizes)
         for contact in self._contacts:
             drawn += marks.contact_marks(contact, colors[contact.name], sizes)
-        drawn += statics_marks(self._statics, sizes)
+        drawn += marks_of(self._statics, sizes)
         drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
         return [mark for mark in drawn if len(mark.mesh.faces)]
 
@@ -364,7 +364,7 @@ class Scene:
         sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
         what = marks.legend(self._robot.name, self._contacts, colors, sizes)
         rest = [*self._others.items(), ("centre of mass, drop line", COM_COLOR)]
-        rest += statics_legend(self._statics)
+        rest += legend_of(self._statics)
         if len(support_outline(self._contacts)):
             rest.append(("support polygon", SUPPORT_COLOR))
         entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]

@@ -24,7 +24,7 @@ _FARTHEST = 2.0
 """Regions are cut so far from the centre of mass, in sizes of the robot."""
 
 
-def statics_marks(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
+def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
     """What is drawn for regions, pushes and cones.
 
     A support region lies at the height of the lowest contact, a region of zero-moment points on its plane; each push is an
@@ -52,7 +52,7 @@ def statics_marks(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
     return out
 
 
-def statics_legend(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
+def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
     """(name, colour) of each."""
     colors = {SupportRegion: SUPPORT_COLOR, ZmpRegion: ZMP_COLOR, PushLimits: LIMIT_COLORS["edge"][0]}
     out = []

@@ -157,8 +157,10 @@ def _contacts(ax: Axes, rows: Sequence[Rows]) -> list[Artist]:
         patch = patches[name]
         assert patch is not None
         corners = convex_hull(patch.corners_W[:, :2])
-        style = "-" if len(corners) > 1 else "x"
-        drawn += ax.plot(*_closed(corners), style, color=color, lw=1.2, label=name)
+        if len(corners) > 2:
+            drawn += ax.fill(*_closed(corners), color=color, alpha=0.3, lw=0.0, label=name, zorder=1)
+        else:
+            drawn += ax.plot(*_closed(corners), "-" if len(corners) == 2 else "x", color=color, lw=3.0, label=name, zorder=1)
     return drawn
 
 
