@@ -108,11 +108,14 @@ class PushLimits:
     def __str__(self) -> str:
         weakest = int(np.argmin(self.forces))
         way = ", ".join(f"{x + 0.0:.2f}" for x in np.round(self.directions[weakest], 2))
-        limits = " and ".join(map(str, self.gives_way[weakest]))
+        limits = ", ".join(map(str, self.gives_way[weakest]))
         what = f"limited by {limits}" if limits else "where no limit was met"
+        end = f"{self.forces[weakest]:.4g} N"
+        if len(self.forces) == 1:
+            return f"pushed at {self.frame} along ({way}): withstands {end}, {what}; residual {self.residual:.1e} N."
         return (
-            f"pushed at {self.frame} in {len(self.forces)} directions: withstands at least {self.forces[weakest]:.4g} N, "
-            f"the least along ({way}), {what}; residual {self.residual:.1e} N."
+            f"pushed at {self.frame} in {len(self.forces)} directions: withstands at least {end}, the least along ({way}), "
+            f"{what}; residual {self.residual:.1e} N."
         )
 
     def _push(self, number: int) -> Array:

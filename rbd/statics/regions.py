@@ -138,7 +138,7 @@ class SupportRegion:
         if not self.bounded:
             ways = "; ".join("(" + ", ".join(f"{x + 0.0:.3f}" for x in np.round(d, 3)) + ")" for d in self.directions)
             return f"support region: without end along {ways}, {how}."
-        gap = f", to {self.area_gap:.1e} m2" if self.area_gap > SMALLEST_GAP_M2 else ""
+        gap = f" and up to {1e4 * self.area_gap:.2f} more" if self.area_gap > SMALLEST_GAP_M2 else ""
         where = f"centre of mass {1e3 * abs(self.distance()):.1f} mm {'inside' if self.distance() >= 0.0 else 'outside'}"
         return f"support region: {1e4 * self.area:.2f} cm2{gap}, {len(self.vertices)} corners, {where}, {how}."
 
