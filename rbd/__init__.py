@@ -1,6 +1,6 @@
 """Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof.
 
-`import rbd` loads next to nothing: a name, or a sub-package, is loaded when it is first asked for.
+`import rbd` loads almost no module: a name, or a sub-package, is loaded on first use.
 """
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from rbd.installation import VERSION as _VERSION, check_place as _check_place
 from rbd.modules import named as _named
 
-_check_place()  # another Pinocchio than ours is named before anything breaks
+_check_place()  # a wrong Pinocchio is reported before it causes errors
 
 if _TYPE_CHECKING:
     from rbd.constraints import (
@@ -120,14 +120,14 @@ _NAMES = {
     "rbd.statics.actuation": "Actuation",
     "rbd.statics.equilibrium": "hold",
 }
-"""What stands on top, by the module that it comes from; the imports above tell type checkers the same."""
+"""Top-level names by module; the imports above are the same for type checkers."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = sorted(_HOME)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
-    """A name from its module, or a module of the package, when it is first asked for."""
+    """A name from its module, or a module of the package, on first use."""
     globals()[name] = found = _named(__name__, _HOME, name)
     return found
 

@@ -16,13 +16,13 @@ Array: TypeAlias = np.ndarray
 Owner = TypeVar("Owner")
 Value = TypeVar("Value")
 RANK = 1e-9
-"""Singular values up to this, over the largest, are zero: of Jacobians, of generators, of columns made of them.
+"""Singular values up to this, over the largest, count as zero: for Jacobians, generators and their combinations.
 
-Rounding leaves 1e-15 of dependent rows, and the poses of a loop that is closed to 1e-12 a little more; what is independent on a
-robot, such as the lever arm of a millimetre, is at 1e-3 or above.
+Rounding leaves 1e-15 for dependent rows, and loops closed to 1e-12 a little more; independent rows of a
+robot, such as the lever arm of a millimetre, are at 1e-3 or above.
 """
 SQUARED = 1e-11
-"""The same of matrices such as J M^-1 J^T, whose singular values are squares: 3e-6 of what they are squares of."""
+"""The same for matrices such as J M^-1 J^T, whose singular values are squares: 3e-6 before squaring."""
 
 
 def is_finite(value: Array) -> bool:
@@ -46,14 +46,14 @@ def check_finite(what: str, value: Array) -> None:
 def max_abs(x: Array) -> float:
     """Largest absolute entry of a vector of finite numbers; zero of an empty one.
 
-    NaN may be passed over: check what went in.
+    NaN may be ignored: check the input.
     """
     return abs(float(x[blas.idamax(x)])) if len(x) else 0.0
 
 
 @lru_cache(maxsize=64)
 def zeros(n: int) -> Array:
-    """A read-only vector of zeros, made once."""
+    """A read-only vector of zeros, cached."""
     out = np.zeros(n)
     out.flags.writeable = False
     return out
@@ -85,7 +85,7 @@ def as_array(what: str, value: object) -> Array:
 
 
 def as_float(value: object) -> float:
-    """A real number as a float; NaN if it is none (a truth value, text, an integer too large)."""
+    """A real number as a float; NaN if it is not one (a truth value, text, an integer too large)."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
         return math.nan
     try:
@@ -118,7 +118,7 @@ def check_whole(what: str, value: int, most: int = 1_000_000) -> int:
 
 
 def check_seed(seed: int) -> int:
-    """A seed of draws.
+    """A seed of random draws.
 
     Raises:
         InputError: no whole number from 0.
@@ -129,7 +129,7 @@ def check_seed(seed: int) -> int:
 
 
 def check_flag(what: str, value: bool) -> None:
-    """Refuse what is neither True nor False.
+    """Refuse a value that is neither True nor False.
 
     Raises:
         InputError: with what was expected.
@@ -185,7 +185,7 @@ def block_diagonal(blocks: Sequence[Array]) -> Array:
 
 
 def inertia_factor(M: Array, *, strict: bool = False) -> Array:
-    """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv).
+    """Lower Cholesky factor L of M = L L^T (the upper triangle is undefined), shape (nv, nv).
 
     Args:
         M: Joint-space inertia, symmetric.
@@ -210,11 +210,11 @@ def inertia_factor(M: Array, *, strict: bool = False) -> Array:
 
 
 class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
-    """`functools.cached_property` without its lock, which costs more than most of what it guards here.
+    """`functools.cached_property` without its lock, which costs more than most values here.
 
     That lock, one for all owners, would also stay locked in a child forked while another thread computes. Two threads may
     compute a value at the same time; both get the same. Copies and pickles of the owner leave the value out and compute it
-    again: it may hold what cannot travel, such as a compiled function.
+    again: it may contain objects that cannot be pickled, such as a compiled function.
     """
 
     def __init__(self, compute: Callable[[Owner], Value]) -> None:
@@ -223,7 +223,7 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
         self.__doc__ = compute.__doc__
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Give the class the state that its copies and pickles are made of, unless it says itself how they are made."""
+        """Define the state of the class's copies and pickles, unless the class defines it."""
         if owner.__getstate__ is object.__getstate__:
             setattr(owner, "__getstate__", _without_lazies)  # noqa: B010  mypy allows no assignment to a method
 
@@ -232,7 +232,7 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
     @overload
     def __get__(self, owner: Owner, kind: type) -> Value: ...
     def __get__(self, owner: Owner | None, kind: type) -> Value | lazy[Owner, Value]:
-        """Compute once; then the value stands in the owner's dictionary and this is not asked again."""
+        """Compute once; then the value is in the owner's dictionary and this is not called again."""
         if owner is None:
             return self
         value = owner.__dict__[self.name] = self.compute(owner)
@@ -245,7 +245,7 @@ def _without_lazies(owner: object) -> dict[str, object]:
 
 
 def null_space(A: Array, tolerance: float = RANK, *, unit: bool = False) -> Array:
-    """Orthonormal columns that A takes to zero, shape (n, n - rank).
+    """Orthonormal basis of the null space of A, shape (n, n - rank).
 
     Args:
         A: Shape (m, n).
@@ -259,7 +259,7 @@ def null_space(A: Array, tolerance: float = RANK, *, unit: bool = False) -> Arra
 
 
 def range_of(A: Array, tolerance: float = RANK) -> Array:
-    """Orthonormal columns that span what A reaches, shape (m, rank)."""
+    """Orthonormal basis of the range of A, shape (m, rank)."""
     U, s, _ = np.linalg.svd(A, full_matrices=False)
     return np.asarray(U[:, : _count(s, tolerance, False)])
 

@@ -3,14 +3,14 @@
 ::
 
     RbdError
-      InputError (also a ValueError)    something given is wrong; nothing was computed
+      InputError (also a ValueError)    an argument is wrong; nothing was computed
         UnknownName                     a name that is not in the model; nearest names in the message
           UnknownRobot, FrameNotFound, JointNotFound
         DuplicateName                   two constraints, or two rows, under one name
       ModelError                        a robot file is missing, broken or not a robot
       ContactMoves                      a contact that can break or slip already moves
-      NotAtRest                         statics asked of a moving robot
-      Unsupported                       this solver cannot take this problem; the message says why
+      NotAtRest                         statics of a moving robot
+      Unsupported                       this solver cannot take this problem; the message gives the reason
       NotDifferentiable                 an answer at a change of contact mode has no derivatives
       SingularInertia                   M(q) is not positive definite
       NoSolution                        no answer within tolerance; carries problem and result
@@ -22,18 +22,18 @@
                                         carries what was computed till then
       PictureError                      a page or a screenshot could not be made
       WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
-      ContractBroken                    in rbd.testing: a constraint or a solver does not do what it says
+      ContractBroken                    in rbd.testing: a constraint or a solver violates its contract
         ConstraintWrong, SolverWrong
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
-      LoopNotClosedWarning              a loop is not closed at this state, and is solved as it stands
+      LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
       ModelWarning                      a robot file that loads, but is not what it seems
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
-      OpeningContactWarning             a contact moves away from what it touches, and carries nothing
-      DistantContactWarning             a contact is not on the plane that it is said to stand on
+      OpeningContactWarning             a contact separates, and its force is zero
+      DistantContactWarning             a contact is not on its plane
 """
 
 from __future__ import annotations
@@ -50,27 +50,27 @@ class RbdError(Exception):
 
 
 class InputError(RbdError, ValueError):
-    """An argument is wrong: the message says what came, what was expected, what to try."""
+    """An argument is wrong: the message gives the value, what was expected, what to try."""
 
 
 class UnknownName(InputError):
-    """A name that is not there."""
+    """An unknown name."""
 
 
 class UnknownRobot(UnknownName):
-    """No robot or file goes by this name."""
+    """No robot or file has this name."""
 
 
 class FrameNotFound(UnknownName):
-    """No frame of the robot goes by this name."""
+    """No frame of the robot has this name."""
 
 
 class JointNotFound(UnknownName):
-    """No joint of the robot goes by this name."""
+    """No joint of the robot has this name."""
 
 
 class DuplicateName(InputError):
-    """Two constraints share one name, so their forces could not be told apart."""
+    """Two constraints share one name, so their forces could not be distinguished."""
 
 
 class ModelError(RbdError):
@@ -78,11 +78,11 @@ class ModelError(RbdError):
 
 
 class ContactMoves(RbdError):
-    """A contact that can break or slip has a velocity that the law asked for does not know: an impact, or a slide."""
+    """A contact that can break or slip has a velocity that the law does not cover: an impact, or sliding."""
 
 
 class NotAtRest(RbdError):
-    """A static question was asked about a moving robot."""
+    """Statics was requested for a moving robot."""
 
 
 class Unsupported(RbdError):
@@ -140,10 +140,10 @@ class SimulationStopped(NoSolution):
     """A step of a simulation has no solution, or a function of the user raised an error in it, which is `__cause__`.
 
     Attributes:
-        state: The last `State` that was reached; None where none was told.
+        state: The last `State` that was reached, or None.
         t: Its time [s].
         names: The constraints that were active.
-        trajectory: The `Trajectory` that was computed till then; None where not even the first moment was.
+        trajectory: The `Trajectory` that was computed until then; None if not even the first sample was.
     """
 
     def __init__(
@@ -214,10 +214,10 @@ class CannotHold(CannotMove):
 
 
 class CannotAssemble(NoSolution):
-    """The constraints were not met: loops that cannot close, a start too far away, fixed values that contradict each other.
+    """The constraints could not be met: loops that cannot close, a start too far away, contradictory fixed values.
 
     Attributes:
-        q: The configuration that came nearest, shape (nq,), or None.
+        q: The nearest configuration found, shape (nq,), or None.
         distances: {constraint: length of its error there} [m, rad], of those that are not met.
         minimum: Whether the distance is a true minimum there: no small motion makes it less.
         elsewhere: A configuration that meets them, reached from another start, or None where none was found.
@@ -240,7 +240,7 @@ class CannotAssemble(NoSolution):
 
 
 class SingularPose(NoSolution):
-    """At this pose the motions that are known do not decide the others; the message says which, and why."""
+    """At this pose the known velocities do not determine the others; the message names them."""
 
 
 class PictureError(RbdError):
@@ -248,15 +248,15 @@ class PictureError(RbdError):
 
 
 class WrongPinocchio(RbdError, ImportError):
-    """What `import pinocchio` finds is not pip's Pinocchio; the message says what to do."""
+    """`import pinocchio` finds a module other than pip's Pinocchio; the message gives the remedy."""
 
 
 class RbdWarning(UserWarning):
-    """The root of all warnings of `rbd`."""
+    """Base of all warnings of `rbd`."""
 
 
 class EffortLimitWarning(RbdWarning):
-    """A torque given is beyond the limit that the robot's file states."""
+    """A given torque is beyond the limit that the robot's file states."""
 
 
 class InaccurateWarning(RbdWarning):
@@ -268,19 +268,19 @@ class NonUniqueMotionWarning(RbdWarning):
 
 
 class OpeningContactWarning(RbdWarning):
-    """A contact, or some of its points, moves away from what it touches: it carries nothing. `Solution.opening` names it."""
+    """A contact, or some of its points, separates: its force is zero. `Solution.opening` names it."""
 
 
 class DistantContactWarning(RbdWarning):
-    """A contact is off the plane that it stands on by more than a millimetre; it is solved as if it touched."""
+    """A contact is more than a millimetre off its plane; it is solved as if it touched."""
 
 
 class LoopNotClosedWarning(RbdWarning):
-    """A loop is not closed at the state that was solved; the answer is that of a mechanism put together as it stands."""
+    """A loop is not closed at the state that was solved; the answer is that of the mechanism with its gap."""
 
 
 class ModelWarning(RbdWarning):
-    """A robot file that loads, but of which something is missing or left out."""
+    """A robot file loads, but part of its contents is missing or ignored."""
 
 
 def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:

@@ -1,6 +1,6 @@
-"""Is the Pinocchio that Python finds the one from pip? Imported first, so that another one is named before it breaks.
+"""Is the Pinocchio that Python finds the one from pip? Imported first, so that a wrong one is reported early.
 
-ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is a plugin of nose that knows no robots.
+ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is an unrelated plugin of nose.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ def _found() -> object:
 
 
 def check_place() -> None:
-    """Refuse another Pinocchio than pip's without importing it: pip's stands in a folder of its own, `cmeel.prefix`.
+    """Refuse another Pinocchio than pip's without importing it: pip's is in a separate folder, `cmeel.prefix`.
 
     Raises:
-        WrongPinocchio: as `check`; where Pinocchio stands elsewhere it is imported and looked at.
+        WrongPinocchio: as `check`; a Pinocchio elsewhere is imported and checked.
     """
     import importlib.util
 
@@ -77,5 +77,5 @@ def check_place() -> None:
 
 
 def check_whole() -> None:
-    """Import Pinocchio, and refuse it if it is not ours; errors as `check`."""
+    """Import Pinocchio, and refuse a wrong one; errors as `check`."""
     check(_found())

@@ -36,7 +36,7 @@ from rbd.solvers import Solver
 from rbd.solvers.default import solver_of
 
 OPEN = 1e-3
-"""A loop that is open by more than this [m, rad] at the state that is solved gets a warning."""
+"""A loop that is open by more than this [m, rad] at the solved state gets a warning."""
 
 
 def solve(
@@ -52,33 +52,33 @@ def solve(
 ) -> Solution:
     """Acceleration and constraint forces of a robot: M a + h = S^T tau + tau_ext + J^T f, forces f under a contact law.
 
-    Under Coulomb's law, the default, Gauss's problem of least constraint comes first, a QP with a unique answer:
+    Under Coulomb's law, the default, Gauss's problem of least constraint is solved first, a QP with a unique answer:
 
         a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers
 
-    It is Coulomb's too where every point with friction carries nothing or keeps still, with forces in the circular cones. Where
-    it is not, a solver with circular cones goes on from it: friction opposes the slip of a point, which stays on the ground.
-    Under the convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` say what
-    answered.
+    It is Coulomb's too if every point with friction is unloaded or sticks, with forces in the circular cones. If
+    not, a solver with circular cones continues from it: friction opposes the slip of a point, which stays on the ground.
+    Under the convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` name law and
+    method.
 
     Args:
         state: The robot at (q, v).
         tau: Motor torques, shape (nu,) [N, N m]; a warning is given beyond the effort limits.
-        constraints: Contacts and other constraints, each with its own name.
+        constraints: Contacts and other constraints, each with a different name.
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
         external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
-        solver: In place of what is said above: `ProxQP()`, pyramids alone; `KKT()`, for bilateral constraints;
+        solver: In place of the above: `ProxQP()`, only pyramids; `KKT()`, for bilateral constraints;
             `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
             the same.
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
         rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
-            carries nothing; friction opposes the motion of one that slides faster.
+            is inactive; friction opposes the motion of one that slides faster.
 
     Returns:
         The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
-        `NonUniqueMotionWarning` says what they are; the others are in `solution.others`. Where a contact moves away
-        and so carries nothing, an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose
+        `NonUniqueMotionWarning` describes them; the others are in `solution.others`. If a contact separates
+        its force is zero: an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose
         plane is known (`on=`, the feet of a robot) and that is more than a millimetre off it is solved as if it
         touched, with a `DistantContactWarning`.
 
@@ -181,14 +181,14 @@ def assembled(
 
 
 def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
-    """What the centroidal residual is computed from; None unless all bodies hang from floating bases.
+    """The data of the centroidal residual; None unless all bodies are on floating bases.
 
     Of two robots in one model it is that of both together.
 
     Args:
         state: The robot at (q, v).
         wrench: External wrench about the centre of mass, world axes, shape (6,); the weight is added here.
-        with_base: Give the base's pose too: some rows have no resultant of their own. With two bases there is none then.
+        with_base: Give the base's pose too: some rows have no resultant. With two bases the result is then None.
     """
     robot = state.robot
     if not robot.bases or (with_base and not robot.floating):
@@ -215,12 +215,12 @@ def _warn_of_opening(robot: CheckedModel, problem: GaussProblem) -> None:
 
 
 def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int) -> None:
-    """Name the contacts that are off the planes that they stand on; nothing where none is.
+    """Warn of contacts that are off their planes, by name.
 
     Args:
         robot: Whose.
         rows: Of contacts; those whose feedback pulls them back are left out.
-        below_only: Of contacts that are not held, name only those below their planes: others fall onto them.
+        below_only: Of unilateral contacts, name only those below their planes: others fall onto them.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
     told = []
@@ -241,7 +241,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         more = f" and {len(told) - 6} more" if len(told) > 6 else ""
         warnings.warn(
             f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
-            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or tell the plane: robot.feet(on=0.75), "
+            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
             "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
             DistantContactWarning,
             stacklevel=stacklevel,
@@ -272,14 +272,14 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
 
 
 def _refuse_moving(problem: GaussProblem, solver: Solver) -> None:
-    """An impact is no matter of accelerations; and the convex law knows contacts at rest only."""
+    """Refuse impacts; and, under the convex law, sliding contacts."""
     T, rest = problem.force_set, problem.rest_speed
     if T.impact:
         raise ContactMoves(
             f"contact {T.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
             "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate."
         )
-    if not T.slipping or (law := Law.of(solver.law)) == COULOMB:  # what opens carries nothing, by any law
+    if not T.slipping or (law := Law.of(solver.law)) == COULOMB:  # separating contacts have no force, under any law
         return
     r = problem.rows[T.slipping[0]]
     raise ContactMoves(

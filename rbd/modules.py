@@ -1,4 +1,4 @@
-"""Modules and names of a package, loaded when they are asked for: `rbd.robots.catalogue` after `import rbd`."""
+"""Modules and names of a package, loaded on first use: `rbd.robots.catalogue` after `import rbd`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def named(package: str, homes: Mapping[str, str], name: str) -> object:
     Args:
         package: The package.
         homes: {name: the module that defines it}.
-        name: What is asked for.
+        name: The requested name.
 
     Raises:
         AttributeError: there is neither.

@@ -30,7 +30,7 @@ from rbd.solvers.proxqp import ProxQP, eased, pyramidal_law, too_steep
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Answer):
-    """Acceleration and constraint forces of one `GaussProblem`, with what proves them: an `Answer`, and its analysis.
+    """Acceleration and constraint forces of one `GaussProblem`, with their residuals: an `Answer`, and its analysis.
 
     `Solution.of(answer)` makes one of what a solver returned. It has the attributes of `Answer` (`problem`, `a`,
     `multipliers`, `weights`, `law`, `solver`, `method`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
@@ -38,7 +38,7 @@ class Solution(Answer):
     Attributes:
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox, jammed
             points).
-        chosen_corners: Corner forces that were chosen together with the multipliers; None: chosen when asked for.
+        chosen_corners: Corner forces chosen together with the multipliers; None: chosen on first use.
         choice: What they are, `force_choice`, where they were chosen.
     """
 
@@ -48,7 +48,7 @@ class Solution(Answer):
 
     @classmethod
     def of(cls, answer: Answer) -> Solution:
-        """A solver's answer with all that can be said of it; where rows depend on each other, with the forces of least norm.
+        """A solver's answer with its analysis; if rows are linearly dependent, with the forces of minimum norm.
 
         Those are the forces of `with_forces()`: the same from every solver that finds this motion.
 
@@ -72,23 +72,23 @@ class Solution(Answer):
 
     @lazy
     def status(self) -> Status:
-        """What the residuals amount to; `INFEASIBLE` too where `contradiction` proves that there is no answer."""
+        """Status by the residuals; `INFEASIBLE` too if `contradiction` proves that there is no answer."""
         told = super().status
         proved = told is Status.FAILED and not self.impact and self.contradiction is not None
         return Status.INFEASIBLE if proved else told
 
     @lazy
     def contradiction(self) -> Contradiction | None:
-        """The rows that contradict each other under this law, with the proof; None where they do not."""
+        """The rows that contradict each other under this law, with the proof; None if they do not."""
         return contradiction(self.problem, self.law)
 
     @lazy
     def corner_forces(self) -> dict[str, Array]:
         """Forces at the corners of each contact, shape (k, 3), on the robot, world axes [N]; a point has one corner.
 
-        They add up to the wrench, but four of them are not unique: `force_choice` says which these are, `uniqueness()` how far
+        They add up to the wrench, but four of them are not unique: `force_choice` describes the choice, `uniqueness()` how far
         they could go. A bilateral contact has no corner law: its corners may pull. `weights` stay what the solver found. Rows
-        made by hand with a friction, line or wrench cone and no patch: in their own axes, as the solver left them.
+        built by hand with a friction, line or wrench cone and no patch: in their axes, as the solver returned them.
         """
         by_hand = {r.name: self._by_hand(i, r) for i, r in enumerate(self.problem.rows) if r.patch is None and _has_points(r)}
         return by_hand | {name: corners.copy() for name, corners in self._split[0].items()}
@@ -100,16 +100,16 @@ class Solution(Answer):
 
     @property
     def force_choice(self) -> str:
-        """Which of all forces that give the same motion under the same law `corner_forces` and `forces` are.
+        """Which `corner_forces` and `forces` were chosen, of those with the same motion under the same law.
 
-        "unique"; "minimum norm of the corner forces [N]", inside the cones, row forces of what is no contact counted in
-        their units; "minimum of the given weight"; or "as ProxQP left it", as of what is no answer.
+        "unique"; "minimum norm of the corner forces [N]", inside the cones, row forces of other constraints in
+        their units; "minimum of the given weight"; or "as ProxQP left it", if there is no answer.
         """
         return self._split[1]
 
     @lazy
     def _split(self) -> tuple[Mapping[str, Array], str]:
-        """(corner forces, which they are)."""
+        """(corner forces, description of the choice)."""
         if self.chosen_corners is not None:
             return self.chosen_corners, self.choice
         corners = {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
@@ -137,13 +137,13 @@ class Solution(Answer):
 
         Args:
             weight: {contact: positive number, one number a corner (k,), or a positive definite matrix (3k, 3k) on its stacked
-                corner forces in world axes}; 1 of what is not named. Constraints that are no contacts count with their row
+                corner forces in world axes}; 1 if not named. Constraints that are not contacts count with their row
                 forces, in units of their rows. None: minimum norm.
 
         Returns:
-            A solution whose `force_choice` says so; `multipliers`, `weights`, `forces` and `corner_forces` belong together, and
-            its residuals certify them. Where rounding keeps those above 1e-9, or they were not found within
-            `rbd.problem.programs.FORCE_CHOICE_WORK`, the forces stay as they were, and it says that.
+            A solution with that `force_choice`; `multipliers`, `weights`, `forces` and `corner_forces` belong together, and
+            its residuals certify them. If rounding keeps those above 1e-9, or they were not found within
+            `rbd.problem.programs.FORCE_CHOICE_WORK`, the forces are unchanged, and `force_choice` tells it.
 
         Raises:
             InputError: on a weight that is not positive or does not fit.
@@ -154,7 +154,7 @@ class Solution(Answer):
         return self._with(self._admissible, weight)
 
     def settled(self) -> Solution:
-        """The same with forces of minimum norm, `with_forces()`; itself where it is no answer."""
+        """The same with forces of minimum norm, `with_forces()`; itself if it is not an answer."""
         return self._with(self._admissible, None) if self.residuals.within(USABLE) else self
 
     def _with(self, found: Admissible, weight: Mapping[str, object] | None) -> Solution:
@@ -175,9 +175,9 @@ class Solution(Answer):
         return replace(self, chosen_corners=corners, choice=f"as {self.solver} left it")
 
     def uniqueness(self) -> Uniqueness:
-        """What is unique of the forces, and how far the rest could go with the same motion under the same law.
+        """Which forces are unique, and the ranges of the others with the same motion under the same law.
 
-        It tells too whether the motion itself stands alone: under Coulomb's law a patch that slips and turns on more than three
+        It also shows whether the motion is unique: under Coulomb's law a patch that slips and turns on more than three
         corners has a family of motions, and the solver returns one of them.
 
         Raises:
@@ -201,14 +201,14 @@ class Solution(Answer):
 
     @lazy
     def feedback_acceleration(self) -> Array:
-        """The part of a that the rows' feedback makes, shape (nv,): zero without stabilisation.
+        """The part of a by the rows' feedback, shape (nv,): zero without stabilisation.
 
         Through the active rows as they are: a less this is the motion that they alone would make.
         """
         return feedback_acceleration(self.problem, self.weights, self.law)
 
     def derivatives(self) -> Derivatives:
-        """How a and the forces change with q, v, tau and external forces, the contact modes held; see `Derivatives`.
+        """Derivatives of a and the forces by q, v, tau and external forces, for fixed contact modes; see `Derivatives`.
 
         Raises:
             NotDifferentiable: at a change of contact mode.
@@ -244,10 +244,10 @@ def _has_points(rows: Rows) -> bool:
 
 
 def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
-    """A solver's answer with all that can be said of it; of rows that contradict each other the motion of least violation.
+    """A solver's answer with its analysis; for contradictory rows the motion of least violation.
 
-    The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that says
-    itself why it is none (`Answer.reason`), though the rows do not contradict each other, is left as it is.
+    The solver finds that motion from the rows relaxed by the least violation, so its forces are bounded. An answer that states
+    why there is none (`Answer.reason`), though the rows do not contradict each other, is unchanged.
     """
     answer = solver.solve(problem)
     found = Solution.of(answer)
@@ -276,7 +276,7 @@ class NearestMotion:
             where it is satisfied.
         optimality: Largest scaled residual of the least violation's own conditions: J^T f = 0, J a + offset + s in K*, and
             f . (J a + offset + s) = 0, with f = W^2 s.
-        solution: The answer of the relaxed problem, rows with s added to their feedback, with its own certificate.
+        solution: The answer of the relaxed problem, rows with s added to their feedback, with its certificate.
     """
 
     a: Array
@@ -314,7 +314,7 @@ def nearest_motion(
 ) -> NearestMotion:
     """The motion of least violation, and of these the nearest to free motion in the metric of inertia.
 
-    Of a problem that has an answer it is that answer, with no violation. Else the least violation comes first
+    For a feasible problem it is the answer, with no violation. Else the least violation comes first
     (`rbd.analysis.conditions`); then, among all accelerations with that violation, Gauss's problem: the rows with s added to
     their feedback can be met together.
 

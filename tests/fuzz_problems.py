@@ -225,7 +225,7 @@ def hold(rng: R.Rng) -> Iterator[str | tuple[str, str, float]]:
 
 
 def _can_be_held(state: rbd.State, given: list[R.Given]) -> str:
-    """What an own linear program says: forces in the inscribed pyramids, torques in their limits."""
+    """What an own linear program says: forces in pyramids of 16 facets inside the cones, torques in their limits."""
     import pinocchio as pin
     from scipy.optimize import linprog
 
@@ -249,7 +249,7 @@ def _can_be_held(state: rbd.State, given: list[R.Given]) -> str:
                 columns.append(r.J[0])
                 free.append(False)
                 continue
-            n = r.cone.facets
+            n = 16
             angle = math.pi * (2.0 * np.arange(n) + 1.0) / n
             rays = np.array([mu * np.cos(angle), mu * np.sin(angle), np.ones(n)]) if mu else np.array([[0.0], [0.0], [1.0]])
             rays = rays / np.linalg.norm(rays, axis=0)

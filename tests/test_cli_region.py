@@ -26,10 +26,8 @@ def test_talos_region_is_printed_drawn_and_written(tmp_path):
     given = data["regions"]["torques within limits"]
     assert np.abs(np.array(given["vertices"]) - region.vertices).max() < 1e-9 and given["torque_limits"] is True
     assert abs(data["regions"]["torques of any size"]["area"] - given["area"]) < 1e-9
-    assert list(data["regions"]) == ["torques within limits", "torques of any size"] and data["contacts"] == [
-        "left_sole",
-        "right_sole",
-    ]
+    assert list(data["regions"]) == ["torques within limits", "torques of any size"]
+    assert data["contacts"] == ["left_sole", "right_sole"]
 
 
 def test_a_biped_on_two_points_stands_on_a_line():

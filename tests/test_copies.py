@@ -56,6 +56,7 @@ def contact_answers() -> Iterator[object]:
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
     yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
+    yield from (held.uniqueness(), rbd.statics.Effort({"leg_left_4_joint": 2.0}, normal_force={"left_sole": (10.0, 900.0)}))
     yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ConeSolver()):
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
@@ -83,10 +84,11 @@ def contact_answers() -> Iterator[object]:
     yield rbd.VelocityConstraint("turn", fixed)
     for ask in errors(
         lambda: rbd.hold(state, soles[:1]),
+        lambda: rbd.inverse_dynamics(state, np.full(talos.nv, 0.1), soles),
         lambda: rbd.solve(state, held.tau, with_pull),
         lambda: talos.frame("left_sol"),
     ):
-        if isinstance(ask, rbd.NoSolution) and ask.problem is not None:
+        if isinstance(ask, rbd.errors.CannotMove) or (isinstance(ask, rbd.NoSolution) and ask.problem is not None):
             yield ask.nearest()
         yield ask
     yield rbd.solution.nearest_motion(rbd.gauss_problem(state, held.tau, with_pull))
@@ -266,6 +268,18 @@ def test_an_error_keeps_what_it_carries(talos: rbd.Robot):
         sent = ask(caught.value)
         assert str(sent) == str(caught.value) and sent.problem.m == 2
         assert np.array_equal(sent.nearest().a, caught.value.nearest().a)
+
+
+def test_an_error_of_a_motion_keeps_what_it_carries(talos: rbd.Robot):
+    """`CannotHold` with its limits, proof and what is missing, and its way to the nearest motion that is possible."""
+    with pytest.raises(rbd.CannotHold) as caught:
+        rbd.hold(talos.standing(), talos.soles()[:1])
+    one = caught.value
+    for ask in WAYS.values():
+        sent = ask(one)
+        assert str(sent) == str(one) and sent.limits == one.limits and sent.limits
+        assert np.array_equal(sent.certificate.y, one.certificate.y) and np.array_equal(sent.missing.wrench, one.missing.wrench)
+        assert np.array_equal(sent.nearest().a, one.nearest().a)
 
 
 def test_a_copy_in_a_fresh_process(tmp_path: Path):

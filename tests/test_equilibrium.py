@@ -93,7 +93,7 @@ def test_corner_forces_lie_in_the_inscribed_pyramids(talos: rbd.Robot, friction:
     """Facet k: f . (cos, sin)(2 pi k / n) <= mu cos(pi / n) f_n at each corner: so |f_t| <= mu f_n of the true cone too."""
     state, soles = talos.standing(), talos.soles(friction, facets=facets)
     push = [rbd.ExternalForce("torso_2_link", (20.0, 25.0, 0.0))]
-    held = rbd.hold(state, soles, external=push)
+    held = rbd.hold(state, soles, external=push, friction="inscribed")
     for sole in soles:
         patch = sole.rows(state).patch
         assert patch is not None
@@ -104,6 +104,35 @@ def test_corner_forces_lie_in_the_inscribed_pyramids(talos: rbd.Robot, friction:
             out = corner[:, :2] @ [np.cos(angle), np.sin(angle)]
             assert (out <= friction * math.cos(math.pi / facets) * corner[:, 2] + 1e-6).all()
         assert (np.linalg.norm(corner[:, :2], axis=1) <= friction * corner[:, 2] + 1e-6).all()
+
+
+@pytest.mark.parametrize("margin", [None, 0.0, 0.05, 0.3])
+@pytest.mark.parametrize("friction", [0.1, 0.7])
+def test_corner_forces_lie_in_the_cones_less_the_margin(talos: rbd.Robot, friction: float, margin: float | None) -> None:
+    """|f_t| <= (1 - margin) mu f_n at each corner; unless told otherwise the margin is 5 %, where that can be."""
+    state, soles = talos.standing(), talos.soles(friction)
+    push = [rbd.ExternalForce("torso_2_link", (20.0, 25.0, 0.0))]
+    held = rbd.hold(state, soles, external=push, margin=margin)
+    kept = 0.05 if margin is None else margin
+    assert held.margin == kept
+    for sole in soles:
+        patch = sole.rows(state).patch
+        assert patch is not None
+        corner = held.corner_forces[sole.name] @ patch.axes
+        assert (np.linalg.norm(corner[:, :2], axis=1) <= (1.0 - kept) * friction * corner[:, 2] + 1e-9).all()
+        assert np.nanmin(held.margins.corner_friction[sole.name]) >= kept - 1e-9
+
+
+def test_where_the_margin_cannot_be_kept_friction_may_reach_its_limit(box: rbd.Robot) -> None:
+    """A slope of 0.98 mu: held, with margin 0, which the words say; with a margin of 5 % asked for it is refused, and why."""
+    state = tilted(box, math.atan(0.98 * 0.5))
+    held = rbd.hold(state, [foot(0.5)])
+    assert held.margin == 0.0 and abs(held.margins.friction["foot"] - 0.02) < 1e-9
+    with pytest.raises(CannotHold, match="friction is kept 5 % from its limit, and prevents it; with margin=0 it could"):
+        rbd.hold(state, [foot(0.5)], margin=0.05)
+    at_it = rbd.hold(tilted(box, math.atan(0.5 * (1.0 - 1e-8))), [foot(0.5)])
+    assert "friction is at its limit: with these torques other motions may be possible, too" in str(at_it)
+    assert "limit" not in str(rbd.hold(tilted(box, 0.1), [foot(0.5)], margin=0.0))
 
 
 def test_corner_forces_make_the_wrench(g1: rbd.Robot) -> None:
@@ -178,7 +207,7 @@ def test_nothing_feasible_is_better(name: str, friction: float, facets: int) -> 
     """
     robot = rbd.load_robot(name)
     state, feet = robot.standing(), robot.feet(friction, facets=facets)
-    held = rbd.hold(state, feet)
+    held = rbd.hold(state, feet, friction="inscribed", margin=0.0)
     unit, h = robot.mass * G, rbd.dynamics.bias_force(state)
     _, A, T = corner_system(state, feet)
     A, T = A * unit, T * unit
@@ -347,23 +376,39 @@ def test_a_slope_is_held_up_to_the_inscribed_pyramid(
     """
     mu = math.tan(slope) / reach
     state = tilted(box, slope)
-    held = rbd.hold(state, [foot(mu * (1.0 + 1e-6), facets, yaw=yaw)])
+    held = rbd.hold(state, [foot(mu * (1.0 + 1e-6), facets, yaw=yaw)], friction="inscribed")
     assert abs(held.margins.friction["foot"] - (1.0 - reach)) < 1e-5
     with pytest.raises(CannotHold, match="friction prevents it.*circular") as caught:
-        rbd.hold(state, [foot(mu * (1.0 - 1e-5), facets, yaw=yaw)])
+        rbd.hold(state, [foot(mu * (1.0 - 1e-5), facets, yaw=yaw)], friction="inscribed")
     needed = float(str(caught.value).split("coefficient of ")[1].split()[0])
     assert -3e-6 * needed < needed - math.tan(slope) < 1e-3 * needed  # told to four digits, rounded up
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.3, math.pi / 4, 2.0])
+@pytest.mark.parametrize("slope", [0.1, 0.5, 1.2])
+def test_a_slope_is_held_up_to_mu_itself_whatever_its_direction(box: rbd.Robot, slope: float, yaw: float) -> None:
+    """Circular cones: held while tan(slope) <= mu (1 - 1e-6), refused with a proof beyond mu (1 + 1e-6), facets or not."""
+    mu, state = math.tan(slope), tilted(box, slope)
+    held = rbd.hold(state, [foot(mu * (1.0 + 1e-6), yaw=yaw)])
+    assert held.status == "solved" and abs(held.margins.friction["foot"]) < 2e-6
+    with pytest.raises(CannotHold, match="friction prevents it; a coefficient of") as caught:
+        rbd.hold(state, [foot(mu * (1.0 - 1e-6), yaw=yaw)])
+    assert caught.value.certificate is not None
+    assert [limit.kind for limit in caught.value.limits] == ["friction", "base"]
+
+
 @pytest.mark.parametrize("slope", [0.1, 0.5])
 def test_a_point_on_a_slope_needs_the_same_friction(box: rbd.Robot, slope: float) -> None:
-    """A point under the centre of mass, the ground's normal tilted: tan(slope) <= mu cos(pi / 4) as it tilts along x."""
+    """A point under the centre of mass, the ground's normal tilted: tan(slope) <= mu; inscribed, mu cos(pi / 4) along x."""
     normal = (math.sin(slope), 0.0, math.cos(slope))
-    mu = math.tan(slope) / math.cos(math.pi / 4)
-    rbd.hold(tilted(box, 0.0), [rbd.PointContact("toe", "body", on=rbd.Ground(normal=normal), friction=mu * (1.0 + 1e-6))])
-    for friction in (mu * (1.0 - 1e-5), 0.0):
-        with pytest.raises(CannotHold, match="friction prevents it"):
-            rbd.hold(tilted(box, 0.0), [rbd.PointContact("toe", "body", on=rbd.Ground(normal=normal), friction=friction)])
+    state = tilted(box, 0.0)
+    for kind, reach in (("cone", 1.0), ("inscribed", math.cos(math.pi / 4))):
+        mu = math.tan(slope) / reach
+        toe = rbd.PointContact("toe", "body", on=rbd.Ground(normal=normal), friction=mu * (1.0 + 1e-6))
+        rbd.hold(state, [toe], friction=kind)
+        for friction in (mu * (1.0 - 1e-5), 0.0):
+            with pytest.raises(CannotHold, match="friction prevents it"):
+                rbd.hold(state, [toe.with_friction(friction)], friction=kind)
 
 
 @pytest.mark.parametrize("side", [(1, 0), (-1, 0), (0, 1), (1, 1)])
@@ -404,15 +449,16 @@ def test_a_push_beyond_the_foot_is_told_as_such(talos: rbd.Robot) -> None:
 
 
 def test_a_push_that_slips_is_told_as_such(talos: rbd.Robot) -> None:
-    """At the ground, 300 N sideways on 885.6 N: circular cones need 0.339, and 0.3 is given; four facets across need more."""
+    """At the ground, 300 N sideways on 885.6 N: circular cones need 0.339, and 0.3 is given; four facets inside need more."""
     push = [rbd.ExternalForce("left_sole_link", (0.0, 300.0, 0.0))]
     with pytest.raises(CannotHold, match="friction prevents it") as caught:
         rbd.hold(talos.standing(), talos.soles(0.3), external=push)
     needed = float(str(caught.value).split("coefficient of ")[1].split()[0])
     least = 300.0 / (talos.mass * G)  # and a little more, as the push turns the robot about the vertical
     assert least < needed < 1.002 * least
-    rbd.hold(talos.standing(), talos.soles(needed * 1.01 * math.sqrt(2)), external=push)
-    rbd.hold(talos.standing(), talos.soles(needed * 1.01, facets=64), external=push)
+    rbd.hold(talos.standing(), talos.soles(needed), external=push)
+    rbd.hold(talos.standing(), talos.soles(needed * 1.01 * math.sqrt(2)), external=push, friction="inscribed")
+    rbd.hold(talos.standing(), talos.soles(needed * 1.01, facets=64), external=push, friction="inscribed")
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5"])

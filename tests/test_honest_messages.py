@@ -48,14 +48,16 @@ class TestFriction:
     """The least coefficient that `CannotHold` names is that of circular cones."""
 
     @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, 2.0])
-    @pytest.mark.parametrize("facets", [3, 4, 8])
-    def test_a_pushed_box_needs_what_it_is_pushed_with(self, angle, facets):
-        """Closed form: |push| / weight, whatever the direction, and whatever the pyramids are."""
+    @pytest.mark.parametrize(("friction", "facets"), [("cone", 4), ("inscribed", 3), ("inscribed", 4), ("inscribed", 8)])
+    def test_a_pushed_box_needs_what_it_is_pushed_with(self, angle, friction, facets):
+        """Closed form: |push| / weight, whatever the direction, and whatever the pyramids are, of which the words tell."""
         state = rbd.State(box(MASS), pin.neutral(box(MASS).model))
         push = 0.4992 * WEIGHT * np.array([np.cos(angle), np.sin(angle), 0.0])
         external = rbd.ExternalForce("box", push, offset=(0.0, 0.0, -0.1))
-        message = told(lambda: rbd.hold(state, floor(0.2, facets), external=external))
-        assert coefficient(message) == 0.4992 and "circular" in message
+        message = told(lambda: rbd.hold(state, floor(0.2, facets), external=external, friction=friction))
+        assert coefficient(message) == 0.4992 and ("circular" in message) == (friction == "inscribed")
+        with_margin = told(lambda: rbd.hold(state, floor(0.2, facets), external=external, friction=friction, margin=0.2))
+        assert coefficient(with_margin) == pytest.approx(0.4992 / 0.8, rel=1e-5)
 
     @pytest.mark.parametrize("slope", [0.2, 0.4992, 1.3])
     def test_a_ramp_needs_its_slope(self, slope):
@@ -84,20 +86,24 @@ class TestFriction:
         assert mu == pytest.approx(-np.tan(theta) + np.hypot(1.0, np.tan(theta)), rel=5e-4)
 
     def test_a_robot_holds_above_it_and_not_below(self, talos):
-        """Fine pyramids bracket it from inside: a thousandth more holds with 64 facets, what is less is refused."""
+        """What is told does, and a thousandth less does not; fine pyramids bracket it from inside."""
         state, push = talos.standing(), rbd.ExternalForce("torso_2_link", (60.0, 45.0, 0.0))
         mu = coefficient(told(lambda: rbd.hold(state, talos.soles(0.01), external=push)))
-        rbd.hold(state, talos.soles(1.002 * mu, facets=64), external=push)
-        assert coefficient(told(lambda: rbd.hold(state, talos.soles(0.998 * mu, facets=64), external=push))) == mu
+        rbd.hold(state, talos.soles(mu), external=push)
+        assert coefficient(told(lambda: rbd.hold(state, talos.soles(0.999 * mu), external=push))) == mu
+        rbd.hold(state, talos.soles(1.002 * mu, facets=64), external=push, friction="inscribed")
+        fine = talos.soles(0.998 * mu, facets=64)
+        assert coefficient(told(lambda: rbd.hold(state, fine, external=push, friction="inscribed"))) == mu
 
     def test_where_circular_cones_do_hold_it_says_so(self):
         """The pyramids inside are what is in the way: more facets are the remedy, and it works."""
         robot = box(MASS)
         state = rbd.State(robot, pin.neutral(robot.model))
         external = rbd.ExternalForce("box", (0.5 * WEIGHT, 0.0, 0.0), offset=(0.0, 0.0, -0.1))
-        message = told(lambda: rbd.hold(state, floor(0.6), external=external))
+        message = told(lambda: rbd.hold(state, floor(0.6), external=external, friction="inscribed"))
         assert "circular cones would hold it" in message and coefficient(message) == pytest.approx(0.5, rel=1e-4)
-        rbd.hold(state, floor(0.6, facets=16), external=external)
+        rbd.hold(state, floor(0.6, facets=16), external=external, friction="inscribed")
+        rbd.hold(state, floor(0.6), external=external)
 
     def test_of_smooth_and_rough_contacts(self):
         """Smooth ones take the coefficient too; those that have more keep theirs; those that hold are left alone."""

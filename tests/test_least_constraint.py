@@ -398,7 +398,7 @@ def test_rows_have_the_name_of_their_constraint():
 
     for constraint, told in (
         (Nameless(), "it wants a name and rows"),
-        (Other(), "the rows of constraint 'nobody' are named 'somebody'; expected its own name"),
+        (Other(), "the rows of constraint 'nobody' are named 'somebody'; expected the constraint's name"),
     ):
         with pytest.raises(rbd.InputError, match=told):
             rbd.solve(state, np.zeros(state.robot.nu), [constraint])

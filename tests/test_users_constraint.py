@@ -394,7 +394,7 @@ def test_a_constraint_whose_rows_bear_another_name_is_not_simulated():
             return dataclasses.replace(super().rows(state), name="rows")
 
     start = rbd.State(box(M), np.r_[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
-    with pytest.raises(rbd.InputError, match="the rows of constraint 'ball' are named 'rows'; expected its own name"):
+    with pytest.raises(rbd.InputError, match="the rows of constraint 'ball' are named 'rows'; expected the constraint's name"):
         rbd.simulate(start, [Renamed("ball", "box", 0.1)], duration=0.02, step=2e-3, progress=False)
 
 

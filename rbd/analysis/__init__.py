@@ -1,8 +1,8 @@
-"""What can be said of an answer beyond its residuals.
+"""Analysis of an answer beyond its residuals.
 
-What is unique, which force was chosen, which rows contradict each other, how the answer changes.
+Uniqueness, force distribution, contradictory rows, derivatives.
 
-Arrays only; `rbd.Solution` is the door.
+Works on arrays; users call it through `rbd.Solution`.
 """
 
 from rbd.analysis.infeasibility import Contradiction, contradiction

@@ -1,11 +1,11 @@
-"""Derivatives of an answer by the implicit function theorem, contact modes held.
+"""Derivatives of an answer by the implicit function theorem, for fixed contact modes.
 
-With the modes of `rbd.analysis.modes` held, an answer satisfies equations, and a change of their terms moves it by
+With the modes of `rbd.analysis.modes` fixed, an answer satisfies equations, and a change of their terms changes it by
 
     M+ da - J^T Phi ds = r + J^T f',        Psi^T (J da + c') = 0,        df = Phi ds + f'
 
-r is the change of the forces and inertia forces that is not the multipliers', c' of the rows' accelerations at fixed a.
-f' turns the friction of points that slide; M+ is M with, for each point that starts to slip, N mu/|y_t| (1 - e e^T) between
+r is the change of the forces and inertia forces without the multipliers', c' that of the rows' accelerations at fixed a.
+f' is the rotation of sliding points' friction; M+ is M with, for each point that starts to slip, N mu/|y_t| (1 - e e^T) between
 its tangential rows, as its friction turns with its acceleration.
 """
 
@@ -25,7 +25,7 @@ from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
 
 CONSISTENT = 1e-6
-"""Largest part of a change, over its largest entry, that may be left over by rows that repeat each other."""
+"""Largest residual of redundant rows after a change, over its largest entry."""
 
 
 class ActiveSet:
@@ -35,8 +35,8 @@ class ActiveSet:
         answer: A solved answer.
 
     Attributes:
-        words: {constraint: what each of its parts does}, as `rbd.analysis.modes` has them.
-        internal: Row forces that can be added in any share without moving anything, as columns, shape (m, d).
+        words: {constraint: mode of each of its parts}, as in `rbd.analysis.modes`.
+        internal: Internal forces: row forces that cause no motion, as columns, shape (m, d).
 
     Raises:
         NotDifferentiable: at a change of contact mode.
@@ -48,7 +48,7 @@ class ActiveSet:
         T, k = self._modes.sets, len(self._modes.start)
         self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((T.size, 0))
         self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((T.size, 0))
-        self._J = T.H.T @ P.J  # of the accelerations y
+        self._J = T.H.T @ P.J  # for the accelerations y
         self.words: dict[str, tuple[str, ...]] = {
             r.name: tuple(word for e, word in self._modes.words.items() if e.rows == i) for i, r in enumerate(P.rows)
         }
@@ -58,14 +58,14 @@ class ActiveSet:
         self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK] if P.m else forces
 
     def _factorise(self) -> None:
-        """L L^T = M+, and bases of what the active columns push on and answer to, in the metric of inertia."""
+        """L L^T = M+, and bases of the active force and acceleration directions, in the metric of inertia."""
         P, T, M = self._problem, self._modes.sets, self._problem.M.copy()
         for slip in self._modes.slips:
             E = T.G[:, slip.columns].T @ P.J
             M -= self._modes.start[slip.active] * E.T @ slip.turning @ E
         self._L, info = lapack.dpotrf(M, lower=1, clean=1)
         if info:
-            raise NotDifferentiable("a point that slips pulls at the ground: solve again, to scaled residuals below 1e-9.")
+            raise NotDifferentiable("a slipping point has negative normal force: solve again, to scaled residuals below 1e-9.")
         X = blas.dtrsm(1.0, self._L, P.J.T @ (T.G @ self._Phi), lower=1)
         Y = blas.dtrsm(1.0, self._L, self._J.T @ self._Psi, lower=1)
         self._U, self._to_weights, self._kernel = _bases(X)
@@ -93,8 +93,8 @@ class ActiveSet:
             u: Change of the rows' velocities, shape (m, n).
 
         Raises:
-            NotDifferentiable: if rows that repeat each other here do not where the change leads, or if the change depends
-                on how forces are shared that no motion decides.
+            NotDifferentiable: if rows are redundant here and not after the change, or if the change depends on a
+                force distribution that the motion does not determine.
         """
         P, T = self._problem, self._modes.sets
         forces, y = self._turning(u)
@@ -112,7 +112,7 @@ class ActiveSet:
         return da, forces + T.G @ weights
 
     def response(self, r: Array) -> Array:
-        """M^-1 r less what the constraints take up: how a generalised force r moves the robot, shape (nv, n)."""
+        """Acceleration by a generalised force r under the active constraints, shape (nv, n)."""
         return self._back(self._motion(r, np.zeros((len(self._modes.start), r.shape[1])), np.zeros((1, r.shape[1])))[1])
 
     def _back(self, z: Array) -> Array:
@@ -132,7 +132,7 @@ class ActiveSet:
         return p, free + self._U @ p
 
     def _turning(self, u: Array) -> tuple[Array, Array]:
-        """(forces, y): what a change of velocities does to friction that slides, and to centripetal accelerations."""
+        """(forces, y): effect of a change of velocities on sliding friction and on centripetal accelerations."""
         P, T, w, n = self._problem, self._modes.sets, self._modes.w, u.shape[1]
         forces, y = np.zeros((P.m, n)), np.zeros((T.size, n))
         if not n or T.bilateral or not any(r.speed > P.rest_speed for r in P.rows):
@@ -151,7 +151,7 @@ class ActiveSet:
         return forces, y
 
     def _check_shares(self, dy: Array, da: Array) -> None:
-        """Refuse if internal forces, which nothing decides, decide how friction turns."""
+        """Refuse if undetermined internal forces affect how friction turns."""
         load = float(np.abs(self._modes.start).max(initial=0.0))
         for n in self._kernel.T:
             turned = np.zeros_like(dy)
@@ -178,15 +178,15 @@ def _bases(X: Array) -> tuple[Array, Array, Array]:
 
 
 def _centripetal_change(rows: Rows, u: Array) -> Array:
-    """How the centripetal part of the accelerations of a set's points, quadratic in the velocity, changes with it."""
+    """Derivative of the centripetal accelerations of a set's points, quadratic in the velocity, along a change of it."""
     cone, v = rows.cone, rows.velocity
     return np.column_stack([0.5 * (centripetal(cone, v + du) - centripetal(cone, v - du)) for du in u.T])
 
 
 def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
-    """Refuse unless some weights, with the same motion, leave room on all sides that the modes rely on.
+    """Refuse unless some weights, with the same motion, satisfy the modes' inequalities strictly.
 
-    A linear program, with planes around circular cones added where they are passed.
+    A linear program, with tangent planes added where circular cones are violated.
     """
     start = np.array(modes.start)
     room = _room(modes.needs, start)
@@ -219,7 +219,7 @@ def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
 
 
 def _room(needs: list[Need], s: Array) -> Array:
-    """How much room each force has, over its unit, shape (len(needs),)."""
+    """Slack of each force, over its unit, shape (len(needs),)."""
     out = np.zeros(len(needs))
     for i, need in enumerate(needs):
         k = need.active
@@ -230,7 +230,7 @@ def _room(needs: list[Need], s: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """row . s + level: the room of a need over its unit; of a cone, an upper bound that is exact at one s."""
+    """row . s + level: the slack of an inequality over its unit; for a cone, an upper bound that is exact at one s."""
 
     row: Array
     level: float
@@ -253,7 +253,7 @@ def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
     rows, y = answer.problem.rows[e.rows], modes.y[e.columns]
     raise NotDifferentiable(
         f"{rows.name!r} is at a change of contact mode: its part {e.number} {modes.words[e]} (acceleration "
-        f"{np.abs(y).max():.1e} m/s2), and no forces with this motion keep more than {RESOLUTION * need.unit:.1e} N from the "
-        "edge of its set. On one side of this answer the mode stays, on the other it slips, breaks or yields, and the two have "
-        "their own derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."
+        f"{np.abs(y).max():.1e} m/s2), and no forces with this motion are more than {RESOLUTION * need.unit:.1e} N from the "
+        "edge of its set. On one side of this answer the mode stays, on the other it slips, breaks or yields, with different "
+        "derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."
     )

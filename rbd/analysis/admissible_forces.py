@@ -1,17 +1,17 @@
 """The convex set of all forces that give the same motion under the same law.
 
-With a given, the equations of motion leave J^T f = M a - rhs, and the law leaves to each point only the forces that go with
+With a given, the equations of motion leave J^T f = M a - rhs, and the law admits at each point only forces compatible with
 its acceleration y (of a column of `rbd.problem.force_set`):
 
     opens (y in the interior of K*)     no force
-    keeps still (y = 0)                 any force of its set
-    slips (y on the boundary of K*)     the edge of the cone that y is perpendicular to
+    sticks (y = 0)                      any force of its set
+    slips (y on the boundary of K*)     the edge of the cone perpendicular to y
     an interval                         its bound: low where y > 0, high where y < 0
 
-Up to `STILL`, over the terms of its own row or point (`rbd.problem.scales`), y counts as zero; and a weight is at its bound
+Up to `STILL`, over the terms of its row or point (`rbd.problem.scales`), y counts as zero; and a weight is at its bound
 only where its acceleration, so scaled, is larger than its distance from the bound, over the scale of that point's forces.
-What is left is {x : x = start + null z, D x >= d, cones}: x holds the corner forces of contacts and the row forces of all
-else. A bilateral contact is split among its corners too, without bounds.
+The set is {x : x = start + null z, D x >= d, cones}: x holds the corner forces of contacts and the row forces of all
+other constraints. A bilateral contact too is given by corner forces, without bounds.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from rbd.problem.rows import Rows
 from rbd.problem.scales import Scales
 
 STILL = SOLVED
-"""Accelerations below this, over the terms of their own row or point, count as zero: it is what `solved` means."""
+"""Accelerations below this, over the terms of their row or point, count as zero: the tolerance of `solved`."""
 _FLAT = 1e-3
-"""Facets of less friction bound the normal force by their rounding over the friction: its sign is asked for itself."""
+"""Below this friction, facets bound the normal force only up to rounding: its sign gets a separate inequality."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +42,13 @@ class Admissible:
     """The forces that give the same motion under the same law; n columns in all.
 
     Attributes:
-        problem: What was solved.
+        problem: The problem.
         rows: f = rows x + rows_at, shapes (m, n) and (m,).
         rows_at: See there.
-        corners: Corner forces of the contacts and row forces of the rest, stacked, are corners x + corners_at, shapes (s, n)
-            and (s,); world axes [N]; the rest in units of their rows.
+        corners: Corner forces of contacts and row forces of other constraints, stacked: corners x + corners_at, shapes (s, n)
+            and (s,); world axes [N]; row forces in units of their rows.
         corners_at: See there.
-        weights: The law's weights are weights x + weights_at, pyramids (`whole`) apart, shapes (r, n) and (r,).
+        weights: The law's weights are weights x + weights_at, except of pyramids (`whole`), shapes (r, n) and (r,).
         weights_at: See there.
         spans: {constraint: its part of the stack}.
         has_corners: Names of the constraints that are contacts.
@@ -58,10 +58,10 @@ class Admissible:
         mu: Their friction coefficients, shape (k,).
         whole: (columns, law's columns, mu, facets) of each pyramid that may use all its rays.
         start: The answer that was given, shape (n,).
-        null: Directions that change no motion, orthonormal columns, shape (n, z).
+        null: Directions that do not change the motion, orthonormal columns, shape (n, z).
         rank: Of J.
-        active_rank: Rank of J^T over the forces that the law leaves, internal ones among them not counted.
-        size: Size of the forces [N], at least 1: what small is measured against.
+        active_rank: Rank of J^T over the forces that the law admits, not counting internal ones.
+        size: Size of the forces [N], at least 1: the scale of tolerances.
     """
 
     problem: GaussProblem
@@ -89,7 +89,7 @@ class Admissible:
         return self.rows @ x + self.rows_at
 
     def law_weights(self, x: Array) -> Array | None:
-        """Weights as the law of the answer has them, or None where all rows hold."""
+        """Weights under the law of the answer, or None where all rows are bilateral."""
         if self.problem.bilateral:
             return None
         w = self.weights @ x + self.weights_at
@@ -129,7 +129,7 @@ class Admissible:
 
     @lazy
     def bounds(self) -> tuple[Array, Array]:
-        """(lower, upper) of single columns, shapes (n,); what pyramids ask of three together is left out."""
+        """(lower, upper) of single columns, shapes (n,); without the inequalities of pyramids, which couple three columns."""
         lower, upper = np.full(len(self.start), -math.inf), np.full(len(self.start), math.inf)
         for row, level in zip(self.D, self.d, strict=True):
             (at,) = np.nonzero(row)
@@ -142,14 +142,14 @@ class Admissible:
         return lower, upper
 
     def kept(self, x: Array) -> Array:
-        """The same with what rounding took out of bounds and cones brought back, shape (n,)."""
+        """Project x onto bounds and cones that rounding violates, shape (n,)."""
         x = np.minimum(np.maximum(x, self.bounds[0]), self.bounds[1])
         if len(self.mu):
             x[self.cone_columns] = project_cones(x[self.cone_columns], self.mu)
         return x
 
     def outside(self, x: Array) -> float:
-        """How far x is outside of bounds and cones, at most; not positive where it is inside [N]."""
+        """Largest violation of bounds and cones; not positive inside [N]."""
         worst = float((self.d - self.D @ x).max(initial=-math.inf))
         if len(self.mu):
             c = x[self.cone_columns]
@@ -160,7 +160,7 @@ class Admissible:
 def ray_weights(p: Array, mu: float, facets: int) -> Array:
     """Weights of a pyramid's rays that add up to the force p (tangent, tangent, normal); not negative inside it.
 
-    The two rays beside p carry its tangential part, all rays evenly what is left of the normal one.
+    The two rays next to p carry its tangential part; all rays share the remaining normal part equally.
     """
     w = np.zeros(facets)
     radius = mu / math.cos(math.pi / facets)
@@ -179,7 +179,7 @@ def admissible(
     """The set around one answer.
 
     Args:
-        problem: What was solved.
+        problem: The problem.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
         weights: As `Answer.weights`.
@@ -190,7 +190,7 @@ def admissible(
 
 
 class _Collector:
-    """Columns, collected one piece at a time."""
+    """Builder of the set, one column or block at a time."""
 
     def __init__(self, problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, tolerance: float) -> None:
         P = problem
@@ -244,7 +244,7 @@ class _Collector:
         )  # fmt: skip
 
     def _corner_map(self, i: int, rows: Rows, kind: str) -> Array:
-        """Maps weights to a contact's corner forces, or to row forces where there are no corners; zero for a held patch."""
+        """Maps weights to a contact's corner forces, or to row forces without corners; zero for a bilateral patch."""
         T, G = self.T, self.T.G[self.P.slices[rows.name]]
         if kind == "none":
             return G
@@ -284,7 +284,7 @@ class _Collector:
                 self._put(slice(j, j + 1), np.ones(1), self.w[j], float(self.T.lower[j]), float(self.T.upper[j]))
 
     def _decided(self, j: int) -> float | None:
-        """The value that the law leaves to a weight, or None where it has a choice."""
+        """The value that the law prescribes for a weight, or None where it does not."""
         low, high, y = float(self.T.lower[j]), float(self.T.upper[j]), float(self.y[j] / self.along[j])
         if low == high:
             return low
@@ -323,13 +323,13 @@ class _Collector:
 
     def _add_held_patch(self, rows: Rows, columns: slice) -> None:
         """A bilateral contact: forces at its corners, without bounds."""
-        C, G = corner_map(rows), self.T.G[self.P.slices[rows.name], columns]  # G: identity, up to the choice of rows
+        C, G = corner_map(rows), self.T.G[self.P.slices[rows.name], columns]  # G: identity, up to a selection of rows
         share = np.linalg.pinv(C) @ (G @ self.w[columns])
         for column, force in zip(np.linalg.solve(G, C).T, share, strict=True):
             self._put(columns, column, force)
 
     def _put(self, span: slice, column: Array, start: float, lower: float = -math.inf, upper: float = math.inf) -> None:
-        """One more x: what it adds to the weights of a span of columns, its value in the answer, its bounds."""
+        """One more x: its contribution to the weights of a span of columns, its value in the answer, its bounds."""
         self.columns.append(np.zeros(self.T.size))
         self.columns[-1][span] = column
         self.start.append(float(min(max(start, lower), upper)))
@@ -337,7 +337,7 @@ class _Collector:
 
 
 def corner_kind(rows: Rows, held: bool) -> str:
-    """How row forces are made of corner forces: "none", "one", "pieces" (each part is a corner) or "expanded" (held)."""
+    """How row forces depend on corner forces: "none", "one", "pieces" (each part is a corner) or "expanded" (bilateral)."""
     patch = rows.patch
     if patch is None or rows.resultant is None or not len(rows):
         return "none"

@@ -1,8 +1,8 @@
 """The conditions that rows put on an acceleration, A a + b = 0 or >= 0, and their least violation where they are infeasible.
 
-A law with forces f = F z, z in a product of lines, half-lines and friction cones, asks that y = F^T (J a + offset) be zero
+A law with forces f = F z, z in a product of lines, half-lines and friction cones, requires that y = F^T (J a + offset) be zero
 along lines, not negative along half-lines, and in the dual of each cone. Forces between two bounds, and contacts that open,
-ask nothing. Coulomb's law asks of a point at rest that it does not sink, and no more; so does a point that slides.
+give no condition. Coulomb's law requires of a point at rest or sliding only that it does not penetrate.
 
 The least violation is the smallest change of the rows that makes them feasible,
 
@@ -12,8 +12,8 @@ Rows in the units they are given in, W a diagonal of weights. Its dual is a prog
 
     minimise 1/2 |W^-1 f|^2 + f . offset     subject to     J^T f = 0 ,
 
-so that the violation is itself a proof that there is no answer (see `rbd.analysis.contradiction`), and J^T f = 0, c + s in K*,
-f . (c + s) = 0 together prove that no violation is less. An answer is judged by these, never by the QP solver's word.
+so that the violation is itself a proof that there is no answer (see `rbd.analysis.infeasibility`), and J^T f = 0, c + s in K*,
+f . (c + s) = 0 together prove that no violation is smaller. These are checked; the QP solver's status is not used.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from rbd.problem.rows import Rows
 from rbd.solvers import qp
 
 ROUNDING = 1e-11
-"""A violation up to this, over max(1, |offset|), is none."""
+"""A violation up to this, over max(1, |offset|), counts as none."""
 _EXACT = 1e-12  # scaled residuals up to this are not improved further
 
 
 @dataclass(frozen=True)
 class Member:
-    """What a constraint may be split into: a scalar row, or a point that pushes and rubs.
+    """The smallest part of a constraint: a scalar row, or a point with friction.
 
     Attributes:
         rows: The constraint's name.
-        part: Which of its rows or points, in words; empty where it has but one.
+        part: Name of the row or point; empty where there is only one.
     """
 
     rows: str
@@ -71,25 +71,25 @@ class Round:
     mu: float
 
     def sunk(self, a: Array, more: Array | float = 0.0) -> Array:
-        """The force in the friction cone that y works against: its length is y's distance to the dual cone, shape (3,)."""
+        """The force in the friction cone with negative power on y: its norm is y's distance to the dual cone, shape (3,)."""
         return project_cones(-(self.A @ a + self.b + more)[None], np.array([self.mu]))[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """k scalar conditions y = A a + b, and what is not scalar in `rounds`.
+    """k scalar conditions y = A a + b, and conic conditions in `rounds`.
 
     Attributes:
         force: Row forces of unit multipliers, shape (m, k).
         A: Shape (k, nv).
         b: Shape (k,) [m/s2, rad/s2].
-        holds: y = 0 where true, y >= 0 else, shape (k,).
-        push: Unit force on a point that rubs (tangent, tangent, normal), shape (k, 3); zero of scalar rows.
+        holds: y = 0 where true, y >= 0 elsewhere, shape (k,).
+        push: Unit force on a point with friction (tangent, tangent, normal), shape (k, 3); zero for scalar rows.
         member: Number of the member that each belongs to, shape (k,).
         rounds: Points under circular cones.
-        members: What the numbers stand for.
-        span: For each member, the rows of which its conditions are combinations, shape (1 or 3, nv); none, of a member
-            that asks nothing.
+        members: The members, by their numbers.
+        span: For each member, rows that span its conditions, shape (1 or 3, nv); none for a member
+            without conditions.
     """
 
     force: Array
@@ -103,12 +103,12 @@ class Conditions:
     span: tuple[Array, ...]
 
     def only(self, kept: frozenset[int]) -> Conditions:
-        """Those of some members."""
+        """The conditions of some members."""
         rounds = tuple(r for r in self.rounds if r.member in kept)
         return replace(self._of(np.isin(self.member, list(kept))), rounds=rounds)
 
     def thinned(self, carries: Array) -> Conditions:
-        """Of each circular cone with rays that carry, those alone; `carries` has shape (k,)."""
+        """Without the inactive rays of circular cones that have active ones; `carries` has shape (k,)."""
         busy = [c.member for c in self.rounds if carries[self.member == c.member].any()]
         return self._of(carries | ~np.isin(self.member, busy))
 
@@ -143,7 +143,7 @@ class Conditions:
 
 
 def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
-    """What a law asks of the rows of a problem.
+    """The conditions of a law on the rows of a problem.
 
     Args:
         problem: The rows, with their velocities.
@@ -173,7 +173,7 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
         pushes.append(push)
         holds += [not (bounded_below or bounded_above)] * len(push)
         member += [number] * len(push)
-        span.append((H @ np.linalg.pinv(push.T) if e.facets else H).T @ P.J)  # of a pyramid, the three axes of its point
+        span.append((H @ np.linalg.pinv(push.T) if e.facets else H).T @ P.J)  # for a pyramid, the three axes of its point
     F = np.hstack(force)
     return Conditions(
         F, F.T @ P.J, np.concatenate(b), np.array(holds, bool), np.vstack(pushes), np.array(member, int),
@@ -217,7 +217,7 @@ def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) 
     """(s, optimality): the violation, shape (m,) [m/s2, rad/s2], and the largest scaled residual of its conditions.
 
     Args:
-        P: Any problem; one that can be answered has s = 0.
+        P: Any problem; one with an answer has s = 0.
         law: As `Answer.law`.
         weights: Diagonal of W, shape (m,); ones if not given.
     """
@@ -243,7 +243,7 @@ def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) 
 
 
 def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> Array:
-    """Diagonal of W, shape (m,), from {constraint: weight of its rows}; ones of what is not named.
+    """Diagonal of W, shape (m,), from {constraint: weight of its rows}; ones for constraints not named.
 
     Raises:
         InputError: unknown constraints, weights that are not positive.
@@ -275,14 +275,14 @@ def _relaxed(r: Rows, s: Array) -> Rows:
 
 
 class _LeastSquares:
-    """Least squares over polyhedral conditions: minimise 1/2 z^T H z + b . z over A^T z = 0, z >= 0 where y >= 0 is asked.
+    """Least squares over polyhedral conditions: minimise 1/2 z^T H z + b . z over A^T z = 0, z >= 0 where y >= 0 is required.
 
     H = F^T W^-2 F, and s = W^-2 F z; the multipliers of A^T z = 0 are a motion a with y = A a + F^T s + b.
 
     Attributes:
         s: The violation, shape (m,).
         a: A motion with it, shape (nv,).
-        carries: Which conditions carry a part of the violation, shape (k,).
+        carries: Which conditions have a nonzero multiplier, shape (k,).
         rate: max(1, |b|).
         flat: Largest residual of the scalar conditions, over `rate`.
     """
@@ -304,7 +304,7 @@ class _LeastSquares:
         return max(self.flat, max(sunk, default=0.0) / self.rate)
 
     def solved(self, work: Work) -> _LeastSquares:
-        """With the best answer of the attempts, within the work that is left."""
+        """The best answer of several attempts, within the remaining work."""
         k, r = self.U.shape
         if k == r or self.flat <= _EXACT:
             return self
@@ -324,9 +324,9 @@ class _LeastSquares:
         return self
 
     def _guess(self) -> None:
-        """From the program with A^T z = 0 softened to a penalty: least distance programming [LawsonHanson1974], ch. 23.
+        """Solution with A^T z = 0 softened to a penalty: least distance programming [LawsonHanson1974], ch. 23.
 
-        Softening moves the answer a little, and seldom which conditions carry: the polish does the rest.
+        The penalty changes the answer a little, and seldom the active set: active-set refinement makes it exact.
         """
         C = self.C
         size = float(np.linalg.norm(self.G, axis=0).max(initial=0.0)) or 1.0
@@ -345,7 +345,7 @@ class _LeastSquares:
                 self._polish(z, self.to_a @ y, least)
 
     def _polish(self, z: Array, a: Array, least: float) -> None:
-        """The exact answer if the conditions with z above `least` are those that carry; kept if it is better."""
+        """The exact answer if the conditions with z above `least` are the active ones; used only if it is better."""
         C = self.C
         some = C.holds | (z > least * max(1.0, max_abs(z)))
         N = null_space(self.U[some].T, unit=True)

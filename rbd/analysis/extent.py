@@ -1,11 +1,11 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.problem.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the end. Where they do not
-come so far (sets without an inside, functions without an end), by linear programs, and where cones are circular along a
-barrier's path. What is reached is attained.
+`rbd.problem.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
+not converge (sets without an interior, unbounded functions), by linear programs, and where cones are circular by a
+barrier method. Extreme values are attained.
 
-All of it together may cost a number of multiplications; what was not found within them is said to be not found.
+The total cost is limited to a number of multiplications; ranges not found within it are reported as such.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from rbd.problem.cones import pyramid
 from rbd.problem.programs import LinearAnswer, Work, linear_program
 
 EXACT = 1e-10
-"""How near an end is come to, over the size of the forces."""
+"""Accuracy of an extreme value, over the size of the forces."""
 _TOUCHING = 8
 _FAR = 1e4
 _THIN = ((1e8, "highs"), (1e8, "highs-ipm"), (1e6, "highs"))
-"""What is open by less than one part in this is taken for shut; the program is hard at that scale, and asked in turn."""
+"""(scale, method) tried in turn: widths below one part in the scale count as zero, and programs are hard at that scale."""
 _TIGHT = 1e-10
 _PROXIMAL = (1.0, 30.0, 1e3, 3e4, 1e6, 1e6, 1e6, 1e6)
 """Lengths t of the proximal steps, over the size of the forces."""
@@ -35,7 +35,7 @@ _PROXIMAL = (1.0, 30.0, 1e3, 3e4, 1e6, 1e6, 1e6, 1e6)
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """How far a function reaches.
+    """The maximum of a function over the set.
 
     Attributes:
         value: Its largest value; inf where there is none, NaN where it was not found.
@@ -52,13 +52,13 @@ NOT_FOUND = End(math.nan, None, False)
 
 
 class Reach:
-    """The admissible set in coordinates of the directions that change no motion, in units of its size.
+    """The admissible set in coordinates along the directions that do not change the motion, in units of its size.
 
     x = start + size * basis @ z, D z >= d, cones.
 
     Args:
         adm: The set.
-        work: What its programs may cost together.
+        work: Budget of all its programs.
     """
 
     def __init__(self, adm: Admissible, work: Work) -> None:
@@ -66,15 +66,15 @@ class Reach:
         self.basis = adm.null
         self.start = adm.start / adm.size
         self.known = True
-        """Whether the dimension of the set was found; else all directions of `adm.null` are kept."""
+        """Whether the dimension of the set was found; else all directions of `adm.null` are used."""
         self.thin = False
-        """Whether circular cones leave the set no inside, so that they were widened by `EXACT`."""
+        """Whether circular cones leave the set no interior, so that they were widened by `EXACT`."""
         self.normals, self.offsets = self._planes()
         self.shut = self._shut()
         self.basis = self.basis @ null_space((self.normals @ self.basis)[self.shut])
         loose = null_space(np.vstack([self.normals, self._cone_rows()]) @ self.basis)
         self.loose = self.basis @ loose
-        """Directions that no bound and no cone feels, shape (n, .)."""
+        """Directions in which no bound and no cone is limiting, shape (n, .)."""
         self.basis = self.basis @ null_space(loose.T) if loose.size else self.basis
         self.open_cones = ~self.shut[len(adm.d) :].reshape(len(adm.mu), _TOUCHING).all(axis=1)
 
@@ -94,7 +94,7 @@ class Reach:
         return bool(np.abs(change).max(initial=0.0) <= 1e-9 * max(1.0, float(np.abs(functions).max(initial=0.0))))
 
     def largest(self, function: Array) -> End:
-        """How far function . x reaches."""
+        """The maximum of function . x."""
         x0 = self.adm.start
         if self.is_unique(function[None]):
             return End(float(function @ x0), x0.copy())
@@ -116,7 +116,7 @@ class Reach:
 
     @lazy
     def closed(self) -> bool:
-        """Whether the set was found to be bounded."""
+        """Whether the set was shown to be bounded."""
         found = self._along(self.normals.sum(axis=0))
         return found.solved and -found.value < 1e-7
 
@@ -163,7 +163,7 @@ class Reach:
         )  # fmt: skip
 
     def _by_proximal_steps(self, function: Array) -> Array | None:
-        """Where the function is largest; None where the steps do not come to an end that a dual bound proves."""
+        """Where the function is largest; None where a dual bound does not prove convergence."""
         T, P = self._rays
         q = function @ T
         scale = max_abs(q)
@@ -175,13 +175,13 @@ class Reach:
             if found is None or not max_abs(found[0]) <= _FAR:
                 return None
             moved, (y, lam) = found[0] - y, found
-            # q - moved / t + R^T lam is normal to the sets at y: no point at a distance s is better than by s |moved| / t.
+            # q - moved / t + R^T lam is normal to the sets at y: a point at distance s is better by at most s |moved| / t.
             if _FAR * float(np.linalg.norm(moved)) / t <= EXACT:
                 return self.adm.kept(self.adm.size * (T @ y))
         return None
 
     def _planes(self) -> tuple[Array, Array]:
-        """(normals, offsets): normals @ x >= offsets in units of size; planes that touch the cones in place of these."""
+        """(normals, offsets): normals @ x >= offsets in units of size; tangent planes in place of the cones."""
         adm, n = self.adm, len(self.start)
         angle = 2.0 * math.pi * np.arange(_TOUCHING) / _TOUCHING
         touching = np.zeros((len(adm.mu), _TOUCHING, n))
@@ -197,7 +197,7 @@ class Reach:
         return rows
 
     def _shut(self) -> Array:
-        """Planes that every point of the set lies on, by the point of the widened set that leaves most planes behind.
+        """Planes that contain the whole set, by the point of the widened set off the most planes.
 
         x / theta is in the set; theta >= 1 scales the relative interior away from the planes.
         """
@@ -279,7 +279,7 @@ class Reach:
 
     @property
     def cone_set(self) -> tuple[ConeSet, Array]:
-        """See `_cone_set`; over all `directions`, the loose ones last."""
+        """`_cone_set` over all `directions`, the unbounded ones last."""
         on, centre = self._cone_set
         loose = self.loose.shape[1]
         A = np.hstack([on.A, np.zeros((len(on.b), loose))])
@@ -288,6 +288,6 @@ class Reach:
 
 
 def _on_planes(A: Array, b: Array, z: Array) -> Array:
-    """The point moved onto the planes that it touches: the last digits, which the program's tolerance leaves open."""
+    """The point projected onto its active planes: corrects the digits below the program's tolerance."""
     touched = np.abs(A @ z - b) <= 1e-8
     return np.asarray(z + np.linalg.lstsq(A[touched], b[touched] - A[touched] @ z, rcond=1e-12)[0])

@@ -2,10 +2,10 @@
 
     minimise |T s(x)|^2 over the admissible set        s: corner forces of contacts [N], row forces of all else
 
-with T the identity or the user's weights. The least is unique in s, as the norm is strictly convex there. Over bounds and
+with T the identity or the user's weights. The minimiser is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-Newton's method on its dual (`rbd.problem.cone_programs`), exact too, and where that does not end, as of sets without an inside
-or weights that mix the corners, a barrier's path, then Newton's method on the modes found (inside, on the edge, at the apex).
+Newton's method on its dual (`rbd.problem.cone_programs`), exact too; where that does not converge (sets without an interior
+or weights that mix the corners), a barrier method, then Newton's method on the modes found (inside, on the edge, at the apex).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNIQUE = "unique"
 GIVEN_WEIGHT = "minimum of the given weight"
 
 _EVEN = 1e-5
-"""Least to largest square root of a weight."""
+"""Smallest accepted ratio of two square roots of weights."""
 _GAP = 1e-13
 _TOUCHES = 3e-7
 _EXACT = 1e-12
@@ -38,10 +38,10 @@ _EXACT = 1e-12
 def minimum_norm(
     problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, weight: Mapping[str, object] | None = None
 ) -> tuple[Array, Array | None]:
-    """(row forces, weights) of least norm among those that give the same motion under the same law.
+    """(row forces, weights) of minimum norm among those with the same motion under the same law.
 
     Args:
-        problem: What was solved.
+        problem: The problem.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
         weights: As `rbd.problem.Answer.weights`.
@@ -63,7 +63,7 @@ def metric(adm: Admissible, weight: Mapping[str, object] | None) -> Array | None
     """T with |T s|^2 the weighted sum of squares, shape (s, s); None for the plain sum.
 
     Raises:
-        InputError: on weights that are not positive, do not fit, or name nothing.
+        InputError: on weights that are not positive, do not fit, or name no constraint.
     """
     if weight is None:
         return None
@@ -80,8 +80,8 @@ def metric(adm: Admissible, weight: Mapping[str, object] | None) -> Array | None
         sizes += np.linalg.svd(roots[-1], compute_uv=False).tolist()
     if sizes and min(sizes) < _EVEN * max(sizes):
         raise InputError(
-            f"weights reach from {min(sizes) ** 2:.3g} to {max(sizes) ** 2:.3g} (1 of what is not named); expected "
-            f"the least to be at least {_EVEN**2:.0e} of the largest, or rounding would choose the forces."
+            f"weights reach from {min(sizes) ** 2:.3g} to {max(sizes) ** 2:.3g} (1 where not named); expected "
+            f"the least to be at least {_EVEN**2:.0e} of the largest, or rounding would determine the forces."
         )
     return block_diagonal(roots) if roots else np.zeros((0, 0))
 
@@ -128,7 +128,7 @@ def shortest(adm: Admissible, T: Array | None = None) -> Array | None:
 def _by_dual(adm: Admissible, E: Array, e: Array) -> Array | None:
     """The same where |E (x - start) / size + e|^2 has no products of different columns.
 
-    None where it has, or Newton's method on the dual does not end.
+    None where it has, or Newton's method on the dual does not converge.
     """
     P = adm.separable(E.T @ E, E.T @ (e - E @ (adm.start / adm.size)))  # e is the value at the start, not at zero
     if P is None:
@@ -141,7 +141,7 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     """Where |H z + c| is least with A z >= b; None where the active set is not found."""
     Q, R = np.linalg.qr(H)
     if len(R) < H.shape[1] or np.abs(np.diag(R)).min(initial=1.0) <= 1e-9 * np.abs(np.diag(R)).max(initial=0.0):
-        # Some directions change nothing that is counted (corners of a cone without a patch): least in those too, to 1e-12.
+        # Some directions do not change the norm (corners of a cone without a patch): minimal in those too, to 1e-12.
         H, c = np.vstack([H, 1e-6 * np.eye(H.shape[1])]), np.concatenate([c, np.zeros(H.shape[1])])
         Q, R = np.linalg.qr(H)
     G = np.linalg.solve(R.T, A.T).T
@@ -154,7 +154,7 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
         return None
     u, y = found
     active = y > 0.0
-    if active.any():  # once more on the planes found: the last digits
+    if active.any():  # refined on the planes found: the last digits
         again = np.linalg.lstsq(G[active], h[active], rcond=1e-12)[0]
         if (h - G @ again).max() <= max(_EXACT, (h - G @ u).max()):
             u = again
@@ -165,7 +165,7 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
 
 @dataclass(frozen=True, eq=False)
 class _Modes:
-    """Which rows and cones touch: equations g(z) = 0 with their slopes and curvature."""
+    """Active rows and cones: equations g(z) = 0 with their slopes and curvature."""
 
     inside: ConeSet
     rows: Array
@@ -198,7 +198,7 @@ def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
     if not reach.known:
         return None
     B = reach.directions
-    if not B.shape[1]:  # bounds and cones leave one point, as at the limit of friction: what was found is it
+    if not B.shape[1]:  # bounds and cones leave one point, as at the limit of friction: the point found
         return adm.kept(adm.start)
     H = E @ B
     if not len(adm.mu):
@@ -214,7 +214,7 @@ def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
 
 
 def _polished(H: Array, e: Array, on: ConeSet, z: Array) -> Array:
-    """Newton's method on the modes at z; z itself where that leads out of the set or to a larger norm."""
+    """Newton's method on the modes at z; z itself where that leaves the set or to a larger norm."""
     s, u, edge = on.slack(z)
     far = on.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1])
     apex = far < _TOUCHES

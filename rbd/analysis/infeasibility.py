@@ -1,12 +1,12 @@
 """Infeasible constraints: an irreducible conflicting set of rows, with its Farkas certificate.
 
-The rows ask that c = J a + offset lie in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
+The rows require c = J a + offset in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
 bilateral rows, only if) there are forces f in K with
 
     J^T f = 0     and     f . offset = -1 :
 
-forces that balance on every body, and yet would do work on the required motion. Then f . c = -1 for every a, while f . c >= 0
-for all c in K*: whatever the motion, some row is missed by at least 1 / sum |f_i|. The least such forces are the vertices of a
+forces in equilibrium on every body that still do work on the required motion. Then f . c = -1 for every a, while f . c >= 0
+for all c in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
 polyhedron, and their supports are the irreducible contradictions [GleesonRyan1990]; linear programs (HiGHS) find them.
 """
 
@@ -26,7 +26,7 @@ from rbd.problem.problem import CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS, linear_program
 
 CONTRADICTS = 1e-8
-"""Rows that can be met within this, over max(1, |offset|), do not contradict each other: that much is rounding."""
+"""Rows that can be satisfied to this, over max(1, |offset|), do not contradict each other: that is rounding."""
 BALANCED = 1e-12
 """Largest |J^T f| of a certificate, over sum |f_i| times the longest row of J."""
 _NAMED = 8  # constraints named in a message
@@ -34,23 +34,23 @@ _NAMED = 8  # constraints named in a message
 
 @dataclass(frozen=True, eq=False)
 class Contradiction:
-    """Rows that no acceleration satisfies together, though one could if any one of them were left out.
+    """Rows that no acceleration satisfies together, though any proper subset can be satisfied.
 
-    Other rows of the problem may contradict each other, too: with one of these left out, ask again.
+    Other rows of the problem may contradict each other, too: leave one of these out and search again.
 
     Attributes:
-        rows: {constraint: its rows or points that take part, in words}; empty words for a constraint that has but one.
+        rows: {constraint: names of its rows or points that take part}; empty for a constraint with only one.
         certificate: {constraint: row forces f, shape (m,)}: in K, J^T f = 0, and work -1 on the required motion. Zero for
             constraints that take no part. [1 / (m/s2)], as work is scaled to one.
-        violation: Every motion misses some of these rows by at least this [m/s2, rad/s2]; of a point that rubs, its
+        violation: Every motion violates some of these rows by at least this [m/s2, rad/s2]; for a point with friction, its
             distance to the dual cone.
         smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
             set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
-        unbalanced: Largest entry of |J^T f|. The proof holds for motions with sum |a_i| < 1 / unbalanced.
+        unbalanced: Largest entry of |J^T f|. The proof is valid for motions with sum |a_i| < 1 / unbalanced.
         law: The law whose rows they are.
-        met: {bilateral constraint: the part of its required -offset that some acceleration gives, shape (m,)}, by least
+        met: {bilateral constraint: the feasible part of its required -offset, shape (m,)}, by least
             squares over all bilateral rows, in their units [m/s2, rad/s2].
-        unmet: What is left, likewise; zero where the held rows agree. met + unmet = -offset.
+        unmet: {bilateral constraint: the infeasible part}; zero where they agree. met + unmet = -offset.
     """
 
     rows: Mapping[str, tuple[str, ...]]
@@ -67,7 +67,7 @@ class Contradiction:
 
     @property
     def who(self) -> str:
-        """The rows in words, e.g. "'left_sole' (normal) and 'right_sole' (tangent x, normal)"."""
+        """The names of the rows, e.g. "'left_sole' (normal) and 'right_sole' (tangent x, normal)"."""
         named = [f"{name!r:.60}" + (f" ({', '.join(words)})" if any(words) else "") for name, words in self.rows.items()]
         if len(named) > _NAMED:
             named = [*named[: _NAMED - 1], f"{len(named) - _NAMED + 1} others"]
@@ -75,13 +75,13 @@ class Contradiction:
 
     @property
     def claim(self) -> str:
-        """Who contradicts whom, and by how much, in words."""
+        """Message: which constraints contradict each other, and by how much."""
         each = "contradicts itself" if len(self.rows) == 1 else "contradict each other"
         return f"{self.who} {each}; every motion misses some of these rows by {self.violation:.3g} m/s2 (rad/s2) or more"
 
     @property
     def unmet_most(self) -> str:
-        """What of the bilateral rows cannot be met, in words; empty where they agree."""
+        """Message: the infeasible part of the bilateral rows; empty where they agree."""
         sizes = {name: max_abs(s) for name, s in self.unmet.items()}
         rounding = CONTRADICTS * max([1.0, *(max_abs(x) for x in self.met.values())])
         worst = sorted((name for name in sizes if sizes[name] > rounding), key=lambda name: -round(sizes[name], 9))
@@ -106,17 +106,17 @@ class Contradiction:
 def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradiction | None:
     """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
 
-    What contradicts by no more than rounding (`CONTRADICTS`) does not. Every certificate is verified before it is given. None
-    is a statement only about c in K*: a point that already slides can have no answer for another reason (Painleve), which
-    `Solution.reason` tells; and circular cones that miss each other only at infinity have no certificate.
+    Contradictions within rounding (`CONTRADICTS`) do not count. Every certificate is verified before it is returned. None
+    concerns only c in K*: a point that already slides can have no answer for another reason (Painleve), which
+    `Solution.reason` gives; and circular cones that are disjoint only at infinity have no certificate.
 
     Args:
         problem: The rows, with their velocities.
-        law: A law, or as it prints: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". Coulomb's law asks
-            of a point at rest only that it does not sink, so that certificates push along normals there.
+        law: A `Law`, or its string: "bilateral", "convex" (circular cones), "convex, 4 facets" or "coulomb". The last requires
+            of a point at rest only that it does not penetrate, so that certificates push along normals there.
 
     Raises:
-        InputError: on a problem or a law that is none.
+        InputError: if the problem or the law is not one.
     """
     law = Law.of(law)
     search = _Search(conditions_of(checked(problem), law))
@@ -143,9 +143,9 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
 
 
 def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
-    """(met, unmet): what the bilateral constraints require, -offset, into what some acceleration gives and what none does.
+    """(met, unmet): what the bilateral constraints require, -offset, split into its feasible and infeasible part.
 
-    By least squares over all bilateral rows, in their own units. Shapes (m,) each; met + unmet = -offset.
+    By least squares over all bilateral rows, in their units. Shapes (m,) each; met + unmet = -offset.
     """
     held = [r for r in problem.rows if at_rest(r.cone).bilateral and len(r)]
     if not held:
@@ -169,7 +169,7 @@ def _numbers(x: Array) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Farkas:
-    """A verified certificate: row forces (m,) that do work -1, and {member that takes part: force of a point that rubs}."""
+    """A verified certificate: row forces (m,) that do work -1, and {member that takes part: force of a point with friction}."""
 
     force: Array
     push: Mapping[int, Array]
@@ -183,7 +183,7 @@ class _Farkas:
 
 
 class _Search:
-    """Certificates of subsets of the members; rays of circular cones are added as they are needed, for all subsets."""
+    """Certificates of subsets of the members; rays of circular cones are added as needed, for all subsets."""
 
     def __init__(self, asked: Conditions) -> None:
         self.asked = asked.fan()
@@ -200,7 +200,7 @@ class _Search:
         return self.tried[members]
 
     def smallest(self, groups: Sequence[frozenset[int]], found: _Farkas) -> tuple[_Farkas, bool]:
-        """(certificate, proven) on as few groups of members as could be found; none of them can be left out."""
+        """(certificate, proven) on the fewest groups of members found; none of them can be left out."""
         kept = [g for g in groups if g & found.members]
         for g in list(kept):
             if self.programs >= CERTIFICATE_LEFT_OUT:
@@ -221,7 +221,7 @@ class _Search:
         return found, sets >= 0 and self.complete
 
     def words(self, member: int, found: _Farkas) -> str:
-        """What of a constraint takes part, in words."""
+        """Names of the parts of a constraint that take part."""
         said, push = self.asked.members[member].part, found.push[member]
         if not push.any():
             return said
@@ -229,7 +229,7 @@ class _Search:
         return f"{said}, {along}" if said else along
 
     def _independent(self, members: frozenset[int]) -> bool:
-        """Whether any accelerations of these members are possible, as their rows are independent: no need to look further."""
+        """Whether the members' rows are independent, so that all accelerations are possible: no search needed."""
         rows = [self.asked.span[i] for i in members]
         stacked = np.concatenate(rows) if rows else np.zeros((0, 1))
         if not len(stacked):
@@ -249,7 +249,7 @@ class _Search:
                 break
             z, a = program
             found = self._verified(C, z)
-            # Rays of circular cones that this motion works against most; what carries nothing is left out again.
+            # Rays of circular cones that this motion violates most; rays without force are left out again.
             sunk = [(c, c.sunk(a)) for c in C.rounds]
             lengths = [float(np.linalg.norm(r)) for _, r in sunk]
             enough = 1.001 * found.violation if found else CONTRADICTS * max(1.0, max_abs(C.b))
@@ -259,7 +259,7 @@ class _Search:
         return found
 
     def _verified(self, C: Conditions, z: Array) -> _Farkas | None:
-        """The certificate near z, exact to rounding and checked in every part; None if there is none."""
+        """The certificate near z, exact to rounding with every condition checked; None if there is none."""
         z = _polished(C, z, self.longest)
         work = float(C.b @ z)
         if not work < 0.0:
@@ -279,16 +279,16 @@ class _Search:
 
 
 def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
-    """(z, a) of: minimise b . z over A^T z = 0, sum |z| <= 1, z >= 0 where a condition does not hold with equality.
+    """(z, a) of: minimise b . z over A^T z = 0, sum |z| <= 1, z >= 0 for inequalities.
 
-    -b . z is then the least violation t of y >= -t, and a, its multipliers, a motion that comes as near; None if HiGHS finds
+    -b . z is then the least violation t of y >= -t, and a, its multipliers, a motion with that violation; None if HiGHS finds
     neither.
     """
     k, nv = C.A.shape
     rate = max_abs(C.b)
     if not k or rate == 0.0:
         return np.zeros(k), np.zeros(nv)
-    # Rows of unit length, so that HiGHS's tolerances mean the same to all; lines as the difference of two.
+    # Rows of unit length, so that HiGHS's tolerances apply equally to all; lines as the difference of two.
     length = np.linalg.norm(C.A, axis=1)
     length[length <= RANK * longest] = longest or 1.0
     A, b, size = C.A / length[:, None], C.b / (rate * length), length.min() / length
@@ -304,7 +304,7 @@ def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
 
 
 def _polished(C: Conditions, z: Array, longest: float) -> Array:
-    """The nearest z with A^T z = 0 on the same support; what changes sign on the way is left out."""
+    """The nearest z with A^T z = 0 on the same support; entries that change sign are left out."""
     length = np.linalg.norm(C.A, axis=1)
     length[length <= RANK * longest] = longest or 1.0
     x = z * length

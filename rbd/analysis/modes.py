@@ -1,6 +1,6 @@
 """Contact modes of an answer: each point sticks, slips or opens; each row holds, presses or yields.
 
-While nothing changes its mode the inequalities of a law are equations. Allowed changes of the weights are columns Phi, and
+While no mode changes, the inequalities of a law are equations. Allowed changes of the weights are columns Phi, and
 what must stay zero are the accelerations along columns Psi, the same but where friction slips:
 
     holds     a bilateral row, a force inside an interval     a unit column each
@@ -8,7 +8,7 @@ what must stay zero are the accelerations along columns Psi, the same but where 
     sticks    a point, whose acceleration is zero             its three columns; of a pyramid, all its rays
     slips     starts to slip along e = y_t / |y_t|            Phi = (-mu e, 1); Psi = n (coulomb), (-mu e, 1) (convex)
     slides    slid already, along t                           Phi = (-mu t, 1), Psi = n
-    opens     moves away: carries nothing                     none
+    opens     separates: no force                          none
     yields    a force at its bound                            none
 """
 
@@ -45,20 +45,20 @@ class Slip:
 
     @property
     def turning(self) -> Array:
-        """-rate (1 - e e^T): how the friction of a unit normal force answers a change of y_t, shape (2, 2)."""
+        """-rate (1 - e e^T): change of the friction of a unit normal force with y_t, shape (2, 2)."""
         return -self.rate * (np.eye(2) - np.outer(self.direction, self.direction))
 
 
 @dataclass(frozen=True)
 class Need:
-    """Room that a force must have: `sign * s + level >= 0`; of a cone, `sign * s_n >= |s_t|`.
+    """Inequality on a force: `sign * s + level >= 0`; for a cone, `sign * s_n >= |s_t|`.
 
     Attributes:
-        element: Whose.
-        active: Number of the active column; of a cone, of its first.
+        element: The element that it belongs to.
+        active: Number of the active column; for a cone, of its first.
         sign: 1, -1, or a cone's mu.
-        level: [N].
-        unit: What the room is measured against [N].
+        level: Constant term [N].
+        unit: Scale of the slack [N].
         cone: Whether it is a cone.
     """
 
@@ -75,15 +75,15 @@ class Modes:
     """The active columns of an answer.
 
     Attributes:
-        sets: What the answer's weights belong to: rays where the law speaks of facets, the rows themselves where all hold.
+        sets: The sets of the answer's weights: rays where the law has facets, the rows themselves where all are bilateral.
         w: The weights, shape (p,).
         y: Their accelerations, shape (p,).
         phi: Allowed changes of the weights, p-vectors.
         psi: Accelerations that stay zero, p-vectors.
         start: The answer's weights of the columns `phi`.
         slips: Points that start to slip.
-        needs: Inequalities that must hold strictly.
-        words: {element: what it does}.
+        needs: Inequalities that must be strict.
+        words: {element: its mode}.
     """
 
     sets: ForceSet
@@ -111,7 +111,7 @@ class Modes:
 
 
 def modes_of(answer: Answer) -> Modes:
-    """The active columns of an answer; whether its forces have room is left to be checked."""
+    """The active columns of an answer; strictness of its inequalities is checked elsewhere."""
     P, w = answer.problem, answer.weights
     if w is None or P.bilateral:
         T, w = at_rest(*[Free(len(r)) for r in P.rows]), answer.multipliers
@@ -137,7 +137,7 @@ def modes_of(answer: Answer) -> Modes:
 def _weight(modes: Modes, element: Element, j: int, still: float, unit: float) -> str:
     """A line, a ray or an interval."""
     low, high = modes.sets.lower[j], modes.sets.upper[j]
-    if low == high:  # rubbing against its motion, or moving away
+    if low == high:  # dry friction against its motion, or separating
         return "yields" if isinstance(element.shape, Interval) else "opens"
     bounded = np.isfinite(low), np.isfinite(high)
     if any(bounded) and abs(modes.y[j]) > still:

@@ -1,8 +1,8 @@
 """Derivatives of an answer with respect to configuration, velocity, torques and external forces.
 
-The equations that hold at the answer are differentiated with the contact modes held (`rbd.analysis.active_set`). What the
-dynamics contribute, d(M a + h), is Pinocchio's analytical derivative of inverse dynamics; what the constraints contribute,
-d(J^T f) and d(J a + J_dot v), is taken by differences of their rows on the manifold, so that any constraint will do.
+The equations of the answer are differentiated with the contact modes fixed (`rbd.analysis.active_set`). The
+dynamics' part, d(M a + h), is Pinocchio's analytical derivative of inverse dynamics; the constraints' part,
+d(J^T f) and d(J a + J_dot v), is taken by differences of their rows on the manifold, for any kind of constraint.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rbd.problem.rows import Rows
 class ForceDerivatives:
     """Derivatives of a constraint's force (k = 3) or wrench (k = 6), on the robot, in world axes.
 
-    Of a constraint without a resultant, of its row forces. The axes are the world's: turning the contact is in it.
+    For a constraint without a resultant, of its row forces. World axes: the rotation of the contact is included.
 
     Attributes:
         dq: Per change of configuration on the tangent space, shape (k, nv).
@@ -44,13 +44,13 @@ class ForceDerivatives:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Derivatives:
-    """Derivatives of an answer with its contact modes held; what is not unique is None.
+    """Derivatives of an answer with its contact modes fixed; None for values that are not unique.
 
-    A change dq lives on the tangent space: q goes to pin.integrate(q, dq), dq of a floating base linear then angular in the
-    base's axes, as v. Everything else stays: tau, the numbers of v, and external forces in the axes that they were given in.
-    A contact that sticks goes on sticking whatever dq and dv (its rows know no gap and no speed), so the derivatives are those
-    of its formula J a + J_dot v = 0. That is the robot's own derivative where J v = 0 is kept, as one that starts to slide by
-    itself changes its mode.
+    A change dq is in the tangent space: q becomes pin.integrate(q, dq), dq of a floating base linear then angular in the
+    base's axes, as v. All else is constant: tau, the numbers of v, and external forces in the axes in which they were given.
+    A sticking contact sticks for any dq and dv (its rows have no gap and no speed), so the derivatives are those
+    of its formula J a + J_dot v = 0. It is the robot's derivative along J v = 0, as a contact that starts to slide
+    changes its mode.
 
     Attributes:
         da_dq: Shape (nv, nv).
@@ -58,11 +58,11 @@ class Derivatives:
         da_dtau: Shape (nv, nu).
         da_dexternal: By generalised external force, shape (nv, nv): of a force f_W at a point P, multiply by J_P^T f_W.
         df_dq: Of the row forces `Solution.multipliers`, shape (m, nv); None unless all of them are unique.
-        df_dv: Likewise.
-        df_dtau: Shape (m, nu), likewise.
-        df_dexternal: Likewise.
-        forces: {constraint: derivatives of `Solution.forces`}, None of a force that is not unique.
-        active: {constraint: what each part of its set does}: "holds", "sticks", "presses" (without friction), "slips" (begins
+        df_dv: Of the row forces, shape (m, nv); None unless all are unique.
+        df_dtau: Of the row forces, shape (m, nu); None unless all are unique.
+        df_dexternal: Of the row forces, shape (m, nv); None unless all are unique.
+        forces: {constraint: derivatives of `Solution.forces`}, None for a force that is not unique.
+        active: {constraint: mode of each part of its set}: "holds", "sticks", "presses" (without friction), "slips" (begins
             to), "slides" (already), "opens", or "yields" (a force at its bound).
         not_unique: Names of the constraints whose forces are not unique.
     """
@@ -95,12 +95,12 @@ def _counted(words: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StateOrigin:
-    """What a problem was assembled from.
+    """The state, constraints and external forces that a problem was assembled from.
 
     Attributes:
         state: The robot at (q, v).
         constraints: In the order of the problem's rows.
-        external: Forces of the world.
+        external: External forces.
     """
 
     state: State
@@ -111,7 +111,7 @@ class StateOrigin:
         """Derivatives of an answer to the problem; see `Derivatives`.
 
         Raises:
-            NotDifferentiable: at a change of contact mode, of something that is no answer, or where the answer jumps.
+            NotDifferentiable: at a change of contact mode, if the problem was not solved, or where the answer is discontinuous.
         """
         if answer.status not in (Status.SOLVED, Status.INACCURATE):
             raise NotDifferentiable(
@@ -123,7 +123,7 @@ class StateOrigin:
         return LeftBehind, ()
 
     def __copy__(self) -> StateOrigin:
-        return self  # nothing in it changes
+        return self  # the object is constant
 
     def __deepcopy__(self, memo: dict[int, object]) -> StateOrigin:
         return self
@@ -131,22 +131,22 @@ class StateOrigin:
 
 @dataclass(frozen=True)
 class LeftBehind:
-    """In place of a `StateOrigin` in another process: with its state an answer would bring the whole robot each time."""
+    """In place of a `StateOrigin` in another process: with the state each answer would carry the whole robot."""
 
     def derivatives(self, answer: Answer) -> Derivatives:
-        """None to be had.
+        """Always refused.
 
         Raises:
             Unsupported: always.
         """
         raise Unsupported(
-            "this answer was solved in another process, and its state stayed there. Ask for derivatives() before sending it, "
+            "this answer was solved in another process, and its state stayed there. Call derivatives() before sending it, "
             "or solve again here."
         )
 
 
 class _Chain:
-    """From changes of the state to changes of the answer."""
+    """Maps changes of the state to changes of the answer."""
 
     def __init__(self, origin: StateOrigin, answer: Answer) -> None:
         self.origin, self.answer, self.active = origin, answer, ActiveSet(answer)
@@ -154,7 +154,7 @@ class _Chain:
         self.acting = [(c, r) for c, r in zip(origin.constraints, answer.problem.rows, strict=True) if len(r)]
 
     def derivatives(self) -> Derivatives:
-        """All of them."""
+        """All derivatives."""
         nv, state, robot = self.nv, self.origin.state, self.robot
         model, q, v = robot.model, state.q, state.v
         inverse = self._inverse_dynamics()
@@ -190,15 +190,15 @@ class _Chain:
         return out
 
     def _of_forces(self, force: Array) -> _Change:
-        """The change that a generalised force makes, shape (nv, n)."""
+        """Change of the acceleration by a generalised force, shape (nv, n)."""
         n = force.shape[1]
         return _Change(force, *self._split(np.zeros((self._sample(self.origin.state)[self.nv :].size, n))))
 
     def _sample(self, state: State) -> Array:
-        """What constraints and external forces contribute at a state, at the answer's a and f, in one vector.
+        """Terms of constraints and external forces at a state, at the answer's a and f, in one vector.
 
         tau_ext + J^T f, then J^T of the internal forces; c; velocities; and each constraint's force in world axes. Empty
-        where a constraint has other rows than at the answer: a joint is off its limit.
+        where a constraint has other rows than at the answer: e.g. a joint that is off its limit.
 
         Raises:
             NotDifferentiable: if a constraint has another set of forces there.
@@ -213,7 +213,7 @@ class _Chain:
                 return np.zeros(0)
             if not _same_set(r.cone, known.cone):
                 raise NotDifferentiable(
-                    f"the set of forces of {known.name!r} changes with the state; derivatives are taken with sets that stay."
+                    f"the set of forces of {known.name!r} changes with the state; derivatives need constant sets."
                 )
             force = force + r.J.T @ f[part]
             internal += r.J.T @ self.active.internal[part]
@@ -223,7 +223,7 @@ class _Chain:
         return np.concatenate([force, internal.ravel(), *c, *u, *resultants])
 
     def _split(self, tail: Array) -> tuple[Array, Array, Array, dict[str, Array]]:
-        """(internal, c, u, resultants) of what follows the forces in samples, shapes (nv, d, n), (m, n), (m, n), (k, n)."""
+        """(internal, c, u, resultants) of the parts of samples after the forces, shapes (nv, d, n), (m, n), (m, n), (k, n)."""
         d, n, m = self.active.internal.shape[1], tail.shape[1], self.m
         internal, c, u, rest = np.split(tail, np.cumsum([self.nv * d, m, m]))
         out = {r.name: np.zeros((0, n)) for r in self.answer.problem.rows}
@@ -249,7 +249,7 @@ class _Chain:
         return _Change(slopes[: self.nv], *self._split(slopes[self.nv :]))
 
     def _check_internal(self, by_q: _Change) -> None:
-        """Refuse if forces that do nothing here would move the robot next door: rows lose their redundancy there."""
+        """Refuse if internal forces here would move the robot at a state nearby, where the rows are not redundant."""
         scale = float(np.abs(self.answer.multipliers).max(initial=0.0))
         for force in by_q.internal.transpose(1, 0, 2):
             if np.abs(self.active.response(force)).max() * scale > CONSISTENT * max(1.0, np.abs(self.answer.a).max()):
@@ -289,11 +289,11 @@ class _Change:
 
 @dataclass(frozen=True, eq=False)
 class _Rule:
-    """Differences from seven nodes: a slope, and two combinations of the values that vanish where they are smooth."""
+    """Differences from seven nodes: the slope, and two combinations of the values that vanish for smooth functions."""
 
     nodes: Array
     slope: Array
-    lower_order: Array  # the slope by the rule of the fourth order, less `slope`
+    lower_order: Array  # the fourth-order slope, less `slope`
     kink: Array  # half the jump of the slope at zero, of a function that is smooth on both sides
 
 
@@ -301,7 +301,7 @@ def _rules() -> tuple[_Rule, _Rule, _Rule]:
     both = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0
     ahead = np.array([-147, 360, -450, 400, -225, 72, -10]) / 60.0
     fourth, near = np.array([0, 1, -8, 0, 8, -1, 0]) / 12.0, np.array([-25, 48, -36, 16, -3, 0, 0]) / 12.0
-    kink = np.array([1, -6, 15, -20, 15, -6, 1]) / 12.0  # 12 of |x|, 0 of x, x^2, ... x^5
+    kink = np.array([1, -6, 15, -20, 15, -6, 1]) / 12.0  # 12 for |x|, 0 for x, x^2, ... x^5
     here = np.zeros(7)
     x = np.arange(7.0)
     return (
@@ -312,18 +312,18 @@ def _rules() -> tuple[_Rule, _Rule, _Rule]:
 
 
 _RULES = _rules()
-"""On both sides; ahead and behind, where the other side has other rows."""
+"""On both sides; ahead and behind, where the rows differ on the other side."""
 _STEP = 0.005 * 5.0**0.5
-"""First step tried [rad, m]; irrational, lest it be a whole number of waves of what it differentiates."""
+"""First step tried [rad, m]; irrational, so that it is no whole number of periods of the function."""
 SMOOTH = 1e-7
-"""Largest miss of a difference, over max(1, largest entry); up to 1e3 times as much if no step does better."""
+"""Largest error of a difference, over max(1, largest entry); up to 1e3 times as much if no step does better."""
 
 
 def _slope(sample: Callable[[float], Array], here: Array, step: float, what: str) -> Array:
-    """Derivative of a sample at zero, by differences of the sixth order with a step that is made small enough.
+    """Derivative of a sample at zero, by differences of the sixth order with a step reduced until it converges.
 
     Raises:
-        NotDifferentiable: if it has a kink, or other rows on both sides.
+        NotDifferentiable: if it has a kink, or different rows on the two sides.
     """
     best, miss = here, np.inf
     for _ in range(6):
@@ -331,7 +331,7 @@ def _slope(sample: Callable[[float], Array], here: Array, step: float, what: str
             values = [here if x == 0.0 else sample(step * x) for x in rule.nodes]
             if any(v.shape != here.shape for v in values):
                 continue
-            F = (np.array(values) - here) / step  # what stays then has a slope of exactly zero
+            F = (np.array(values) - here) / step  # constant entries then have a slope of exactly zero
             slope = rule.slope @ F
             off = np.maximum(np.abs(rule.lower_order @ F), np.abs(rule.kink @ F))
             worst = float((off / np.maximum(np.abs(slope).max(initial=1.0), np.abs(here))).max(initial=0.0))

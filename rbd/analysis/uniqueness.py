@@ -1,8 +1,8 @@
-"""What is unique of the forces of one motion, and how far the rest could go.
+"""Which forces of one motion are unique, and the ranges of those that are not.
 
-The same acceleration under the same law leaves the forces a convex set (`rbd.analysis.admissible_forces`). Over it each normal
-force has a smallest and a largest value, both attained: by linear programs where all is flat, along a barrier's path where
-cones are circular (`rbd.analysis.extent`). A resultant is unique where no direction of the set changes it.
+The same acceleration under the same law admits a convex set of forces (`rbd.analysis.admissible_forces`). Over it each normal
+force has a smallest and a largest value, both attained: by linear programs over flat facets, by a barrier method where
+cones are circular (`rbd.analysis.extent`). A resultant is unique if no direction of the set changes it.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ class Attained:
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """How far one number can go while the motion and the law stay the same.
+    """Range of one number with the same motion under the same law.
 
     Attributes:
         lowest: Smallest value; -inf where there is none, NaN where it was not found.
         highest: Largest value; inf where there is none, NaN where it was not found.
-        value: Of the forces that were returned.
-        at_lowest: Forces with the smallest value; None where that is infinite or not found, or not attained within the
+        value: Value for the forces that were returned.
+        at_lowest: Forces with the smallest value; None where infinite, not found, or not attained within the
             certificate.
-        at_highest: Forces with the largest value, likewise.
-        unique: Whether all forces give one value; False too where that was not found.
+        at_highest: Forces with the largest value, or None as in `at_lowest`.
+        unique: Whether all forces give one value; False also where that was not found.
     """
 
     lowest: float
@@ -63,7 +63,7 @@ class Range:
 
     @property
     def found(self) -> bool:
-        """Whether both ends were found within `rbd.problem.programs.ENDS_WORK`."""
+        """Whether both limits were found within `rbd.problem.programs.ENDS_WORK`."""
         return not (math.isnan(self.lowest) or math.isnan(self.highest))
 
     def __str__(self) -> str:
@@ -74,17 +74,17 @@ class Range:
 
 @dataclass(frozen=True, eq=False)
 class ContactUniqueness:
-    """What is unique about one contact, and the ranges of the rest.
+    """Uniqueness of one contact's forces, with their ranges.
 
     Attributes:
-        name: The contact's.
+        name: The contact's name.
         normal: Its normal force [N].
         corners: The normal force of each of its corners [N]. A bilateral contact has no corner law: its corners may pull.
-        share: Its vertical force (world z) over that of all contacts with the ground together; of a robot at rest that nothing
-            else pushes, its share of the weight. None of a contact between two bodies, or where that sum is not unique or
-            nothing.
-        unique_wrench: Whether its net force (of a point) or wrench is unique.
-        unique_centre_of_pressure: Whether the point where it carries is unique; None where it carries nothing.
+        share: Its vertical force (world z) over that of all contacts with the ground together; for a robot at rest without
+            other forces, its share of the weight. None for a contact between two bodies, or where that sum is not unique or
+            zero.
+        unique_wrench: Whether its net force (for a point) or wrench is unique.
+        unique_centre_of_pressure: Whether the centre of pressure is unique; None where it is unloaded.
     """
 
     name: str
@@ -112,24 +112,24 @@ class ContactUniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uniqueness:
-    """What is unique of the forces of one motion.
+    """Uniqueness of the forces of one motion, with their ranges.
 
     Attributes:
         law: The law that the forces obey.
         rows: Number of constraint rows m.
         rank: Of J.
-        active_rank: Of J^T over what the law leaves to the forces: points that open or slip leave little or nothing.
+        active_rank: Rank of J^T over the forces that the law admits: an open point has none, a slipping one only one direction.
         row_freedom: Dimension of the row forces that give the same motion; zero where they are unique.
-        corner_freedom: Dimension of the corner forces (with row forces of what is no contact) that do.
-        force_choice: Which of them were returned.
-        contacts: Contact by contact.
-        others: {constraint that is no contact: ranges of its row forces, in its units}.
+        corner_freedom: The same for corner forces (with row forces of constraints that are not contacts).
+        force_choice: Which of these forces were returned.
+        contacts: {contact: uniqueness of its forces}.
+        others: {constraint that is not a contact: ranges of its row forces, in its units}.
         motion_freedom: Dimension of the family of motions, with the same contact modes, that satisfy Coulomb's law; zero under
-            the other laws, whose motion is unique, and where it stands alone. The ranges are of the motion returned.
-        exact: Whether the ends are exact, to 1e-9 of the forces; False where circular cones have no room left inside and were
+            the other laws, whose motion is unique, and where it is isolated. The ranges are of the motion returned.
+        exact: Whether the limits are exact, to 1e-9 of the forces; False where the circular cones leave no interior and were
             widened by 1e-10.
-        found: Whether all ends and freedoms were found within `rbd.problem.programs.ENDS_WORK`. Ends that were not are NaN, and
-            printed as "?"; where even the dimension of the set was not found, the two freedoms are upper bounds.
+        found: Whether all limits and dimensions were found within `rbd.problem.programs.ENDS_WORK`. Others are NaN,
+            printed as "?"; if the dimension of the set was not found, `row_freedom` and `corner_freedom` are upper bounds.
     """
 
     law: Law
@@ -179,14 +179,14 @@ class Uniqueness:
 def uniqueness_of(
     adm: Admissible, a: Array, law: Law, corner_forces: Mapping[str, Array], choice: str, f: Array, motion_freedom: int = 0
 ) -> Uniqueness:
-    """What is unique of the forces of one motion; `rbd.Solution.uniqueness` asks it.
+    """Uniqueness of the forces of one motion; computed for `rbd.Solution.uniqueness`.
 
     Args:
         adm: The forces that give the same motion under the same law.
         a: The motion, shape (nv,).
         law: The law.
-        corner_forces: What was returned, {contact: (k, 3)}.
-        choice: What they are.
+        corner_forces: Corner forces that were returned, {contact: (k, 3)}.
+        choice: Which forces these are.
         f: Row forces that were returned, shape (m,).
         motion_freedom: See `Uniqueness`.
     """
@@ -232,13 +232,13 @@ class _Asker:
         return out
 
     def _along(self, name: str, direction: Array) -> Array:
-        """The function that takes the stacked corner forces to a contact's net force along a world direction."""
+        """The function that maps the stacked corner forces to a contact's net force along a world direction."""
         out, span = np.zeros(len(self.returned)), self.adm.spans[name]
         out[span] = np.tile(direction, (span.stop - span.start) // 3)
         return out
 
     def _vertical(self) -> tuple[float | None, Array]:
-        """(vertical force of all contacts with the ground, None where it is not unique or nothing; the function)."""
+        """(vertical force of all contacts with the ground, None where it is not unique or zero; the function)."""
         up, on_ground = np.array([0.0, 0.0, 1.0]), np.zeros(len(self.returned))
         for rows in self.adm.problem.rows:
             if rows.name in self.adm.has_corners and rows.patch is not None and rows.patch.against is None:
@@ -265,13 +265,13 @@ class _Asker:
         return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(patch, span, normal))
 
     def _pressure(self, patch: Patch, span: slice, normal: Range) -> bool | None:
-        """Whether moments about the point where it carries vanish for all forces of the set."""
+        """Whether moments about the centre of pressure vanish for all forces of the set."""
         if not (normal.highest > CARRIES_NOTHING_N or normal.value > CARRIES_NOTHING_N):
             return None
         if len(patch.corners) == 1:
             return True
         stacked = self.returned
-        if normal.value <= CARRIES_NOTHING_N:  # look where it carries something
+        if normal.value <= CARRIES_NOTHING_N:  # use a force that is not zero
             if normal.at_highest is None:
                 return False
             x = self._largest(self._along_span(span, patch.axes[:, 2])).x
@@ -293,7 +293,7 @@ class _Asker:
         return out
 
     def _range(self, function: Array) -> Range:
-        """Over the set, of a linear function of the stacked corner forces."""
+        """Range over the set of a linear function of the stacked corner forces."""
         value = float(function @ self.returned)
         if self.reach.is_unique((function @ self.adm.corners)[None]):
             own = self._attained(self.adm.start)
@@ -304,7 +304,7 @@ class _Asker:
         return Range(lowest, highest, value, self._attained(low.x), self._attained(high.x), False)
 
     def _largest(self, function: Array) -> End:
-        """As `Reach.largest`, of the stacked corner forces; kept, as sums over one corner, and shares of it, come again."""
+        """`Reach.largest` of a function of the stacked corner forces; cached, as the same functions recur."""
         scale = float(np.abs(function).max())
         key = np.round(function / scale, 14).tobytes()
         if key not in self.ends:
@@ -323,14 +323,14 @@ class _Asker:
 
 
 def motion_freedom(answer: Answer) -> int:
-    """Dimension of the family of motions with the same contact modes; zero where the motion stands alone among them.
+    """Dimension of the family of motions with the same contact modes; zero where the motion is isolated.
 
-    Under the convex law and where all rows hold the motion is the minimum of a strictly convex function: unique. Under
-    Coulomb's law friction follows the load of each point. Where a patch slips and turns on more than three corners statics
-    leaves the loads open, each share of them turns the friction another way, and a whole family of motions satisfies the law.
+    Under the convex law and where all rows are bilateral the motion is the minimum of a strictly convex function: unique. Under
+    Coulomb's law friction depends on the load of each point. Where a patch slips and turns on more than three corners statics
+    does not determine the loads, each distribution changes the friction, and a family of motions satisfies the law.
 
-    With the forces that may change, J^T Phi, and the accelerations that must stay zero, Psi^T J, it is the rank of the first
-    less that of the second (see `rbd.analysis.modes`), in the metric of inertia. Motions with other modes are not looked for.
+    With the forces that can change, J^T Phi, and the accelerations that must stay zero, Psi^T J, it is the rank of the first
+    less that of the second (see `rbd.analysis.modes`), in the metric of inertia. Motions with other modes are not searched.
     """
     if answer.law.kind != "coulomb":
         return 0

@@ -1,8 +1,8 @@
 """Robots in contact, from the command line.
 
-Exit codes: 0 done, 1 no solution (the message says which limit prevents it), 2 bad input.
+Exit codes: 0 done, 1 no solution (the message names the limit that prevents it), 2 bad input.
 """
-# What a command needs is imported inside it: --help answers in a third of a second.
+# Imports are inside commands: --help takes a third of a second.
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
-"""Of a longer motion not every step is recorded."""
+"""Largest number of recorded samples by default."""
 # Options and arguments of several commands.
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
@@ -79,9 +79,9 @@ def stand(
     json_: Json = None,
     show: Show = False,
 ) -> None:
-    """Stand a robot on its feet: holding torques, contact forces, the proof, and a picture.
+    """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
 
-    Finds the motor torques that hold it still, applies the push if there is one, finds the motion and the contact forces under
+    Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
     the contact law, and prints what each foot carries.
     """
     from rbd.cli.robot_reports import StandReport
@@ -186,7 +186,7 @@ def info(
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
     package_dir: PackageDirs = None,
 ) -> None:
-    """Tell one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
+    """Show one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
     from rbd.cli.robot_reports import robot_info
     from rbd.robots.robot import load_robot
 
@@ -209,7 +209,7 @@ def mechanism(
     json_: Json = None,
     show: Show = False,
 ) -> None:
-    """Tell what a mechanism can do: bodies, joints, loops, mobility three ways, branches, singular poses.
+    """Analyse a mechanism: bodies, joints, loops, mobility three ways, branches, singular poses.
 
     Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
     """
@@ -265,10 +265,10 @@ def simulate(
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
     show: Annotated[bool, typer.Option("--show", help="Replay it in the browser.")] = False,
 ) -> None:
-    """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held. Push it, and see it move.
+    """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held; with pushes.
 
-    Contacts stick, slip, lift and strike; loops and wheels hold. Prints how it ended, what happened, and the proof: energy,
-    residuals, and what the model leaves out. Ctrl-C ends it early and keeps what there is. For example:
+    Contacts stick, slip, lift and impact; loops and wheels are constraints. Prints the final state, the events, energy,
+    residuals, and what the model neglects. Ctrl-C ends it early and keeps the motion until then. For example:
 
     rbd simulate talos --push 0,20,0 --at torso_2_link --from 0.2 --for 0.1 --html push.html
     """
@@ -369,7 +369,7 @@ def plane(
 
 
 def _every(duration: float, step: float) -> int:
-    """Every how many steps are recorded; one where there is no such motion, which `simulate` refuses."""
+    """Number of steps between records; one for an invalid motion, which `simulate` refuses."""
     if not (0.0 < step < math.inf and 0.0 < duration < math.inf):
         return 1
     return max(1, math.ceil(min(duration / step, 1e12) / MOST_SAMPLES))

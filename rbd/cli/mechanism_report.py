@@ -38,19 +38,19 @@ from rbd.robots.robot import Robot
 Answer = TypeVar("Answer")
 
 MOST_FIXED = 6
-"""Branches are looked for by fixing the independent joints; of more than so many the question means little."""
+"""Branches are searched by fixing the independent joints, up to this number of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class MechanismReport:
-    """A mechanism's answers, in the order they are printed; what does not apply is None, and `left_out` says why.
+    """Results of a mechanism, in the order of printing; those that do not apply are None, with the reason in `left_out`.
 
     Attributes:
         robot: The mechanism.
         state: The pose that is looked at, assembled.
         topology: Serial, branched, closed, parallel; bodies, joints, loops.
         mobility: Three ways.
-        fixed: {joint: value} of the independent joints, held while branches are looked for.
+        fixed: {joint: value} of the independent joints, fixed in the search for branches.
         branches: All that were found.
         here: The singularities of the pose.
         motion: One turn of the input, of a mechanism with one degree of freedom.
@@ -114,7 +114,7 @@ class MechanismReport:
 
     @property
     def shown(self) -> str:
-        """Name of the branch that the pose looked at is on; empty where it is none of those found."""
+        """Name of the branch of the examined pose; empty if it is none of those found."""
         found = () if self.branches is None else self.branches.found
         away = [self._away(b.q) for b in found]
         here = int(np.argmin(away)) if away else 0
@@ -127,7 +127,7 @@ class MechanismReport:
         return {name: state for name, state in every.items() if name != self.shown}
 
     def _away(self, q: Array) -> float:
-        """Largest difference from the pose looked at, whole turns left out [m, rad]."""
+        """Largest difference from the examined pose, modulo whole turns [m, rad]."""
         change = pin.difference(self.robot.model, self.state.q, q)
         angles = self.robot.joints.angular
         change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
@@ -135,7 +135,7 @@ class MechanismReport:
 
 
 def check_tries(seed: int, tries: int) -> None:
-    """Refuse what `report_mechanism` does not take, before anything is computed.
+    """Refuse invalid arguments of `report_mechanism` before computing.
 
     Raises:
         InputError: a seed that is no whole number from 0, tries that are none from 1 to 1,000,000.
@@ -145,7 +145,7 @@ def check_tries(seed: int, tries: int) -> None:
 
 
 def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200) -> MechanismReport:
-    """All answers about a mechanism near a configuration.
+    """All results for a mechanism near a configuration.
 
     Args:
         robot: With its `loops`.
@@ -154,8 +154,8 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
         tries: How many.
 
     Raises:
-        CannotAssemble: the loops do not close; says the distance that is left.
-        InputError: a seed or a number of tries that means nothing.
+        CannotAssemble: the loops do not close; with the remaining distance.
+        InputError: an invalid seed or number of tries.
     """
     check_tries(seed, tries)
     held = (*robot.loops(), *robot.wheels())
@@ -168,7 +168,7 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     if fixed is not None and held and not found.velocity_only:
         every = _unless(left_out, "branches", lambda: branches(state, held, fixed=fixed, seed=seed, tries=tries))
     inputs = [] if fixed is None else list(fixed)
-    driven = inputs if len(inputs) < robot.nv else []  # of an open chain nothing is left but them
+    driven = inputs if len(inputs) < robot.nv else []  # an open chain has no others
     here = singularities(state, held, inputs=driven)
     motion = along = None
     if fixed is not None and len(inputs) == 1 and driven and not found.velocity_only:
@@ -195,7 +195,7 @@ def assembled(robot: Robot, constraints: Sequence[Constraint], near: State) -> S
 
 
 def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str, str]) -> dict[str, float] | None:
-    """{joint: its value} of the independent velocities; None, with the reason, where a joint has several of them."""
+    """{joint: its value} of the independent velocities; None, with the reason, if a joint has several of them."""
     if len(free) > MOST_FIXED:
         left_out["branches"] = f"{len(free)} degrees of freedom; they are fixed to find branches, at most {MOST_FIXED}"
         return None
@@ -211,7 +211,7 @@ def _values(robot: Robot, state: State, free: Sequence[str], left_out: dict[str,
 
 
 def _unless(left_out: dict[str, str], what: str, ask: Callable[[], Answer]) -> Answer | None:
-    """The answer; where there is none, the reason in `left_out`."""
+    """The result; if there is none, the reason goes to `left_out`."""
     try:
         return ask()
     except RbdError as why:

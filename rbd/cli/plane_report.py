@@ -23,17 +23,17 @@ SAMPLES = 1001
 SPACES = ("endpoint", "joint")
 PARTS = ("tangential", "centripetal", "coriolis")
 MOST_ROWS = 12
-"""Of a longer chain not every angle is printed; all are in the JSON file."""
+"""Largest number of angles printed; all are in the JSON file."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneTask:
-    """Two points and a chain that shall go from one to the other.
+    """A chain and the two points between which it is to move.
 
     Attributes:
         chain: The chain, its lengths numbers.
         start: How it reaches the first point.
-        stop: How it reaches the second one; of two links in the branch asked for.
+        stop: Its inverse kinematics at the second point; for two links in the requested branch.
         duration: Seconds.
         space: In which the motion is planned: "endpoint" or "joint".
         branch: Of two links: 0 bends counterclockwise, 1 clockwise.
@@ -65,8 +65,8 @@ class PlaneTask:
         """The motion, at 1001 times.
 
         Raises:
-            NoSolution: an end, or the straight path between them, is out of reach; says by how much.
-            InputError: a duration or a branch that means nothing.
+            NoSolution: an end, or the straight path between them, is out of reach; with the distance.
+            InputError: an invalid duration or branch.
         """
         for end in (self.start, self.stop):
             if not end.reachable:
@@ -87,8 +87,8 @@ class PlaneReport:
     """The numbers of a motion.
 
     Attributes:
-        task: What was asked.
-        motion: What came of it.
+        task: The task.
+        motion: The motion.
     """
 
     task: PlaneTask
@@ -170,7 +170,7 @@ def plane_task(
     branch: int = 0,
     space: str | None = None,
 ) -> PlaneTask:
-    """What the command line asks for, read and checked.
+    """The command line's task, parsed and checked.
 
     Args:
         start: "x,y" of the first point [m].
@@ -183,7 +183,7 @@ def plane_task(
         space: "endpoint" or "joint"; of one link, which cannot follow a straight path, "joint" by default, else "endpoint".
 
     Raises:
-        InputError: what cannot be read, or means nothing.
+        InputError: arguments that cannot be parsed, or are invalid.
     """
     given = None if lengths is None else numbers_of("--lengths", lengths, "metres")
     count = links if links is not None else 2 if given is None else len(given)
@@ -203,7 +203,7 @@ def plane_task(
         raise InputError(f"--duration is {duration!r:.80}; expected seconds above zero.")
     first = inverse(chain, numbers_of("--from", start, "metres", names="X,Y"))
     last = numbers_of("--to", stop, "metres", names="X,Y")
-    # Of a family of poses the one nearest to the first end's; of two links the branches in their own order.
+    # From a family of poses, the one nearest to that at the first point; for two links, the branches in order.
     near = first.q if count > 2 and first.reachable else None
     return PlaneTask(chain, first, inverse(chain, last, start=near), float(duration), chosen, branch)
 
@@ -237,7 +237,7 @@ def draw(motion: PlanarMotion, path: Path) -> Path:
 
 
 def _chosen(end: Inverse, branch: int) -> Array:
-    """The angles of a branch; where both meet, of the one there is."""
+    """The angles of a branch; if both coincide, of the only one."""
     return end.branches[min(branch, len(end.branches) - 1)]
 
 

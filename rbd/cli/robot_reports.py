@@ -25,22 +25,22 @@ from rbd.statics.equilibrium import hold
 
 _BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
 UNLIMITED = 1e100
-"""A bound beyond this is none: files say it with the largest number there is."""
+"""A bound beyond this counts as none: files write it as the largest number."""
 UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 LARGEST_TORQUES = 5
 
 
 @dataclass(frozen=True)
 class RobotLine:
-    """One robot of the catalogue: what it is, and whether it stands out of the box.
+    """One robot of the catalogue: size, feet, and whether it stands with the defaults.
 
     Attributes:
         name: What `load_robot` takes.
         nv: Degrees of freedom with a floating base; None where it does not load.
         mass: [kg].
         postures: Names.
-        feet: What it stands on, e.g. "2 soles".
-        stands: "yes", or why not.
+        feet: Its feet, e.g. "2 soles".
+        stands: "yes", or the reason why not.
     """
 
     name: str
@@ -52,7 +52,7 @@ class RobotLine:
 
 
 def robot_lines(names: Iterable[str]) -> Iterator[RobotLine]:
-    """Each robot loaded, stood on its feet and held, one after the other."""
+    """Each robot loaded, stood on its feet and solved for equilibrium, one after the other."""
     for name in names:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)
@@ -141,7 +141,7 @@ def _bound(value: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class StandReport:
-    """A robot held by its feet, perhaps pushed.
+    """A robot in equilibrium on its feet, optionally pushed.
 
     Attributes:
         held: Torques found without the push.
@@ -174,7 +174,7 @@ class StandReport:
         return math.sqrt(2.0 * self.solution.gauss)
 
     def data(self) -> dict[str, Any]:
-        """Everything as numbers, lists and text: SI units, world axes, forces on the robot."""
+        """All results as numbers, lists and text: SI units, world axes, forces on the robot."""
         robot, s = self.held.state.robot, self.solution
         with_contacts, without = self.com_acceleration
         return {

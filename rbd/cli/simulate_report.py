@@ -23,12 +23,12 @@ from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import RESIDUALS
 
 EVENTS = 8
-"""So many are printed; all are in the file."""
+"""Largest number of events printed; all are in the file."""
 MOST_JOINTS = 8
 FALLEN = 0.6
 """A robot whose centre of mass is below this share of its height over its feet at the start has fallen."""
 STILL = 1e-2
-"""Below this speed of its centre of mass [m/s] a robot stands still."""
+"""Below this speed of its centre of mass [m/s] a robot counts as at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,24 +49,24 @@ class SimulateReport:
 
     @property
     def steps(self) -> int:
-        """How many steps were taken."""
+        """Number of steps taken."""
         return math.ceil(self.trajectory.duration / self.trajectory.step - 1e-6)
 
     @property
     def height(self) -> tuple[float, float]:
-        """Of the centre of mass over the lowest point of the feet at the start: at the start and at the end [m]."""
+        """Heights of the centre of mass over the lowest point of the feet at the start: at the start and at the end [m]."""
         x = self.trajectory
         ground = min(float(np.nanmin(x.points[name][0, :, 2])) for name in self.setup.feet)
         return float(x.com[0, 2]) - ground, float(x.com[-1, 2]) - ground
 
     @property
     def speed(self) -> float:
-        """Of the centre of mass at the end [m/s]."""
+        """Speed of the centre of mass at the end [m/s]."""
         return float(np.linalg.norm(self.trajectory.momentum[-1, :3])) / self.trajectory.robot.mass
 
     @property
     def verdict(self) -> str:
-        """Whether a robot with feet stands at the end; empty for one without."""
+        """Whether a robot with feet is standing at the end; empty for one without."""
         feet = [name for name in self.setup.feet if name in self.trajectory.points]
         if not feet:
             return ""
@@ -86,7 +86,7 @@ class SimulateReport:
         return there + (f", and moves at {self.speed:.3g} m/s" if self.speed > STILL else ", at rest")
 
     def data(self) -> dict[str, Any]:
-        """Everything as numbers, lists and text: SI units, world axes, forces on the robot."""
+        """All results as numbers, lists and text: SI units, world axes, forces on the robot."""
         x = self.trajectory
         robot = x.robot
         worst = {c.name: (x.residuals[c.name], c.unit) for c in RESIDUALS}
@@ -227,7 +227,7 @@ class SimulateReport:
 
 
 def draw(trajectory: Trajectory, path: Path) -> Path:
-    """Forces (where there are any) above energies, over time; returns where they are.
+    """Forces (where there are any) above energies, over time; returns its path.
 
     Raises:
         InputError: the file cannot be written.
@@ -242,7 +242,7 @@ def draw(trajectory: Trajectory, path: Path) -> Path:
 
 
 def _joints(first: State, last: State) -> list[tuple[str, str]]:
-    """Where each joint with one degree of freedom is at the end."""
+    """Final position of each joint with one degree of freedom."""
     model = first.robot.model
     single = [i for i in range(1, model.njoints) if model.joints[i].nv == 1]
     out: list[tuple[str, str]] = []
@@ -259,12 +259,12 @@ def _joints(first: State, last: State) -> list[tuple[str, str]]:
 
 
 def _coordinate(q: Array) -> float:
-    """Of a joint with one degree of freedom; where it is kept as a cosine and a sine, the angle."""
+    """Value of a joint with one degree of freedom; the angle if it is stored as a cosine and a sine."""
     return float(q[0] if len(q) == 1 else math.atan2(q[1], q[0]))
 
 
 def _busiest_motor(x: Trajectory) -> str:
-    """The motor that comes nearest to its limit, or has the largest torque where none is stated."""
+    """The motor that comes nearest to its limit, or has the largest torque if no limit is stated."""
     robot: CheckedModel = x.robot
     if not robot.nu or not np.abs(x.tau).max(initial=0.0):
         return ""

@@ -25,20 +25,20 @@ Value = TypeVar("Value")
 BODIES = "bodies_on_ground"
 """Name of the contacts of all bodies but the feet."""
 FAR = 1e5
-"""So far from the ground [m] shapes are looked for where a body is laid on it; so far away a state may be."""
+"""Distance from the ground [m] within which shapes are searched when a body is placed on it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What is simulated.
+    """Setup of a simulation.
 
     Attributes:
         state: Where it starts.
         constraints: In force throughout.
-        feet: Names of those that are its feet; empty of what does not stand.
-        controller: What drives the motors; None for nothing.
+        feet: Names of its feet; empty if it does not stand.
+        controller: Controller of the motors; None for none.
         summary: What it does, in short.
-        limits: What is left out, a sentence each.
+        limits: What the model neglects, a sentence each.
     """
 
     state: State
@@ -50,7 +50,7 @@ class Setup:
 
 
 def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> Robot:
-    """The robot; one with motors that neither has feet nor loops nor wheels is bolted down, unless `root` says how it moves."""
+    """The robot; one with motors that neither has feet nor loops nor wheels has a fixed base, unless `root` gives another."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         robot = load_robot(name, root=root, package_dirs=package_dirs)
@@ -72,22 +72,22 @@ def setup(
     bodies: bool | None = None,
     stops: bool = False,
 ) -> Setup:
-    """What to simulate of a robot.
+    """Default setup for a robot.
 
-    On feet, where they are known: frictional soles or points, the posture held. With loops or wheels: these, held, and its
-    motors without torque. Else its posture held, of an arm that is fixed.
+    On feet, where they are known: frictional soles or points, the posture held. With loops or wheels: these hold, and its
+    motors without torque. Else the posture of a fixed arm, held.
 
     Args:
         robot: The robot.
         posture: Where it starts, by name; the standing one, else the file's first, else neutral.
         friction: Coulomb's coefficient of its feet.
-        hold: Whether its motors hold the posture; None: as said above.
+        hold: Whether its motors hold the posture; None: as above.
         bodies: Whether all other collision shapes of its file may touch the ground z = 0 too; what has no feet and floats is
             then laid on it. None: where a robot on feet has such shapes, so that one that falls ends on the ground.
         stops: Whether its joints stop at the limits of its file.
 
     Raises:
-        CannotHold: the posture cannot be held; says which limit prevents it.
+        CannotHold: the posture cannot be held; names the limit that prevents it.
         CannotAssemble: its loops do not close.
         InputError: unknown names, a friction that is none.
     """
@@ -151,7 +151,7 @@ def _one_each(option: str, given: Sequence[Value], n: int) -> Sequence[Value]:
 
 
 def _others(robot: Robot, feet: Sequence[Constraint], friction: float) -> CollisionContacts:
-    """All shapes that move may touch but those that the feet's contacts stand for."""
+    """Contacts of all moving shapes, except those that the feet's contacts represent."""
     model = robot.collision_model
     soles = {robot.site(contact.frame)[0] for contact in feet}  # type: ignore[attr-defined]
     names = tuple(g.name for g in model.geometryObjects if g.parentJoint not in {0, *soles})

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT = 1, 2
 WIDTH = 140
-"""A file or a pipe has no width; tables cut at 80 columns would lose numbers."""
+"""Width for files and pipes: tables cut at 80 columns would lose numbers."""
 PAGES, FIGURES, TRAJECTORIES = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc")
 _SILENT = (DeprecationWarning, PendingDeprecationWarning, ResourceWarning)
 _PYTHON = {
@@ -49,7 +49,7 @@ _PYTHON = {
     "(joint_motion)": "(--space joint)",
     ", or None for a bilateral contact": "",
 }
-"""What messages advise in Python, and the same on the command line."""
+"""Advice of messages in Python, with its form on the command line."""
 _CODE = re.compile(r"\brbd\.\w|[A-Za-z_]\w*\(|\w=[\w.(\[{]")
 """A name of the package, a call, or a keyword argument."""
 
@@ -105,7 +105,7 @@ def rounded(values: Array, digits: int) -> str:
 
 
 def counted(n: int, what: str) -> str:
-    """A number of things, as "1 step" or "2 steps"."""
+    """A count with its noun, as "1 step" or "2 steps"."""
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
@@ -114,7 +114,7 @@ def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
 
     Args:
         option: Its name.
-        text: What came, numbers with commas between.
+        text: The option's text, numbers separated by commas.
         unit: Of the numbers, for the message.
         names: What the numbers are, as "X,Y,Z"; "" for any count.
 
@@ -138,7 +138,7 @@ def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
 def open_console(*, errors: bool = False) -> Console:
     """The console of standard output, or of the errors' stream.
 
-    What the stream's encoding cannot say (a name that is not UTF-8, a ² on an ASCII terminal) is written with backslashes.
+    Text that the stream cannot encode (a name that is not UTF-8, a ² on an ASCII terminal) is written with backslashes.
     """
     stream = sys.stderr if errors else sys.stdout
     if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
@@ -152,7 +152,7 @@ def answering(command: Command | None = None) -> Iterator[None]:
     """Turn this package's errors into messages and exit codes, and its warnings into lines, each printed once.
 
     Args:
-        command: Whose options messages speak of.
+        command: The command whose options appear in messages.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -176,7 +176,7 @@ def in_commands(text: str) -> str:
 
 
 def in_options(message: str, command: Command | None = None) -> str:
-    """A message in terms of the command line: arguments are options of the command, and advice in Python is left out."""
+    """A message in terms of the command line: arguments are options of the command, and advice in Python is removed."""
     message = in_commands(message)
     options = {} if command is None else _options(command)
     first, *more = re.split(r"(?<=\.)\s+(?=[A-Z`])", message)
@@ -196,14 +196,14 @@ def _options(command: Command) -> dict[str, str]:
 
 
 def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *, reads: str | None = None) -> None:
-    """Refuse files that could not be written, before anything is computed.
+    """Refuse files that could not be written, before computing.
 
     Args:
-        outputs: {option: (where it goes, or None; the endings that it may have, () for any)}.
+        outputs: {option: (path or None; allowed suffixes, () for any)}.
         reads: The file that the command reads: it is not overwritten.
 
     Raises:
-        InputError: an ending that says nothing, a folder that is not there, no permission, one file for two options, a
+        InputError: an unknown suffix, a missing folder, no permission, one file for two options, a
             figure without Matplotlib.
     """
     taken: dict[str, str] = {}
@@ -220,12 +220,12 @@ def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *,
         check_place(path, what=option)
         if other := taken.get(place := os.path.realpath(path)):
             raise InputError(f"{option} and {other} are one file, {str(path)!r:.300}. Give each its own.")
-        if path.is_file() or not path.exists():  # two answers may go to one device
+        if path.is_file() or not path.exists():  # two outputs may go to one device
             taken[place] = option
 
 
 def save_figure(figure: Figure, path: Path, *, dpi: int) -> Path:
-    """Write a figure; returns where it is.
+    """Write a figure; returns its path.
 
     Raises:
         InputError: the file cannot be written.
@@ -241,7 +241,7 @@ def write_json(path: Path | None, report: Reported) -> None:
 
 
 def _jsonable(value: object) -> object:
-    """None in place of NaN and infinity, which JSON has not."""
+    """None in place of NaN and infinity, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _jsonable(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -266,7 +266,7 @@ def serve(console: Console, url: str) -> None:
 
 @contextmanager
 def timed(seconds: dict[str, float], what: str) -> Iterator[None]:
-    """Note the seconds that something takes."""
+    """Record the seconds that a block takes."""
     start = time.perf_counter()
     yield
     seconds[what] = time.perf_counter() - start

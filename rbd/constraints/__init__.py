@@ -1,4 +1,4 @@
-"""Constraints: each gives named rows with a set for its forces. They know no solver."""
+"""Constraints: each gives named rows with a force set, and knows no solver."""
 
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import Contact, LineContact, PointContact, SurfaceContact

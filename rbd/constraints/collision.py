@@ -27,42 +27,42 @@ from rbd.problem.ground import TOUCHES, Ground, On, plane_of
 from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4
-"""Points with a gap up to this count as touching, by default: what a posture found by iteration leaves open."""
+"""Points with a gap up to this count as touching, by default: the residual gap of an iterated posture."""
 
 
 @dataclass(frozen=True, eq=False)
 class CollisionContacts:
-    """Every point where a robot's collision shapes touch a plane or each other: three rows a point, in a friction cone.
+    """Contacts at all points where a robot's collision shapes touch a plane or each other, three rows a point.
 
-    Which points there are is found at each state; where nothing is within the margin there are no rows. Boxes and meshes touch
+    The points are computed at each state; where none is within the margin there are no rows. Boxes and meshes touch
     with their corners; balls, capsules and ellipsoids at their lowest points; cylinders and cones at the lowest points of their
-    rims, and with eight corners of a rim that lies nearly flat. A mesh counts as its convex hull. Of a hull with many corners
-    near the plane the eight lowest get rows, and up to eight around them that it would tip onto; of its flat faces with more
-    than eight corners, eight. Two bodies touch at the corners of what two faces, or a face and an edge, have in common, or at
+    rims, and with eight corners of a nearly horizontal rim. A mesh counts as its convex hull. Of a hull with many corners
+    near the plane the eight lowest get rows, and up to eight around them over which it could tip; of its flat faces with more
+    than eight corners, eight. Two bodies touch at the corners of the intersection of two faces, or of a face and an edge, or at
     their nearest points.
 
     Row `error` is the gap along the normal, zero along tangents; `holonomic` marks the normals. `bias` is the second derivative
-    of the gap and the first of the velocity along the plane, of round shapes too: there the place of contact wanders over the
-    body. (Between bodies it is exact where a face, a ball or a corner of a ball's partner gives the normal; of edges that cross
-    or slide over each other it takes the place for material, which leaves out terms of sliding speed times angular velocity.)
+    of the gap and the first of the velocity along the plane, of round shapes too, whose contact point moves over the
+    body. (Between bodies it is exact where a face, a ball or a corner of a ball's partner gives the normal; for crossing edges
+    or sliding ones the contact point is taken as material, which neglects terms of sliding speed times angular velocity.)
 
     With the plane alone all points share its axes: `resultant` gives the wrench on the robot about the plane's point (by
-    default W's origin), `patch` the corners. With `pairs` there is neither, and `solution.forces` has row forces: for both
-    kinds give one constraint for the ground and one, `ground=False`, for the pairs.
+    default W's origin), `patch` the corners. With `pairs` there is neither, and `solution.forces` has row forces; to have both
+    kinds use one constraint for the ground and one, `ground=False`, for the pairs.
 
     Attributes:
-        name: The role of all these contacts together.
-        robot: The robot whose `collision_model` is used; a `Pair` is one too.
+        name: The role of all these contacts.
+        robot: The robot whose `collision_model` is used; also a `Pair`.
         friction: Coulomb's coefficient; 0 gives one row a point.
         facets: Facets of each point's pyramid in a QP.
-        ground: Whether there is a plane; or names of the links or shapes that alone may touch it.
-        pairs: Pairs of names of links or shapes that may touch each other; True: the collision pairs of
+        ground: Whether there is a plane; or names of the only links or shapes that can touch it.
+        pairs: Pairs of names of links or shapes that can touch each other; True: the collision pairs of
             `robot.collision_model`, or all bodies that no single joint connects where it has none.
-        on: The plane, of ground at rest: `rbd.Ground(point=..., normal=...)`, or the height of a level one [m].
-        margin: Largest gap of points that get rows [m]. At an acceleration all of them touch; a simulation sees farther.
+        on: The plane of a ground at rest: `rbd.Ground(point=..., normal=...)`, or the height of a level one [m].
+        margin: Largest gap of points that get rows [m]. In `rbd.solve` all of them touch; a simulation uses a larger margin.
 
     Raises:
-        InputError: names that are not there, with the nearest; a robot without shapes; a mesh that cannot be had; a friction
+        InputError: unknown names, with the nearest; a robot without shapes; a mesh that cannot be loaded; a friction
             that is negative or None; a plane without direction.
 
     >>> solution = rbd.solve(state, tau, [rbd.CollisionContacts("ground", robot, friction=0.7)])
@@ -95,7 +95,7 @@ class CollisionContacts:
         margin: float = TOUCHES_M,
     ) -> None:
         if not isinstance(name, str) or not name:
-            raise InputError(f"the name of CollisionContacts is {name!r:.80}; expected a word, e.g. 'ground'.")
+            raise InputError(f"the name of CollisionContacts is {name!r:.80}; expected a string, e.g. 'ground'.")
         if friction is None:
             raise InputError(
                 f"friction of {name!r:.80} is None; expected a number >= 0: contacts found from shapes are unilateral."
@@ -109,7 +109,7 @@ class CollisionContacts:
         put(self, "on", plane_of(name, on))
         if self.on.velocity is not None or self.on.acceleration is not None:
             raise InputError(
-                f"the ground of {name!r:.80} moves; expected one at rest. On one that moves give contacts at points."
+                f"the ground of {name!r:.80} moves; expected one at rest. On moving ground give contacts at points."
             )
         put(self, "margin", _checked_margin(name, margin))
         shapes = CollisionShapes(name, robot)
@@ -121,16 +121,16 @@ class CollisionContacts:
         bodies = Bodies(robot)
         put(self, "_point", np.asarray(self.on.point))
         put(self, "_axes", contact_axes(np.asarray(self.on.normal)))
-        put(self, "_turn", np.hstack([cross_matrix(e) for e in self._axes.T]))  # takes r to r x e of the three axes
+        put(self, "_turn", np.hstack([cross_matrix(e) for e in self._axes.T]))  # maps r to r x e of the three axes
         plane = OnPlane(robot, bodies, low, self._axes, self._point) if low else None
         put(self, "_finder", _Finder(robot, plane, Between(robot, bodies, both) if both else None))
         put(self, "_cone", _cone(self.friction, self.facets))
 
     def with_margin(self, margin: float) -> CollisionContacts:
-        """The same contacts seen from farther off, or less far.
+        """The same contacts with another margin.
 
         Raises:
-            InputError: a margin that is no length.
+            InputError: a negative margin, or not a number.
         """
         return self._changed(margin=_checked_margin(self.name, margin), _finder=self._finder.another())
 
@@ -139,13 +139,13 @@ class CollisionContacts:
         return self._changed(friction=float(mu), _cone=_cone(float(mu), self.facets))
 
     def _changed(self, **changes: object) -> CollisionContacts:
-        """The same with other fields, all of them given; what was found of the shapes is kept."""
+        """The same with other fields, all of them given; the prepared shapes are reused."""
         out = object.__new__(CollisionContacts)
         out.__dict__.update(self.__dict__ | changes)
         return out
 
     def rows(self, state: State) -> Rows:
-        """Three rows a point (tangent, tangent, normal), or the normal one alone without friction; none where nothing is near.
+        """Three rows a point (tangent, tangent, normal), or the normal one alone without friction; none where no point is near.
 
         Raises:
             InputError: a state of another robot.
@@ -165,7 +165,7 @@ class CollisionContacts:
         return Rows(self.name, J, bias, cone, velocity, error[kept], resultant=resultant, patch=patch, holonomic=held)
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints:
-        """The points themselves, in the order of the rows; at all times `t`, as the ground is at rest.
+        """The points themselves, in the order of the rows; for any time `t`, as the ground is at rest.
 
         Raises:
             InputError: a state of another robot.
@@ -178,11 +178,11 @@ class CollisionContacts:
 
     @property
     def _kept(self) -> slice:
-        """Which of a point's three rows there are."""
+        """Which of a point's three rows are used."""
         return slice(None) if self.friction else slice(2, None, 3)
 
     def _resultant(self, found: Touching) -> Array | None:
-        """From row forces to the wrench on the robot about the plane's point; None with pairs."""
+        """Map from row forces to the wrench on the robot about the plane's point; None with pairs."""
         if self.pairs:
             return None
         k = len(found.gaps)
@@ -205,13 +205,13 @@ class CollisionContacts:
         return Rows(self.name, np.zeros((0, nv)), np.zeros(0), NonNegative(0), resultant=np.zeros((6, 0)), patch=patch)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copies are made anew, in another process too."""
+        """Copies are constructed by the class, in another process too."""
         words = ("friction", "facets", "ground", "pairs", "on", "margin")
         return _made, (self.name, self.robot, {word: getattr(self, word) for word in words})
 
 
 class _Finder:
-    """Finds the points at a state; one thread at a time. What it found last it gives again: rows, then points."""
+    """Computes the points at a state, one thread at a time; the last result is cached, for rows and points."""
 
     def __init__(self, robot: CheckedModel, plane: OnPlane | None, between: Between | None) -> None:
         self.robot, self.plane, self.between = robot, plane, between
@@ -225,7 +225,7 @@ class _Finder:
         self._lock = threading.Lock()
 
     def another(self) -> _Finder:
-        """One that remembers on its own."""
+        """A copy with a separate cache."""
         return _Finder(self.robot, self.plane, self.between)
 
     def at(self, state: State, margin: float) -> Touching:
@@ -252,7 +252,7 @@ def _checked_margin(name: str, margin: float) -> float:
 
 
 def _cone(friction: float, facets: int) -> Cone:
-    """Set of the forces of one point."""
+    """Force set of one point."""
     return FrictionCone(friction, facets) if friction else NonNegative(1)
 
 
@@ -269,10 +269,10 @@ def _normals(k: int, friction: bool) -> Array:
 
 
 class CollisionShapes:
-    """The collision shapes of a robot, made convex when they are first wanted.
+    """The collision shapes of a robot, made convex on first use.
 
     Raises:
-        InputError: what is given is no robot, or one without collision shapes.
+        InputError: not a robot, or one without collision shapes.
     """
 
     def __init__(self, name: str, robot: CheckedModel) -> None:
@@ -289,18 +289,18 @@ class CollisionShapes:
                 self._by_name.setdefault(known, []).append(i)
         if not self.objects:
             raise InputError(
-                f"{robot.name} has no collision shapes, so nothing of it can touch. Give <collision> shapes in its file, or "
+                f"{robot.name} has no collision shapes, so it cannot touch anything. Give <collision> shapes in its file, or "
                 "contacts at points: rbd.PointContact, rbd.SurfaceContact."
             )
 
     def on_ground(self, given: bool | Sequence[str]) -> list[ConvexShape]:
-        """The shapes that may touch the ground, in the order of their joints.
+        """The shapes that can touch the ground, in the order of their joints.
 
         Args:
-            given: True: those of all bodies that move; or names of links or shapes.
+            given: True: those of all moving bodies; or names of links or shapes.
 
         Raises:
-            InputError: unknown names, or shapes that cannot be had or are fixed to the world.
+            InputError: unknown names, or shapes that cannot be loaded or are fixed to the world.
         """
         if given is False:
             return []
@@ -316,14 +316,14 @@ class CollisionShapes:
         return sorted((self._shape(i) for i in chosen), key=lambda shape: shape.joint)
 
     def pairs(self, given: bool | Sequence[tuple[str, str]]) -> list[tuple[ConvexShape, ConvexShape]]:
-        """The pairs of shapes that may touch each other.
+        """The pairs of shapes that can touch each other.
 
         Args:
             given: Pairs of names of links or shapes; True: the collision pairs of `robot.collision_model` where it has some,
                 else all shapes of bodies that no single joint connects.
 
         Raises:
-            InputError: unknown names, shapes that cannot be had, shapes of one body.
+            InputError: unknown names, shapes that cannot be loaded, shapes of one body.
         """
         if given is False:
             return []
@@ -367,8 +367,8 @@ class CollisionShapes:
             without = "Leave it out: ground=[names of links that may touch], pairs=[(name, name)]."
             if shape.name in self.stand_ins:
                 raise InputError(
-                    f"the mesh of collision shape {shape.name!r:.80} of {self.robot.name} cannot be had, and the box in its "
-                    "place must touch nothing. Give the folder of its packages, load_robot(..., package_dirs=[folder]). "
+                    f"the mesh of collision shape {shape.name!r:.80} of {self.robot.name} was not found, and the box in its "
+                    "place is no shape to touch. Give the folder of its packages, load_robot(..., package_dirs=[folder]). "
                     f"{without}"
                 )
             try:

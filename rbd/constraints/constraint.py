@@ -1,20 +1,20 @@
-"""What a constraint is: a name, and rows at a state; and what else a kind may say of itself.
+"""`Constraint`: a name, and rows at a state; and the optional members of a kind of constraint.
 
-`name` and `rows(state)` are all that `rbd.solve` and smooth motion need. The members below are optional; the rest of the
-package asks for them through the functions of this module, which know the default where one is absent.
+`name` and `rows(state)` are sufficient for `rbd.solve` and smooth motion. The members below are optional; other modules of the
+package read them through the functions of this module, which supply the default where one is absent.
 
-    points(state, t)              its points of contact, a `ContactPoints`; t: seconds since a ground that moves was given.
+    points(state, t)              its contact points, a `ContactPoints`; t: seconds since a moving ground was given.
                                   Absent: simulation takes its rows, and their `error` for the gap
-    source(start)                 the same, prepared at the start of a motion, a `Source`: for speed alone. None: there is none
-    anchored(state)               the same constraint, its place put where it is: of kinds whose rows may have no `error`
-    with_margin(margin)           the same, its points seen from farther away [m]: of points that come and go
-    on                            what it touches, `rbd.Ground` or `rbd.Body`: a ground with a velocity carries it along
+    source(start)                 the same, prepared at the start of a motion, a `Source`, only for speed. None: there is none
+    anchored(state)               the same constraint anchored at the current pose, for kinds whose rows can have no `error`
+    with_margin(margin)           the same with another margin [m], for kinds whose points appear and disappear
+    on                            what it touches, `rbd.Ground` or `rbd.Body`; a moving ground moves the contact too
     friction, with_friction(mu)   its coefficient, None where bilateral; the same with another one
-    frames                        names of the frames that it joins: one on the ground, two between bodies
-    loop_dof(state, normal)  of a joint that closes a loop: how many relative velocities it leaves, of six; or, where all
-                                  moves across `normal`, of three. `rbd.solve` warns of one that is open
-    check(robot)                  refuses a robot that has not what it names; absent: its frames are looked up
-    renamed(prefix, placement)    the same on a robot whose names begin so and whose world stands at a placement
+    frames                        names of its frames: one on the ground, two between bodies
+    loop_dof(state, normal)  for a loop closure: number of free relative velocities, of six; or, if all
+                                  motion is across `normal`, of three. `rbd.solve` warns if it is open
+    check(robot)                  refuses a robot without the names that it uses; absent: its frames are checked
+    renamed(prefix, placement)    the same on a robot with prefixed names and a displaced world
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Kind = TypeVar("Kind")
 
 
 class Constraint(Protocol):
-    """Anything that gives named rows at a state; inactive ones give zero rows."""
+    """Protocol: a name, and rows at a state; an inactive constraint gives zero rows."""
 
     @property
     def name(self) -> str:
@@ -50,7 +50,7 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
     """Each constraint's rows at a state, in order.
 
     Raises:
-        InputError: if something in the list is no constraint, or its rows have another name than it.
+        InputError: if an entry is not a constraint, or its rows have a different name.
     """
     out = []
     for constraint in listed(constraints):
@@ -63,7 +63,7 @@ def rows_of(state: State, constraints: Sequence[Constraint]) -> list[Rows]:
             )
         if r.name != getattr(constraint, "name", None):
             name = made(constraint).name
-            raise InputError(f"the rows of constraint {name!r:.80} are named {r.name!r:.80}; expected its own name.")
+            raise InputError(f"the rows of constraint {name!r:.80} are named {r.name!r:.80}; expected the constraint's name.")
         out.append(r)
     return out
 
@@ -72,7 +72,7 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """Constraints as a tuple.
 
     Raises:
-        InputError: if it is no list.
+        InputError: if it is not a list.
     """
     if isinstance(constraints, str | bytes):
         raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
@@ -85,10 +85,10 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
 
 
 class PerRobot(Generic[Found]):
-    """What a constraint looks up on a robot, once a robot.
+    """Cache of a value that a constraint derives from a robot, computed once a robot.
 
     Args:
-        find: Takes the constraint and the robot.
+        find: Called with the constraint and the robot.
     """
 
     def __init__(self, find: Callable[[Any, CheckedModel], Found]) -> None:
@@ -96,10 +96,10 @@ class PerRobot(Generic[Found]):
         self._found: tuple[CheckedModel, Found] | None = None
 
     def __reduce__(self) -> tuple[object, ...]:
-        return PerRobot, (self._find,)  # what was found belongs to one robot, in one process
+        return PerRobot, (self._find,)  # cached values belong to one robot, in one process
 
     def of(self, constraint: object, robot: CheckedModel) -> Found:
-        """What was found; raises what `find` raises."""
+        """The value; raises what `find` raises."""
         found = self._found
         if found is None or found[0] is not robot:
             self._found = found = robot, self._find(constraint, robot)
@@ -107,10 +107,10 @@ class PerRobot(Generic[Found]):
 
 
 def made(constraint: Any) -> Constraint:
-    """What was made, if it is a constraint.
+    """The object, if it is a constraint.
 
     Raises:
-        InputError: it is none.
+        InputError: it is not one.
     """
     named = isinstance(getattr(constraint, "name", None), str) and callable(getattr(constraint, "rows", None))
     if isinstance(constraint, type) or not named:
@@ -120,29 +120,29 @@ def made(constraint: Any) -> Constraint:
 
 
 def member(constraint: object, name: str) -> Any:
-    """An optional member of a constraint; None where its kind has none."""
+    """An optional member of a constraint; None if its kind does not have it."""
     return getattr(constraint, name, None)
 
 
 def ground_of(constraint: Constraint) -> Ground | None:
-    """The ground that a constraint touches; None where it touches a body, or nothing is known."""
+    """The ground that a constraint touches; None if it touches a body, or an unknown surface."""
     on = member(constraint, "on")
     return on if isinstance(on, Ground) else None
 
 
 def is_carried(constraint: Constraint) -> bool:
-    """Whether it stands on a ground that moves, and so has no place to be."""
+    """Whether it is on moving ground, and so has no fixed position."""
     ground = ground_of(constraint)
     return ground is not None and ground.velocity is not None
 
 
 def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
-    """A constraint whose rows give no error is put where it is at a state, unless its ground carries it along; others stay.
+    """The constraint, anchored at a state if its rows give no error and its ground does not move.
 
     Args:
-        constraint: Any.
+        constraint: Any constraint.
         rows: Its rows at the state.
-        state: Where.
+        state: Where to anchor it.
     """
     put = member(constraint, "anchored")
     if rows.error is not None or is_carried(constraint) or not callable(put):
@@ -152,32 +152,32 @@ def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
 
 
 def has_friction(constraint: Constraint) -> bool:
-    """Whether it has a coefficient of friction that can be another one, zero included."""
+    """Whether it has a coefficient of friction, zero included, that can be replaced."""
     return member(constraint, "friction") is not None and callable(member(constraint, "with_friction"))
 
 
 def frames_of(constraint: Constraint) -> tuple[str, ...]:
-    """The frames that it joins, one on the ground, two between bodies; none of constraints on joints and functions."""
+    """Its frames, one on the ground, two between bodies; none for constraints on joints and functions."""
     return tuple(member(constraint, "frames") or ())
 
 
 def loop_dof(constraint: Constraint, state: State, normal: Array | None) -> int | None:
-    """Relative velocities that a joint which closes a loop leaves, see above; None of what is no such joint."""
+    """Number of relative velocities that a loop closure leaves free, see above; None for other constraints."""
     count = member(constraint, "loop_dof")
     return count(state, normal) if callable(count) else None
 
 
 def closes_loop(constraint: Constraint) -> bool:
-    """Whether it is a joint that closes a loop."""
+    """Whether it is a loop closure."""
     return callable(member(constraint, "loop_dof"))
 
 
 def check_on(constraint: Constraint, robot: CheckedModel) -> None:
-    """Refuse a robot that has not what a constraint names.
+    """Refuse a robot without the names that a constraint uses.
 
     Raises:
-        FrameNotFound: a frame that is not there, with the nearest names.
-        InputError: as its kind says.
+        FrameNotFound: an unknown frame, with the nearest names.
+        InputError: as raised by its kind.
     """
     check = member(constraint, "check")
     if callable(check):
@@ -188,10 +188,10 @@ def check_on(constraint: Constraint, robot: CheckedModel) -> None:
 
 
 def renamed(constraint: Kind, prefix: str, placement: pin.SE3 | None) -> Kind:
-    """The same constraint on a robot whose names begin with a prefix, and whose world stands at a placement (None: in W).
+    """The same constraint on a robot with prefixed names, whose world is at a placement (None: at W).
 
     Raises:
-        InputError: its kind cannot, or this one cannot be moved.
+        InputError: if it cannot be renamed or moved.
     """
     rename = member(constraint, "renamed")
     if not callable(rename):

@@ -1,8 +1,8 @@
 """Contacts at k corner points, bilateral, with friction or without; on ground at rest, on moving ground, on another body.
 
-Rows are in contact axes (tangent, tangent, normal); the normal points out of what is touched, so that a positive normal
+Rows are in contact axes (tangent, tangent, normal); the normal points out of the surface, so that a positive normal
 force pushes the robot away from it. J v is the velocity of the contact point (and the angular velocity of a patch), J_dot v
-its classical acceleration with the contact axes held still; both as seen from what is touched (`rbd.constraints.surface`).
+its classical acceleration in fixed contact axes; both relative to the surface (`rbd.constraints.surface`).
 """
 
 from __future__ import annotations
@@ -50,31 +50,31 @@ class Contact:
         2         velocity of the middle (3), angular velocity about y and z (2)    the same 5
         k         velocity of the centre (3), angular velocity (3)                  the same 6
 
-    `friction=None` is bilateral: forces and moments of all kinds. `friction=mu` is unilateral with Coulomb friction at the
-    corners, which resists torque too: the rows take what corner forces in friction cones can make. `friction=0.0` is
+    `friction=None` is bilateral: forces and moments in all directions. `friction=mu` is unilateral with Coulomb friction at the
+    corners, which resists torque too: row forces are resultants of corner forces in friction cones. `friction=0.0` is
     unilateral without friction.
 
-    `PointContact`, `LineContact` and `SurfaceContact` are the three, by what one knows of each.
+    `PointContact`, `LineContact` and `SurfaceContact` construct the three kinds.
 
     Attributes:
         name: The contact's role, e.g. "left_sole".
-        frame: Frame of the robot that it is fixed to.
+        frame: Frame of the robot to which it is fixed.
         corners: Corner points from the contact's centre in its axes, shape (k, 3) [m]; two become an edge along x.
-        placement: X_FP, from the frame to the centre and axes: z is the outward normal of what is touched. A point has no
-            axes of its own: W's, turned to the normal.
+        placement: X_FP, from the frame to the centre and axes: z is the outward normal of the surface. A point takes
+            W's axes, rotated to the normal.
         friction: Coulomb's coefficient, or None.
-        facets: Facets of each corner's pyramid that a QP puts in place of the cone; it circumscribes the cone, so it admits
+        facets: Facets of each corner's pyramid that replaces the cone in a QP; it circumscribes the cone, so it admits
             up to mu / cos(pi / facets) on its edges.
-        on: What is touched: a plane, `rbd.Ground(point=..., normal=...)`, which may move, or the height of a level one [m];
-            another body, `rbd.Body(frame)`; or None where nothing is known of it, and the contact is taken as touching
-            wherever it is. One more than a millimetre off its plane gets a `DistantContactWarning` where it is solved, and
-            `rbd.simulate` lets it fall onto the plane.
-        anchor: Where it first touched, in W or in the body's axes: of a point shape (3,) [m], else pin.SE3 of its centre. The
-            rows' `error` is the way from there, and how far it has turned, in contact axes: its derivative is J v where the
+        on: The surface: a plane, `rbd.Ground(point=..., normal=...)`, which may move, or the height of a level one [m];
+            another body, `rbd.Body(frame)`; or None if it is unknown, and the contact is assumed to touch
+            in any pose. A contact more than a millimetre off its plane gets a `DistantContactWarning` from `rbd.solve`, and
+            `rbd.simulate` lets the body fall onto the plane.
+        anchor: Where it first touched, in W or in the body's axes: for a point, shape (3,) [m], else pin.SE3 of its centre. The
+            rows' `error` is the displacement and rotation from there, in contact axes: its derivative is J v where the
             error is zero, and to first order elsewhere. None gives no error. See `anchored`.
 
     Raises:
-        InputError: negative friction, corners of no length or area, numbers that are not finite.
+        InputError: negative friction, corners of zero length or area, numbers that are not finite.
     """
 
     name: str
@@ -122,14 +122,14 @@ class Contact:
         put(self, "_touched", Counterpart(name, surface, X_S0))
         put(self, "_plane", self._measured_from(X_S0))
         put(self, "_against", surface.frame if isinstance(surface, Body) else None)
-        # Of corners off the contact's own plane no bound is kept.
+        # Without a bound if corners are off the contact's plane.
         put(self, "_reach", np.inf if points[:, 2].any() else float(np.linalg.norm(points, axis=1).max()))
         put(self, "_axes", contact_axes(UP if self.normal is None else self.normal))
         put(self, "_upright", bool(np.array_equal(self._axes, np.eye(3))))
 
     @property
     def normal(self) -> Array | None:
-        """Outward normal of what is touched, shape (3,), in W or in the body's axes; None: the placement's z, as it is."""
+        """Outward normal of the surface, shape (3,), in W or in the body's axes; None: the placement's z."""
         given = None if self.on is None else self.on.normal
         if given is None:
             return UP.copy() if len(self.corners) == 1 else None
@@ -137,7 +137,7 @@ class Contact:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Its own frame, and that of the body that it touches."""
+        """Its frame, and that of the body that it touches."""
         return (self.frame,) if self._against is None else (self.frame, self._against)
 
     def rows(self, state: State) -> Rows:
@@ -145,7 +145,7 @@ class Contact:
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: it is between two frames of one body, or an edge stands more than 45 degrees off its surface.
+            InputError: if both frames are on one body, or an edge is inclined more than 45 degrees to its surface.
         """
         if type(state) is not State:  # one call less on the hot path
             check_state(state, self.name)
@@ -165,7 +165,7 @@ class Contact:
         return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints | None:
-        """Its corners on the ground as it stands at a state; None if bilateral, or on a body: there the rows are used.
+        """Its corners on the ground at a state; None if bilateral or on a body, where the rows are used.
 
         Args:
             state: The robot.
@@ -179,7 +179,7 @@ class Contact:
         return None if self.friction is None or self._against is not None else OnGround(self, start)
 
     def anchored(self, state: State) -> Self:
-        """The same contact, its anchor where it touches at this state."""
+        """The same contact, anchored where it touches at this state."""
         motion = Counterpart(self.name, self.on, pin.SE3.Identity()).motion(state, self.frame, self.placement)
         X_S0 = motion.X_WS.actInv(motion.X_WP)
         return replace(self, anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
@@ -189,10 +189,10 @@ class Contact:
         return replace(self, friction=mu)
 
     def renamed(self, prefix: str, placement: pin.SE3 | None) -> Self:
-        """The same contact on a robot whose names begin with a prefix, its ground moved by a placement.
+        """The same contact on a robot with prefixed names, its ground moved by a placement.
 
         Raises:
-            InputError: it has an anchor or a moving ground that would have to be moved.
+            InputError: if it has an anchor or a moving ground, which cannot be moved.
         """
         name, frame, on = prefix + self.name, prefix + self.frame, self.on
         if isinstance(on, Body):
@@ -200,8 +200,8 @@ class Contact:
         elif placement is not None:
             if self.anchor is not None or (on is not None and (on.velocity is not None or on.acceleration is not None)):
                 raise InputError(
-                    f"contact {self.name!r} has an anchor or a moving ground, given in the second robot's own world; make it "
-                    f"anew in W, with frame={frame!r}."
+                    f"contact {self.name!r} has an anchor or a moving ground, given in the second robot's world; make it "
+                    f"again in W, with frame={frame!r}."
                 )
             n, point = self.normal, None if on is None else on.point
             if n is not None or point is not None:
@@ -212,9 +212,9 @@ class Contact:
         return replace(self, name=name, frame=frame, on=on)
 
     def _measured_from(self, anchor: pin.SE3 | None) -> Ground | None:
-        """The plane that it is measured from: its ground's, or that through the anchor.
+        """The plane from which its gap is measured: its ground's, or that through the anchor.
 
-        One on another body, or on a ground that carries it away from its anchor, is not measured.
+        No gap on another body, or on ground that moves the contact away from its anchor.
         """
         on = self.on
         if isinstance(on, Ground) and on.point is not None:
@@ -238,7 +238,7 @@ class Contact:
         return X_WP, R, R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3], error
 
     def _line(self, state: State) -> Seen:
-        """Accelerations of the last two rows are those of its direction, x cross x'': the body's less (w_x w_z, -w_x w_y)."""
+        """The last two rows' accelerations are those of its direction, x cross x'': the body's less (w_x w_z, -w_x w_y)."""
         motion = self._touched.motion(state, self.frame, self.placement)
         n, error = self.normal, None
         R = motion.X_WP.rotation if n is None else edge_axes(self.name, motion.X_WP.rotation[:, 0], motion.X_WS.rotation @ n)
@@ -270,7 +270,7 @@ class Contact:
 
 @dataclass(frozen=True, eq=False, init=False)
 class PointContact(Contact):
-    """A point of the robot that touches something: `Contact` at one corner point.
+    """A contact at a point of the robot: `Contact` at one corner point.
 
     Attributes:
         offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
@@ -300,19 +300,19 @@ class PointContact(Contact):
 
 @dataclass(frozen=True, eq=False, init=False)
 class LineContact(Contact):
-    """A straight edge of the robot that touches something: `Contact` at its two ends. Turns about it are free.
+    """A contact along a straight edge of the robot: `Contact` at its two ends. Rotation about the edge is free.
 
-    A normal of what is touched is worth giving for a body that rolls over its edge: without it, it is the placement's z, which
+    Give the surface's normal for a body that rolls over its edge: the default is the placement's z, which
     tilts with the body. Its part along the edge is left out.
 
     Attributes:
         half_length: Half of the edge's length [m].
-        placement: X_FP, from the frame to the edge's middle: it lies along x.
+        placement: X_FP, from the frame to the edge's middle; the edge is along x.
 
-    Other attributes as of `Contact`; `anchor` is the pose where the edge first touched, and turns about it do not count.
+    Other attributes as of `Contact`; `anchor` is the pose where the edge first touched, rotation about it excluded.
 
     Raises:
-        InputError: a length that is not above zero, and as `Contact`.
+        InputError: a length that is not positive, and as `Contact`.
     """
 
     corners: Array = field(init=False, repr=False)
@@ -340,9 +340,9 @@ class LineContact(Contact):
 
 @dataclass(frozen=True, eq=False, init=False)
 class SurfaceContact(Contact):
-    """A flat patch of the robot on something flat, a sole or a palm: `Contact` at three corner points or more.
+    """A contact of a flat patch of the robot, e.g. a sole or a palm: `Contact` at three corner points or more.
 
-    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, and may be given by
+    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, given by either of
 
         half_lengths = (X, Y)    half sizes of a rectangle along the patch's x and y [m]
         corners                  shape (k, 2) in the patch's plane or (k, 3), at least three and not on one line

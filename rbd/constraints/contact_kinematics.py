@@ -1,13 +1,13 @@
 """Contact points of convex shapes and how they move over two bodies.
 
-A point of contact belongs to no material: the lowest point of a ball that rolls stays below its centre. Let p' be how fast the
-place of contact moves, and v + w x (p - o), b + w' x (p - o) velocity and J_dot v of the body at p, o its joint. Then
+A contact point is no material point: the lowest point of a rolling ball stays below its centre. Let p' be the velocity of the
+contact point, and v + w x (p - o), b + w' x (p - o) velocity and J_dot v of the body at p, o its joint. Then
 
-    g  = v + w x (p - o)                        relative velocity of the material that is there now
+    g  = v + w x (p - o)                        relative velocity of the material point at p
     g' = b + w' x (p - o) + w x (p' - v)        its rate of change, at v_dot = 0
 
 For a corner p' = g, and g' is its classical acceleration. For a ball on the ground p' is the velocity of its centre, and there
-is no centripetal part. Against another body the difference of the two counts; axes R that turn with the normal add R'^T g.
+is no centripetal part. For two bodies take the difference of the two; axes R that turn with the normal add R'^T g.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from rbd.model.state import State
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """k points of contact, in contact axes (tangent, tangent, normal), the normal out of what is touched.
+    """k contact points, in contact axes (tangent, tangent, normal), the normal out of the surface.
 
     Attributes:
-        labels: Shape and number of the point, or the name of a crossing; joined into names where asked for.
+        labels: Shape and number of the point, or the name of a crossing; joined into `names` on demand.
         positions: In W, shape (k, 3) [m].
         axes: R_WC of each, shape (k, 3, 3).
         gaps: Shape (k,) [m]; negative where shapes overlap.
-        J: Of the relative velocity, shape (3k, nv).
+        J: Jacobian of the relative velocity, shape (3k, nv).
         velocity: Shape (3k,) [m/s].
         bias: Shape (3k,) [m/s2].
     """
@@ -50,12 +50,12 @@ class Touching:
 
     @lazy
     def names(self) -> tuple[str, ...]:
-        """What stays with a point over time: the same corner of the same shape has the same name."""
+        """Names that identify points over time: the same corner of the same shape has the same name."""
         return tuple(shape if number < 0 else f"{shape}:{number}" for shape, number in self.labels)
 
 
 def joined(parts: Sequence[Touching], nv: int) -> Touching:
-    """Several as one; of none, no points."""
+    """Several stacked; of none, no points."""
     if len(parts) == 1:
         return parts[0]
     if not parts:
@@ -78,7 +78,7 @@ class BodyMotion:
 
 
 class Bodies:
-    """Motions of bodies by the index of their joint."""
+    """Motions of bodies by joint index."""
 
     def __init__(self, robot: CheckedModel) -> None:
         self._marks: dict[int, tuple[str, pin.SE3]] = {}
@@ -98,7 +98,7 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Low:
-    """Points of one shape that are near the plane, in its body's axes, and their gaps."""
+    """Points of one shape near the plane, in its body's axes, and their gaps."""
 
     shape: ConvexShape
     numbers: list[int]
@@ -107,30 +107,30 @@ class _Low:
 
 
 class OnPlane:
-    """Shapes above a plane that does not move.
+    """Contact points of shapes with a fixed plane.
 
     Args:
         robot: The robot.
         bodies: Its bodies.
-        shapes: Those that may touch, in the order of their joints.
+        shapes: Those that can touch, in the order of their joints.
         axes: R_WC, the plane's normal third, shape (3, 3).
-        point: Of the plane, in W, shape (3,) [m].
+        point: A point of the plane, in W, shape (3,) [m].
     """
 
     def __init__(self, robot: CheckedModel, bodies: Bodies, shapes: Sequence[ConvexShape], axes: Array, point: Array) -> None:
         self.bodies, self.shapes, self.axes, self.height = bodies, shapes, axes, float(axes[:, 2] @ point)
         self.beyond = np.array([shape.reach for shape in shapes]) + self.height
-        # Of the potential energy of a body, the first four of its ten parameters: m, and m times the centre of mass.
+        # For the potential energy of a body, the first four of its ten parameters: m, and m times the centre of mass.
         self.entries = 10 * (np.array([shape.joint for shape in shapes], int)[:, None] - 1) + np.arange(4)
         self.centres = np.array([[1.0, *shape.centre] for shape in shapes])
         # With gravity -n the potential energy of a unit mass at a point of a body is the point's height: z + up . c.
         self.model = robot.model.copy()
         self.model.gravity = pin.Motion(-axes[:, 2], np.zeros(3))
         self._same_axes: dict[int, Array] = {}
-        self.turn = np.hstack([cross_matrix(e) for e in axes.T])  # takes r to r x e of the three axes
+        self.turn = np.hstack([cross_matrix(e) for e in axes.T])  # maps r to r x e of the three axes
 
     def at(self, state: State, data: pin.Data, margin: float) -> list[Touching]:
-        """The points that are at most `margin` above the plane, by body, as one; nothing where there are none.
+        """The points that are at most `margin` above the plane, by body, stacked; empty if there are none.
 
         Args:
             state: The robot.
@@ -153,7 +153,7 @@ class OnPlane:
         gaps = np.concatenate([low.gaps for low in lows])
         k, moves = len(gaps), state.v.any()
         r, positions = np.empty((k, 3)), np.empty((k, 3))
-        A = np.empty((k, 3, 6))  # takes the twist of a body at o to the velocities of its points, in contact axes
+        A = np.empty((k, 3, 6))  # maps the twist of a body at o to the velocities of its points, in contact axes
         A[:, :, :3] = self.axes.T
         J, velocity, bias = np.empty((3 * k, state.robot.nv)), np.zeros(3 * k), np.zeros(3 * k)
         end = 0
@@ -189,12 +189,12 @@ class OnPlane:
 
 
 class Between:
-    """Pairs of shapes of two bodies.
+    """Contact points of pairs of shapes of two bodies.
 
     Args:
         robot: The robot.
         bodies: Its bodies.
-        pairs: The shapes.
+        pairs: The pairs of shapes.
     """
 
     def __init__(self, robot: CheckedModel, bodies: Bodies, pairs: Sequence[tuple[ConvexShape, ConvexShape]]) -> None:
@@ -227,7 +227,7 @@ class Between:
 
 
 def _pair(met: Meeting, shapes: tuple[ConvexShape, ConvexShape], bodies: tuple[BodyMotion, BodyMotion]) -> Touching:
-    """All points of two shapes; their axes are the same."""
+    """All contact points of two shapes, with the same axes."""
     R, k = contact_axes(met.normal), len(met.crossings)
     positions = np.array([at.position for at in met.crossings])
     turn = np.hstack([cross_matrix(e) for e in R.T])
@@ -256,7 +256,7 @@ def _turning(
     R: Array,
     velocity: Array,
 ) -> Array:
-    """What the motion of the place and of the axes adds to J_dot v: the last term of g', and R'^T g, shape (3,)."""
+    """Terms of J_dot v by the motion of the contact point and of the axes: the last term of g', and R'^T g, shape (3,)."""
     dn = _normal_rate(met, shapes, bodies, at)
     dp = _place_rate(met, shapes, bodies, at, dn, float(velocity[2]))
     one, other = (cross_matrix(body.v[3:]) @ (dp - body.v[:3]) for body in bodies)
@@ -264,7 +264,7 @@ def _turning(
 
 
 def _arm(r: Array) -> Array:
-    """Takes a twist at the origin to the velocity at r, shape (3, 6)."""
+    """Maps a twist at the origin to the velocity at r, shape (3, 6)."""
     return np.hstack([np.eye(3), -cross_matrix(r)])
 
 
@@ -277,12 +277,12 @@ def _ball(shape: ConvexShape, number: int) -> Ball | None:
 def _normal_rate(
     met: Meeting, shapes: tuple[ConvexShape, ConvexShape], bodies: tuple[BodyMotion, BodyMotion], at: Crossing
 ) -> Array:
-    """Derivative of the normal [1/s]: with the face that gives it; of a ball and a ball or corner, by their line of centres."""
+    """Derivative of the normal [1/s]: it turns with its face, or with the line between a ball and a ball or corner."""
     if met.carrier:
         return cross_matrix(bodies[met.carrier - 1].v[3:]) @ met.normal
     balls = _ball(shapes[0], at.first), _ball(shapes[1], at.second)
     apart = at.gap + sum(ball.radius for ball in balls if ball is not None)
-    if apart < 1e-9 or balls == (None, None):  # edges that cross: as if the second carried it
+    if apart < 1e-9 or balls == (None, None):  # edges that cross: as if it turned with the second
         return cross_matrix(bodies[1].v[3:]) @ met.normal
     centres = [body.X.act(ball.centre) if ball else at.position for ball, body in zip(balls, bodies, strict=True)]
     v = [_arm(c - body.X.translation) @ body.v for c, body in zip(centres, bodies, strict=True)]
@@ -298,7 +298,7 @@ def _place_rate(
     dn: Array,
     opening: float,
 ) -> Array:
-    """How fast the place of contact moves, p': with the point of a shape that is there, half the gap's change included."""
+    """Velocity p' of the contact point: that of the shape's point there, half the gap's change included."""
     for number, shape, body, sign in zip((at.first, at.second), shapes, bodies, (1.0, -1.0), strict=True):
         if number < 0:
             continue

@@ -1,10 +1,10 @@
-"""Constraints as contact points: Jacobian, velocity, J_dot v and gap of each point that a motion's constraints have at a state.
+"""Constraints as contact points: Jacobian, velocity, J_dot v and gap of each of their points at a state.
 
-A point has a set of impulses (a cone, a half-line, an interval, or all there are), rows J, the velocity of those rows, their
-J_dot v, and a gap: how far it is from touching. Bilateral constraints and joint friction have a gap of -infinity: they always
-act. A sole is its corners here, each with the ground's normal, so that it may tip.
+A point has a set of impulses (a cone, a half-line, an interval, or the whole space), rows J, the velocity of those rows, their
+J_dot v, and a gap, its distance from contact. Bilateral constraints and joint friction have a gap of -infinity: they always
+act. A sole is given by its corners, each with the ground's normal, so that it can tip.
 
-A kind says this itself, by `points(state, t)`; of any other its rows say it, with their `error` for the gap.
+A kind of constraint gives them by `points(state, t)`; for others they come from rows, with `error` as the gap.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from rbd.problem.contact_motion import centripetal
 from rbd.problem.rows import Rows
 
 ALWAYS = -np.inf
-"""The gap of what always acts."""
+"""The gap of constraints that are always active."""
 MARGIN = 0.05
-"""Margin of contacts that come and go [m]: what is nearer is watched."""
+"""Margin of contacts that appear and disappear [m]: points nearer than this are watched."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """k points with p rows in all: where a constraint touches, or comes near, and how it moves there.
+    """Contact points of a constraint, touching or near: k points with p rows in all, and their motion.
 
     Attributes:
-        names: Label of each point, which stays with it over time: "left_sole_link_0:3" is corner 3 of that shape.
+        names: Label of each point, constant over time: "left_sole_link_0:3" is corner 3 of that shape.
         positions: In W, shape (k, 3) [m].
-        axes: R_WC (tangent, tangent, normal), shape (3, 3), or (k, 3, 3) of each; the normal pushes the (first) body away.
-        gaps: Distance along the normal, shape (k,) [m]; negative where shapes overlap, -inf of what always acts.
+        axes: R_WC (tangent, tangent, normal), shape (3, 3), or (k, 3, 3) of each; normal forces push the (first) body away.
+        gaps: Distance along the normal, shape (k,) [m]; negative where shapes overlap, -inf for those always active.
         J: Jacobian of the points' rows, a point's normal row last, shape (p, nv).
         velocity: J v less the surface's velocity, shape (p,) [m/s].
         bias: J_dot v less the surface's acceleration, shape (p,) [m/s2].
         cones: Set of each point's forces, whose dimensions are the numbers of its rows.
-        resultant: Takes the p row forces to the force (r = 3) or wrench (r = 6) on the robot in world axes, shape (r, p); None:
+        resultant: Maps the p row forces to the force (r = 3) or wrench (r = 6) on the robot in world axes, shape (r, p); None:
             the sum of the points' forces.
     """
 
@@ -59,7 +59,7 @@ class ContactPoints:
 
     @classmethod
     def of(cls, measured: Measured) -> ContactPoints:
-        """Those of a source, as it measured them at a state."""
+        """The contact points that a source gave at a state."""
         points, axes, of = measured.points, measured.axes, measured.structure
         assert points is not None and axes is not None
         names = tuple(f"{owner}:{number}" for owner, number in zip(of.owners, of.numbers, strict=True))
@@ -75,14 +75,14 @@ class ContactPoints:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """The points of a source: what does not change with the state.
+    """The points of a source: the data that do not change with the state.
 
     Attributes:
         owners: Name of the constraint of each point.
         numbers: Number of each point among those of its constraint.
         cones: Set of each point's forces.
         widths: Number of rows of each point, shape (k,).
-        normals: The row that has each point's normal, shape (k,); its last.
+        normals: The row of each point's normal, shape (k,); its last.
     """
 
     owners: tuple[str, ...]
@@ -99,20 +99,20 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A source at a state: k points with p rows in all.
+    """The points of a source at a state: k points with p rows in all.
 
     Attributes:
         structure: The points.
         J: Shape (p, nv).
         velocity: J v less the surface's velocity, shape (p,).
         bias: J_dot v less the surface's acceleration, shape (p,).
-        gap: Shape (k,) [m, rad]; -inf of what always acts.
+        gap: Shape (k,) [m, rad]; -inf for constraints that are always active.
         error: Position errors of bilateral rows, shape (p,); zero elsewhere.
-        to_world: Takes the p row forces to the resultant on the robot in world axes, shape (r, p); None: row forces themselves,
-            or the sum of the points' forces, with their moments where there are arms.
-        arms: From its contact's centre to each point in W, shape (k, 3) [m]; None where the resultant is a force alone.
-        points: Where the points are in W, shape (k, 3) [m]; None of what is no contact.
-        axes: R_WC of the contact axes; (3, 3), or (k, 3, 3); None of what is no contact.
+        to_world: Maps the p row forces to the resultant on the robot in world axes, shape (r, p); None: row forces themselves,
+            or the sum of the points' forces, with their moments if there are arms.
+        arms: From its contact's centre to each point in W, shape (k, 3) [m]; None if the resultant is only a force.
+        points: Positions of the points in W, shape (k, 3) [m]; None if it is not a contact.
+        axes: R_WC of the contact axes; (3, 3), or (k, 3, 3); None if it is not a contact.
     """
 
     structure: Structure
@@ -131,21 +131,21 @@ Group: TypeAlias = tuple[Callable[[Sequence[Any], State], "Source"], Hashable]
 
 
 class Source(Protocol):
-    """What gives points at a state."""
+    """Protocol: gives points at a state."""
 
     @property
     def group(self) -> Group | None:
-        """(what measures several sources at once, which it takes together); None of a source that stays alone."""
+        """(type that computes several sources at once, key of the sources that it takes together); None for a single source."""
 
     def at(self, state: State, t: float) -> Measured:
         """Its points at a state and a time [s]."""
 
     def gaps(self, state: State, t: float) -> Array:
-        """How far they are from touching, shape (k,) [m, rad]: `at(state, t).gap` to rounding, and cheap where it can be."""
+        """Gaps, shape (k,) [m, rad]: `at(state, t).gap` to rounding, computed faster where possible."""
 
 
 def sources_of(constraints: Sequence[Constraint], start: State) -> list[Source]:
-    """The sources of a motion's constraints, in their order; those of one group stand where the first of them does."""
+    """The sources of a motion's constraints, in their order; a group is at the position of its first member."""
     out = [_source(constraint, start) for constraint in constraints]
     for group in dict.fromkeys(source.group for source in out if source.group is not None):
         alike = [source for source in out if source.group == group]
@@ -156,13 +156,13 @@ def sources_of(constraints: Sequence[Constraint], start: State) -> list[Source]:
 
 
 def _source(constraint: Constraint, start: State) -> Source:
-    """What gives the points of one constraint: it says so itself; or its points do; or its rows."""
+    """The source of one constraint: given by itself, by its points, or by its rows."""
     prepared = member(constraint, "source")
     source = prepared(start) if callable(prepared) else None
     if source is not None:
         return source
     with_margin = member(constraint, "with_margin")
-    if callable(with_margin):  # points that come and go, within a margin
+    if callable(with_margin):  # points that appear and disappear, within a margin
         constraint = with_margin(MARGIN)
     points = member(constraint, "points")
     if callable(points) and points(start, 0.0) is not None:
@@ -172,7 +172,7 @@ def _source(constraint: Constraint, start: State) -> Source:
 
 
 class FromPoints:
-    """A constraint by its `points`; each keeps its number while the motion lasts, though points come and go."""
+    """Source from a constraint's `points`; each point keeps its number throughout a motion."""
 
     group = None
 
@@ -193,24 +193,24 @@ class FromPoints:
         return Measured(structure, x.J, x.velocity, x.bias, x.gaps, np.zeros(len(x.J)), x.resultant, None, x.positions, x.axes)
 
     def gaps(self, state: State, t: float) -> Array:
-        """What `at` says."""
+        """The gaps of `at`."""
         return self.at(state, t).gap
 
     def _numbered(self, labels: tuple[str, ...], cones: tuple[Cone, ...]) -> Structure:
-        """The points under the numbers that their labels had when they were first seen; the same points, the same object."""
-        known = self._seen.get((labels, cones))  # the sets may change with the state, e.g. friction
+        """The points in the order in which their labels first appeared; the same object for the same points."""
+        known = self._seen.get((labels, cones))  # the sets can change with the state, e.g. friction
         if known is None:
-            times = [labels[:i].count(label) for i, label in enumerate(labels)]  # two points may bear one label
+            times = [labels[:i].count(label) for i, label in enumerate(labels)]  # two points can have one label
             numbers = tuple(self._numbers.setdefault(one, len(self._numbers)) for one in zip(labels, times, strict=True))
             known = self._seen[labels, cones] = Structure((self.name,) * len(labels), numbers, cones)
         return known
 
 
 def _checked(owner: str, found: ContactPoints, nv: int) -> ContactPoints:
-    """What a user's `points` gave, as arrays.
+    """The result of a user's `points`, as arrays.
 
     Raises:
-        InputError: sizes that do not fit each other, or numbers that are not finite; gaps may be infinite.
+        InputError: inconsistent sizes, or numbers that are not finite; gaps may be infinite.
     """
     names, cones = (() if isinstance(given, str) else tuple(given) for given in (found.names, found.cones))
     k, dims = len(names), [getattr(cone, "dim", None) for cone in cones]
@@ -236,12 +236,12 @@ def _checked(owner: str, found: ContactPoints, nv: int) -> ContactPoints:
         if what != "gaps":
             check_finite(told, array)
         elif np.isnan(array).any():
-            raise InputError(f"{told} is {array!r:.80}; expected distances [m], -inf of what always acts.")
+            raise InputError(f"{told} is {array!r:.80}; expected distances [m], -inf for points that are always active.")
     return ContactPoints(names, cones=cones, **arrays)  # type: ignore[arg-type]  # only the resultant may be None
 
 
 class FromRows:
-    """A constraint by its rows, those of patches at their corners."""
+    """Source from a constraint's rows, those of patches at their corners."""
 
     group = None
 
@@ -268,7 +268,7 @@ class FromRows:
         return Measured(structure, J, velocity, bias, gap, np.where(kept, error, 0.0), to_world, None, points, axes)
 
     def gaps(self, state: State, t: float) -> Array:
-        """What `at` says."""
+        """The gaps of `at`."""
         return self.at(state, t).gap
 
 
@@ -282,7 +282,7 @@ def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None]:
 
 @lru_cache(maxsize=512)
 def _structure(name: str, cone: Cone) -> tuple[Array | None, Structure]:
-    """(G where rows are not the points' own, the points) of a set."""
+    """(G if rows are not the points' rows, the points) of a set."""
     G, parts = cone.generators()
     if all(isinstance(part, Line) for part in parts):
         return None, Structure((name,), (0,), (Free(cone.dim),)) if cone.dim else Structure((), (), ())
@@ -303,5 +303,5 @@ def _single(part: object) -> Cone:
 
 @lru_cache(maxsize=512)
 def _pushes(structure: Structure) -> Array:
-    """Which points push and may part, shape (k,)."""
+    """Which points are unilateral along their normal, shape (k,)."""
     return np.array([not isinstance(c, Free | Box) for c in structure.cones], bool)

@@ -1,8 +1,8 @@
-"""Constraints by a function of the configuration, written down in a script; its derivatives by differences.
+"""Constraints given by a function of the configuration; its derivatives by differences.
 
-Differences are of sixth order, along curves on the manifold of configurations. The step is chosen by what they themselves
-tell: those of fourth and of sixth order, on the same seven nodes, agree where the function is smooth over the step, and the
-step shrinks until they do. Noise, a jump or a kink never lets them.
+Differences are of sixth order, along curves on the manifold of configurations. The step is chosen by comparison:
+those of fourth and of sixth order, on the same seven nodes, agree where the function is smooth over the step, and the
+step shrinks until they do. With noise, a jump or a kink they never agree.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from rbd.problem.rows import Rows
 STEP = 0.01
 """First step tried on the tangent space [m, rad]: there rounding and truncation of a function of unit length balance."""
 ROUGH = 1e-6
-"""Where they agree no better than to this, relative, the function has no derivative that differences could find."""
+"""If they never agree to this, relative, the function counts as not differentiable."""
 _NODES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 _FIRST = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
 
 
 @dataclass(frozen=True, eq=False)
 class FunctionConstraint:
-    """Any function phi(q) of the configuration kept at zero, or above: loops, distances, couplings, a wire on a path.
+    """Constraint phi(q) = 0, or >= 0, for any function of the configuration: loops, distances, couplings, a wire on a path.
 
         error = phi(q)        J v = d phi / dt        J_dot v = d2 phi / dt2 along q (+) t v, where v_dot = 0
 
-    Without `jacobian` J is taken by differences of sixth order on the manifold, along each coordinate of v, right to 1e-10 of
-    the largest of phi and J for a smooth phi; J_dot v likewise, to 1e-9. The step starts at 0.01 m or rad and shrinks until two
-    orders agree; a phi that has no derivative here, or noise above 1e-8, is refused. Twelve calls of phi a coordinate are
-    no hot path: give `jacobian`, and `bias`, where time matters. Both are believed; `rbd.testing.check_constraint` checks them.
+    Without `jacobian` J is taken by differences of sixth order on the manifold, along each coordinate of v, exact to 1e-10 of
+    the largest of phi and J for a smooth phi; J_dot v to 1e-9. The step starts at 0.01 m or rad and shrinks until two
+    orders agree; a phi without a derivative here, or with noise above 1e-8, is refused. Twelve calls of phi a coordinate
+    are slow: give `jacobian`, and `bias`, where time matters. Both are trusted; `rbd.testing.check_constraint` checks them.
 
-    q has unit quaternions (x, y, z, w) and, of continuous joints, (cos, sin): phi gets them as they stand in q, shape
+    q has unit quaternions (x, y, z, w) and, of continuous joints, (cos, sin): phi receives q itself, shape
     (nq,). J has one column an entry of v, shape (m, nv): for a joint with one degree of freedom dphi/dq_i, for a floating
     base by velocities in the base's axes. Row forces are in units of work over phi (newtons where phi is in metres);
     `J^T f` is the generalised force.
@@ -50,11 +50,11 @@ class FunctionConstraint:
         phi: Takes q, gives a number or an array (m,); an empty one where the constraint is inactive.
         jacobian: Takes q, gives (m, nv); or (nv,) where m = 1. None: by differences.
         bias: Takes q and v, gives J_dot v, shape (m,). None: by differences, of `jacobian` where that is given.
-        cone: Where its forces may live; `rbd.problem.Free(m)` by default. `rbd.problem.NonNegative(m)`: phi >= 0, it only
-            pushes.
+        cone: Force set; `rbd.problem.Free(m)` by default. `rbd.problem.NonNegative(m)`: phi >= 0 with a
+            force that only pushes.
 
     Raises:
-        InputError: something that is no function.
+        InputError: if one of them is not a function.
 
     >>> rod = rbd.FunctionConstraint("rod", lambda q: np.hypot(q[0], q[1]) - 1.0)
     """
@@ -78,7 +78,7 @@ class FunctionConstraint:
         """One row an entry of phi.
 
         Raises:
-            InputError: phi, `jacobian` or `bias` raises, gives what is no array of real numbers, changes its size or is not
+            InputError: phi, `jacobian` or `bias` raises, does not return an array of real numbers, changes its size or is not
                 finite; phi has no derivative here.
         """
         check_state(state, self.name)
@@ -121,19 +121,19 @@ class FunctionConstraint:
 
 
 def check_function(name: str, what: str, value: object, *, optional: bool = False) -> None:
-    """Refuse a name that is no word, and what cannot be called.
+    """Refuse a name that is not a string, and an object that is not callable.
 
     Raises:
-        InputError: naming what came.
+        InputError: naming the value.
     """
     if not isinstance(name, str) or not name:
-        raise InputError(f"the name of a constraint is {name!r:.80}; expected a word, e.g. 'four_bar'.")
+        raise InputError(f"the name of a constraint is {name!r:.80}; expected a string, e.g. 'four_bar'.")
     if not callable(value) and not (optional and value is None):
         raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected a function of q.")
 
 
 def vector_of(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Array, ...], m: int | None) -> Array:
-    """What a user's function gives, as an array (m,); a number counts as (1,).
+    """The result of a user's function, as an array (m,); a number counts as (1,).
 
     Args:
         name: The constraint's.
@@ -143,7 +143,7 @@ def vector_of(name: str, what: str, f: Callable[..., Any] | None, given: tuple[A
         m: Expected size; None for any.
 
     Raises:
-        InputError: the function raises, or gives something else.
+        InputError: the function raises, or returns another type.
     """
     out = np.atleast_1d(_called(name, what, f, given))
     if out.ndim != 1 or (m is not None and len(out) != m):
@@ -153,10 +153,10 @@ def vector_of(name: str, what: str, f: Callable[..., Any] | None, given: tuple[A
 
 
 def matrix_of(name: str, what: str, f: Callable[..., Any] | None, q: Array, shape: tuple[int | None, int]) -> Array:
-    """What a user's function gives, as an array of this shape; (nv,) counts as one row.
+    """The result of a user's function, as an array of this shape; (nv,) counts as one row.
 
     Raises:
-        InputError: the function raises, or gives something else; or something not finite.
+        InputError: the function raises, returns another type, or numbers that are not finite.
     """
     out = _called(name, what, f, (q,))
     out = out[None] if out.ndim == 1 else out
@@ -186,7 +186,7 @@ def rate(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], J:
     """J_dot v of a matrix J = f(q) along q (+) t v, by differences, shape (m,).
 
     Raises:
-        InputError: what f gives has no derivative here.
+        InputError: f has no derivative here.
     """
     found = first_derivative(model, lambda at: f(at) @ v, q, v, J @ v, size=float(np.abs(J).max(initial=0.0)))
     check_smooth(name, what, found.apart)
@@ -197,7 +197,7 @@ def check_smooth(name: str, what: str, apart: float) -> None:
     """Refuse differences of fourth and sixth order that do not agree.
 
     Raises:
-        InputError: whatever the step, they are apart by more than `ROUGH`.
+        InputError: they differ by more than `ROUGH` at every step.
     """
     if not apart <= ROUGH:
         raise InputError(
@@ -209,7 +209,7 @@ def check_smooth(name: str, what: str, apart: float) -> None:
 
 SHRINK, TRIES = 0.25, 9
 FIRST_AGREED, SECOND_AGREED = 3e-8, 1e-7
-"""Fourth and sixth order are off by h^4 and h^6: where they agree to this, relative, the sixth is right to 1e-11 and 5e-11."""
+"""Errors of fourth and sixth order are h^4 and h^6: if they agree to this, relative, the sixth is exact to 1e-11 and 5e-11."""
 
 
 _FIRST_4 = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
@@ -223,8 +223,8 @@ class Difference:
 
     Attributes:
         value: Shape (m,).
-        gap: How far two orders of differences are apart, along the unit vector.
-        scale: What that is measured against.
+        gap: Difference between two orders, along the unit vector.
+        scale: Its scale.
     """
 
     value: Array
@@ -241,7 +241,7 @@ def jacobian(model: pin.Model, f: Callable[[Array], Array], q: Array, middle: Ar
     """(J, apart): f's derivatives by the coordinates of v, shape (m, nv), where `middle` is f(q)."""
     unit = np.eye(model.nv)
     found = [first_derivative(model, f, q, e, middle, tries=1) for e in unit]
-    # What rounding leaves of a column of zeros is small against the others, and no reason to look closer.
+    # Rounding in a column of zeros is small against the other columns, and needs no smaller step.
     size = max([_size(c.value) for c in found if c.gap <= FIRST_AGREED * c.scale], default=0.0)
     found = [
         c if c.gap <= FIRST_AGREED * max(c.scale, size) else first_derivative(model, f, q, e, middle, size=size)
@@ -257,13 +257,13 @@ def first_derivative(
     """d/dt of f(q (+) t v) at t = 0.
 
     Args:
-        model: Whose manifold it is.
-        f: Takes q, gives (m,).
-        q: Where.
-        v: Not zero.
+        model: Model of the manifold.
+        f: Function of q with values (m,).
+        q: Configuration.
+        v: Velocity, not zero.
         middle: f(q).
-        size: Of f's derivatives along unit vectors, where that is known.
-        tries: Most steps tried.
+        size: Size of f's derivatives along unit vectors, if known.
+        tries: Largest number of steps tried.
     """
     return _derivative(model, f, q, v, middle, _first, max(size, 1e-6), tries)
 
@@ -299,7 +299,7 @@ def _derivative(
 def _first(values: Array, middle: Array, h: float, size: float) -> tuple[Difference, float]:
     first = _FIRST @ values / h
     scale = max(_size(first), _size(middle), size)
-    # A kink at the middle leaves first differences alone and shows in the second, as 1/h.
+    # A kink at the middle does not affect first differences and appears in second ones, as 1/h.
     second, second_4 = _SECOND @ values + _MIDDLE * middle, _SECOND_4 @ values + _MIDDLE_4 * middle
     gap = max(_size(first - _FIRST_4 @ values / h), _size(second - second_4) / h)
     return Difference(first, gap, scale), FIRST_AGREED

@@ -17,14 +17,14 @@ from rbd.problem.ground import Ground
 
 
 class OnGround:
-    """A contact of a body with the ground, as its points: a toe, the corners of a sole, the ends of an edge.
+    """Points of a contact of a body with the ground: a toe, the corners of a sole, the ends of an edge.
 
-    The plane is the one that the contact stands on (`on`); or goes through its anchor; or through where the contact is at the
-    start, with its normal as it is then. A ground with a velocity along its normal carries the plane along.
+    The plane is that of `on`; or goes through the anchor; or through the contact's position at the
+    start, with its normal then. A ground with a velocity along its normal moves the plane.
 
     Args:
         contact: A `rbd.constraints.contact.Contact` with a coefficient of friction, on ground.
-        start: Where it starts.
+        start: State at the start.
     """
 
     def __init__(self, contact: Any, start: State) -> None:
@@ -49,7 +49,7 @@ class OnGround:
 
     @property
     def group(self) -> Group | None:
-        """Points alone stand together, and patches with edges do, whose resultants have moments; on moving ground none does."""
+        """Sources computed together: points; or patches and edges, whose resultants have moments. None on moving ground."""
         return None if self.surface is not None else (Grounds, self.point_alone)
 
     def at(self, state: State, t: float) -> Measured:
@@ -75,7 +75,7 @@ class OnGround:
         )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:
-        """How far its points are from the plane, shape (k,) [m]; a tenth of the cost of `at`."""
+        """Distances of its points to the plane, shape (k,) [m]; a tenth of the cost of `at`."""
         X_WP = state.moving(self.contact.frame, self.X_FP, pin.LOCAL)[0]
         n = self.normal
         return self.local @ (X_WP.rotation.T @ n) + (float(n @ X_WP.translation) - self.height - self.rise * t)
@@ -94,7 +94,7 @@ class OnGround:
 
 
 def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
-    """R_WC: contact axes as they are at the start, or as the anchor has them; of a patch x along its own, as far as it goes."""
+    """R_WC: contact axes at the start, or those of the anchor; for a patch, x along the projection of its x."""
     if len(contact.corners) == 1:
         assert contact.normal is not None
         return contact_axes(contact.normal)
@@ -106,7 +106,7 @@ def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
 
 
 def _axes_on(n: Array, along: Array) -> Array:
-    """Axes of a plane, the first along a direction as far as it goes."""
+    """Axes of a plane, the first along the projection of a direction."""
     x = along - float(along @ n) * n
     length = float(np.linalg.norm(x))
     if length < 0.1:
@@ -116,7 +116,7 @@ def _axes_on(n: Array, along: Array) -> Array:
 
 
 class Grounds:
-    """Several contacts with ground that does not move, all their points at once: the same as one `OnGround` each, faster.
+    """Points of several contacts with ground at rest, computed together: the same as one `OnGround` each, faster.
 
     Let V = (v_0, w) and A = (a_0, alpha) be spatial velocity and J_dot v of a joint's body at W's origin, P a point of it and d
     the direction of a row:
@@ -125,7 +125,7 @@ class Grounds:
         bias = d . (a_0 + alpha x P + w x (v_0 + w x P))              the last term makes it classical
 
     Args:
-        grounds: Two or more contacts, all of points alone, or all of patches and edges.
+        grounds: Two or more contacts, all at points, or all of patches and edges.
         start: Any state of the robot.
     """
 
@@ -136,7 +136,7 @@ class Grounds:
         self.point_alone = grounds[0].point_alone
         sizes = [len(ground.local) for ground in grounds]
         of = np.repeat(np.arange(len(grounds)), sizes)
-        #: Which of `joints` each point moves with, shape (k,).
+        #: Which of `joints` each point is fixed to, shape (k,).
         self._body = np.array([self.joints.index(joint) for joint, _ in sites])[of]
         patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
         arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
@@ -154,7 +154,7 @@ class Grounds:
         self._row = np.repeat(np.arange(len(of)), self.structure.widths)
         d = np.concatenate([grounds[j].R[:, grounds[j].kept].T for j in of.tolist()])
         self._turn = np.array([cross_matrix(x).T for x in d])
-        #: (d, P x d, d) of each row; the middle is filled in anew.
+        #: (d, P x d, d) of each row; the middle is recomputed.
         self._terms = np.concatenate([d, np.zeros_like(d), d], axis=1)
         #: Which coordinates move each joint, and each row, of zeros and ones, shapes (nv, joints) and (m, nv).
         self._moves = np.zeros((robot.nv, len(self.joints)))
@@ -171,7 +171,7 @@ class Grounds:
         """Their points at a state and a time [s]."""
         body, row = self._body, self._row
         R, p, J_W = state.joint_motion(self.joints)
-        both = R.take(body, axis=0) @ self._local  # take: a third of the cost of R[body]
+        both = R.take(body, axis=0) @ self._local  # np.take: a third of the cost of R[body]
         P = p.take(body, axis=0) + both[:, :, 0]
         terms = self._terms.copy()
         terms[:, 3:6] = (self._turn @ P.take(row, axis=0)[:, :, None])[:, :, 0]
@@ -188,7 +188,7 @@ class Grounds:
         )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:
-        """How far their points are from their planes, shape (k,) [m]."""
+        """Distances of their points to their planes, shape (k,) [m]."""
         R, p = state.joint_places(self.joints)
         return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0])
 
@@ -197,4 +197,4 @@ class Grounds:
 
 
 _CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9).T.copy()
-"""Takes w to [w]_x, row by row."""
+"""Maps w to [w]_x, row by row."""

@@ -1,7 +1,7 @@
 """Constraints on joints: limits, locks, couplings, dry friction.
 
-A joint's coordinate is its angle [rad] or its displacement [m]; its row force is a torque [N m] or a force [N] along that
-coordinate, as a motor's would be. Damping is no constraint and is in none of them: give it as an external force -d v.
+A joint's coordinate is its angle [rad] or its displacement [m]; the row force is a torque [N m] or a force [N] along that
+coordinate, as a motor's would be. Damping is not a constraint: give it as an external force -d v.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ _SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", 
 
 @dataclass(frozen=True, eq=False)
 class JointLimit:
-    """A joint's stop: it pushes the joint back from a bound, and never pulls.
+    """A joint limit: at a bound it pushes the joint back, and never pulls.
 
     One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`):
 
-        lower bound   c = +q'',  error = q - lower      the stop's torque on the joint is +f
-        upper bound   c = -q'',  error = upper - q      the stop's torque on the joint is -f
+        lower bound   c = +q'',  error = q - lower      the limit's torque on the joint is +f
+        upper bound   c = -q'',  error = upper - q      the limit's torque on the joint is -f
 
-    with f >= 0 in both: `solution.forces[name]` is how hard the stop pushes, `J^T f` the generalised force, which at an upper
-    bound is negative. J_dot v is zero. The stop is hard: a joint that runs into it needs an impact, and is refused.
+    with f >= 0 in both: `solution.forces[name]` is its torque or force, `J^T f` the generalised force, which at an upper
+    bound is negative. J_dot v is zero. The limit is rigid: a joint that moves into it needs an impact, and is refused.
 
     Attributes:
         name: The constraint's role, e.g. "left_knee_stop".
         joint: A joint with one degree of freedom that is not continuous.
         lower: Lower bound [rad] or [m]; by default that of the robot's file, -inf for none.
-        upper: Upper bound, likewise; inf for none.
-        margin: How near to the bound the joint is at it [rad] or [m].
+        upper: Upper bound [rad] or [m]; by default that of the robot's file, inf for none.
+        margin: Distance within which the joint is at its bound [rad] or [m].
 
     Raises:
-        InputError: bounds that are no numbers or swapped, a negative margin.
+        InputError: bounds that are not numbers or are swapped, a negative margin.
     """
 
     name: str
@@ -71,7 +71,7 @@ class JointLimit:
 
         Raises:
             JointNotFound: with the nearest names.
-            InputError: the joint has several degrees of freedom, is continuous, or has no bound at all.
+            InputError: the joint has several degrees of freedom, is continuous, or has no bound.
         """
         if not isinstance(robot, CheckedModel):
             raise InputError(f"bounds of {self.name!r:.80} want a robot, got {type(robot).__name__}.")
@@ -79,7 +79,7 @@ class JointLimit:
         return stop.lower, stop.upper
 
     def side(self, state: State) -> str:
-        """At which bound the joint is: "lower", "upper", "both", or "" for none."""
+        """The bound at which the joint is: "lower", "upper", "both", or "" for none."""
         check_state(state, self.name)
         stop = self._stop.of(self, state.robot)
         q = state.q[stop.q]
@@ -106,13 +106,13 @@ class JointLimit:
         return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
 
     def source(self, start: State) -> Stops:
-        """Its bounds as points of a motion, seen from anywhere."""
+        """Its bounds as points of a motion, at any distance."""
         return Stops([self], start)
 
 
 @dataclass(frozen=True, eq=False)
 class _Stop:
-    """A limit on a robot: the joint's place in q and v, its bounds, and the rows that it has away from them."""
+    """A limit on a robot: the joint's indices in q and v, its bounds, and its rows away from them."""
 
     q: int
     v: int
@@ -145,7 +145,7 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
 
 
 class Stops:
-    """Joint limits as points of a motion: one row a bound, none of them dear."""
+    """Joint limits as points of a motion: one row a bound, computed together."""
 
     def __init__(self, limits: Sequence[JointLimit], start: State) -> None:
         self.limits, robot = tuple(limits), start.robot
@@ -163,32 +163,32 @@ class Stops:
 
     @classmethod
     def joined(cls, sources: Sequence[Stops], start: State) -> Stops:
-        """All of them as one."""
+        """Several sources as one."""
         return cls([limit for source in sources for limit in source.limits], start)
 
     @property
     def group(self) -> Group:
-        """All joint limits stand together."""
+        """All joint limits are computed together."""
         return Stops.joined, ()
 
     def at(self, state: State, t: float) -> Measured:
-        """Distances to all bounds."""
+        """The points, whose gaps are the distances to all bounds."""
         gap = self.gaps(state, t)
         return Measured(self.structure, self.J, self.sign * state.v[self.v], self.nothing, gap, self.nothing)
 
     def gaps(self, state: State, t: float) -> Array:
-        """The distances alone."""
+        """Distances to all bounds."""
         return self.sign * (state.q[self.q] - self.bound)
 
 
 @dataclass(frozen=True, eq=False)
 class JointLock:
-    """A joint that is held: a brake, a pin, a joint taken out of the motion.
+    """A locked joint: a brake, a pin, a joint that does not take part in the motion.
 
-    Rows hold, one a freedom of the joint (a floating base has six). Without `position` the joint is held where it is:
-    c is its acceleration, and there is no error. With it the rows measure where the joint is from there, and c = error'':
+    Bilateral rows, one a degree of freedom of the joint (a floating base has six). Without `position` it is locked in place:
+    c is its acceleration, and there is no error. With it the error is the joint's displacement from there, and c = error'':
 
-        one freedom         error = q - position                                   (an angle of a continuous joint: wrapped)
+        one DOF             error = q - position                                   (an angle of a continuous joint: wrapped)
         position in space   error = R_l^T (p - p_l),        J = R_l^T R            (l: the lock's)
         orientation         error = 2 x of R_l^T R,         J = s 1 + [x]          bias = -|w|^2 / 4 error
 
@@ -198,11 +198,11 @@ class JointLock:
     Attributes:
         name: The constraint's role, e.g. "elbow_brake".
         joint: Any joint.
-        position: Where it is locked: an angle [rad] or displacement [m]; for joints with several freedoms their part of q,
-            shape (nq of the joint,), quaternions x, y, z, w. It changes no position: `Baumgarte` pulls towards it.
+        position: Locked position: an angle [rad] or displacement [m]; of joints with several degrees of freedom the part of q,
+            shape (nq of the joint,), quaternions x, y, z, w. It moves nothing by itself: `Baumgarte` pulls towards it.
 
     Raises:
-        InputError: a position that is not made of finite numbers.
+        InputError: a position with numbers that are not finite.
     """
 
     name: str
@@ -216,12 +216,12 @@ class JointLock:
             object.__setattr__(self, "position", _vector(self.name, "position", self.position))
 
     def anchored(self, state: State) -> JointLock:
-        """The same lock at the position that the joint has at a state."""
+        """The same lock at the joint's position at a state."""
         check_state(state, self.name)
         return JointLock(self.name, self.joint, position=state.q[state.robot.joints[self.joint].q])
 
     def rows(self, state: State) -> Rows:
-        """One row a freedom of the joint.
+        """One row a degree of freedom of the joint.
 
         Raises:
             JointNotFound: with the nearest names.
@@ -250,17 +250,17 @@ class JointLock:
 
 @dataclass(frozen=True, eq=False)
 class JointCoupling:
-    """Two joints that a gear couples: q_joint = ratio q_to + offset.
+    """Linear coupling of two joints, e.g. by a gear: q_joint = ratio q_to + offset.
 
     One bilateral row: c = q_joint'' - ratio q_to'', J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is the
-    torque on `joint`; the gear puts -ratio f on `to`. Of a continuous joint the angle is known up to turns, and so is the
-    error: the nearest is taken; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
+    torque on `joint`; -ratio f acts on `to`. The angle of a continuous joint is known up to turns, and so is the
+    error: the nearest value is used; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
 
     Attributes:
         name: The constraint's role, e.g. "finger_gear".
-        joint: The joint that follows; one freedom.
-        to: The joint that it follows; one freedom.
-        ratio: Turns of `joint` for one of `to`; -1 for two equal wheels that mesh.
+        joint: The driven joint, with one degree of freedom.
+        to: The driving joint, with one degree of freedom.
+        ratio: Turns of `joint` for one of `to`; -1 for two equal gears that mesh.
         offset: q_joint where q_to is zero [rad] or [m].
 
     Raises:
@@ -286,7 +286,7 @@ class JointCoupling:
 
         Raises:
             JointNotFound: with the nearest names.
-            InputError: a joint with several freedoms.
+            InputError: a joint with several degrees of freedom.
         """
         check_state(state, self.name)
         one, other = self._joints.of(self, state.robot)
@@ -310,7 +310,7 @@ class JointCoupling:
         self._joints.of(self, robot)
 
     def _period(self, *, turns: bool, to_turns: bool) -> float:
-        """Up to what the error is known: 0 for exactly, NaN for not at all."""
+        """Period up to which the error is known: 0 if exactly, NaN if not at all."""
         one, other = 2.0 * math.pi * turns, 2.0 * math.pi * abs(self.ratio) * to_turns
         if not one or not other:
             return one + other
@@ -320,17 +320,17 @@ class JointCoupling:
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
-    """Dry friction in a joint: it holds with up to `torque`, and rubs with `torque` against the motion.
+    """Dry friction in a joint: at most `torque` at rest, `torque` against the motion when it moves.
 
         at rest (|v| <= 1e-6)   |f| <= torque; f = -torque where the joint starts in the positive direction, and so on
         moving                  f = -torque sign(v)
 
-    One row c = q''; its force f lives in the box [-torque, torque]. Viscous damping is no part of it. Load does not change it.
+    One row c = q''; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
 
     Attributes:
         name: The constraint's role, e.g. "knee_friction".
-        joint: A joint with one freedom.
-        torque: The largest that it resists with, at the joint [N m], of a sliding joint [N]; zero or more.
+        joint: A joint with one degree of freedom.
+        torque: Largest friction torque [N m], or force [N] of a prismatic joint; zero or more.
 
     Raises:
         InputError: a torque that is negative or not finite.
@@ -353,7 +353,7 @@ class JointFriction:
 
         Raises:
             JointNotFound: with the nearest names.
-            InputError: a joint with several freedoms.
+            InputError: a joint with several degrees of freedom.
         """
         check_state(state, self.name)
         at = self._joint.of(self, state.robot).v

@@ -14,46 +14,46 @@ from rbd.model.input_files import read_xml
 
 
 def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimit]:
-    """The stops of every joint with one freedom and a bound, named "<joint>_limit"; most have no rows at a time.
+    """Limits of every joint with one degree of freedom and a bound, named "<joint>_limit"; most are inactive at a time.
 
-    One constraint a joint, both of its sides. Continuous joints, and those with several freedoms (a floating base),
+    One constraint a joint, for both bounds. Continuous joints, and those with several DOF (a floating base),
     have none.
 
     Args:
         robot: The robot.
-        margin: How near to its bound a joint is at it [rad] or [m].
+        margin: Distance within which a joint is at its bound [rad] or [m].
 
     Raises:
-        InputError: something other than a robot, a negative margin.
+        InputError: not a robot, or a negative margin.
     """
     limited = [j for j in _checked(robot).joints.values() if min(-j.lower, j.upper) < math.inf]
     return [JointLimit(f"{joint.name}_limit", joint.name, margin=margin) for joint in limited]
 
 
 def joint_frictions(robot: CheckedModel) -> list[JointFriction]:
-    """Dry friction of every joint with one freedom for which the file states some, named "<joint>_friction".
+    """Dry friction of every joint with one degree of freedom for which the file states it, named "<joint>_friction".
 
-    `friction` of a URDF's <dynamics>, `frictionloss` of an MJCF's joint. Their damping is in none of them.
+    `friction` of a URDF's <dynamics>, `frictionloss` of an MJCF's joint. Damping is not included.
 
     Raises:
-        InputError: something other than a robot.
+        InputError: not a robot.
     """
     rough = [joint for joint in _checked(robot).joints.values() if joint.friction > 0.0]
     return [JointFriction(f"{joint.name}_friction", joint.name, joint.friction) for joint in rough]
 
 
 def mimics(robot: Any) -> list[JointCoupling]:
-    """The gears of a URDF's <mimic> tags, named "<joint>_mimic": q_joint = multiplier q_other + offset.
+    """Couplings by a URDF's <mimic> tags, named "<joint>_mimic": q_joint = multiplier q_other + offset.
 
-    The loader leaves every joint free, with a motor of its own; these rows couple them. Joints that do not move, or that
+    The loader leaves every joint free, with a separate motor; these rows couple them. Joints that do not move, or that
     mimic one that does not, are left out.
 
     Args:
-        robot: Of `rbd.load_robot`: its file is read once more.
+        robot: Of `rbd.load_robot`: its file is read again.
 
     Raises:
         InputError: a robot without a URDF file.
-        ModelError: a file that has become another since.
+        ModelError: a file that has changed since.
     """
     path = getattr(_checked(robot), "urdf", None)
     if not isinstance(path, Path):

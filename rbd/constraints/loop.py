@@ -1,7 +1,7 @@
-"""Loop closures: two frames of a robot kept together by a joint that its tree does not have.
+"""Loop closures: two frames of a robot connected by a joint that is not in its tree.
 
-Rows are in the axes of frame_a, and say how frame_b stands and moves as seen from it. So a loop inside a robot pushes its two
-bodies with opposite forces along one line, and changes nobody's momentum, also where the loop is not quite closed.
+Rows are in the axes of frame_a, and give the relative pose and motion of frame_b. So a loop inside a robot acts on its two
+bodies with opposite forces along one line, and leaves momentum unchanged, also where the loop is not quite closed.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ from rbd.problem.cones import Free
 from rbd.problem.rows import Rows
 
 KINDS = {"point": 3, "revolute": 5, "rigid": 6, "planar": 2}
-"""Kinds of closures, and how many rows they have."""
+"""Kinds of closures, with their numbers of rows."""
 
 _HERE = pin.SE3.Identity()
 _OPPOSITE = 1e-8
-"""1 + cosine between two axes below which they count as opposite: 180 deg to 0.01 deg, where the short way is not unique."""
+"""1 + cosine between two axes below which they count as opposite: 180 deg to 0.01 deg, where the rotation is ambiguous."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopClosure:
-    """Two frames of a robot kept together: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
+    """A joint between two frames of a robot: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
 
         kind         rows                                              error is zero where
         "point"      x (3)                                             the origins coincide
-        "revolute"   x (3), turn of the axis about t1 and t2 (2)       and `axis` of frame_b lies along `axis` of frame_a
+        "revolute"   x (3), turn of the axis about t1 and t2 (2)       and `axis` of frame_b is along `axis` of frame_a
         "rigid"      x (3), turn (3)                                   the frames coincide
         "planar"     t1 . x, t2 . x (2)                                the origins coincide, seen along `axis`
 
     x = R_a^T (p_b - p_a), and (t1, t2, axis) right-handed in the axes of frame_a. A turn's length is 2 sin(angle / 2), the
-    angle to third order, by the short way: J v is its derivative everywhere. Turned by 180 deg "rigid" has singular rows, and
+    angle to third order, of the shorter way: J v is its derivative everywhere. Turned by 180 deg "rigid" has singular rows, and
     "revolute" is refused.
 
     "planar" is for mechanisms all of whose joints turn about parallel axes, or slide across them: there the other rows of a
-    closure are satisfied by themselves, and as rows they would be redundant. It lets the frames differ along `axis`, as
-    where links lie on top of each other, and it carries no force along it and no moments; those of a real pin are in no
+    closure are always satisfied, and would be redundant. It allows an offset of the frames along `axis`, as
+    for links on top of each other, and transmits no force along it and no moments; those of a real pin are in no
     equation of motion.
 
     Bilateral rows: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench
-    (6,) of the others, on the body of frame_b at its origin, in world axes; the body of frame_a feels the opposite at that same
-    point. Where frame_b is on the ground it is the one on the body of frame_a: forces are on the robot.
+    (6,) of the others, on the body of frame_b at its origin, in world axes; the body of frame_a gets the opposite at the same
+    point. Where frame_b is on the ground it is the force on the body of frame_a: forces act on the robot.
 
     Attributes:
         name: The closure's role, e.g. "coupler_pin".
@@ -61,7 +61,7 @@ class LoopClosure:
             the same three numbers in frame_b.
 
     Raises:
-        InputError: an unknown kind, an axis of no length, one frame twice.
+        InputError: an unknown kind, an axis of zero length, one frame twice.
     """
 
     name: str
@@ -91,11 +91,11 @@ class LoopClosure:
 
     @property
     def frames(self) -> tuple[str, str]:
-        """The two frames that it joins."""
+        """The two frames."""
         return self.frame_a, self.frame_b
 
     def check(self, robot: CheckedModel) -> None:
-        """Refuse a robot on which it closes nothing.
+        """Refuse a robot on which it closes no loop.
 
         Raises:
             FrameNotFound: with the nearest names.
@@ -108,12 +108,12 @@ class LoopClosure:
             )
 
     def loop_dof(self, state: State, normal: Array | None) -> int:
-        """Relative velocities that it leaves, of the six in space, or of the three of motion across `normal`."""
+        """Number of relative velocities that it leaves free, of six in space, or of three across `normal`."""
         if normal is None:
             return 6 - KINDS[self.kind]
         axis = state.frame(self.frame_a).X_WF.rotation @ self.axis
         along = np.linalg.norm(np.cross(axis, normal)) < 1e-6
-        # "planar" holds a point in the two directions across its axis.
+        # "planar" constrains a point in the two directions across its axis.
         return 3 - {"point": 2, "rigid": 3, "revolute": 2 if along else 3, "planar": 2 if along else 1}[self.kind]
 
     def rows(self, state: State) -> Rows:
@@ -128,10 +128,10 @@ class LoopClosure:
         X_Wa, J_a, v_a, b_a = state.moving(self.frame_a, _HERE, pin.LOCAL)
         X_Wb, J_b, v_b, b_b = state.moving(self.frame_b, _HERE, pin.LOCAL)
         R, X_ab = X_Wa.rotation, X_Wa.actInv(X_Wb)
-        on_robot = R if state.robot.site(self.frame_b)[0] else -R  # a force on the ground is the opposite of one on the robot
+        on_robot = R if state.robot.site(self.frame_b)[0] else -R  # minus the force on the ground is the force on the robot
         x, R_ab = X_ab.translation, X_ab.rotation
         X, turning = cross_matrix(x), cross_matrix(v_a[3:])
-        # As frame_a sees it, in its axes, which turn with v_a[3:]: - turning @ x and Coriolis' - 2 turning @ vx.
+        # Relative to frame_a, in its axes, which turn with v_a[3:]: - turning @ x and Coriolis' - 2 turning @ vx.
         Jx = R_ab @ J_b[:3] - J_a[:3] + X @ J_a[3:]
         vx = R_ab @ v_b[:3] - v_a[:3] - turning @ x
         ax = R_ab @ b_b[:3] - b_a[:3] + X @ b_a[3:] - turning @ (turning @ x + 2.0 * vx)
@@ -151,7 +151,7 @@ class LoopClosure:
         return Rows(self.name, J, bias, self._cone, velocity, error, resultant=resultant)
 
     def _hinge(self, R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
-        """(error, E, bias) of the turn that takes the axis u of frame_a to that of frame_b, z = R_ab u, about t1 and t2.
+        """(error, E, bias) of the rotation that takes the axis u of frame_a to that of frame_b, z = R_ab u, about t1 and t2.
 
         error = k T^T (u x z) with k = sqrt(2 / (1 + u . z)), so that its length is 2 sin(angle / 2); error' = E w, and
         z' = w x z. bias is error'' where the components of w change at dw.
@@ -178,7 +178,7 @@ class LoopClosure:
 def _weld(R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
     """(error, E, bias) of twice the vector part of the quaternion (x, s) of R_ab, s >= 0, where frame_b turns with w.
 
-    (x, s)' = 1/2 (s w - x x w, -x . w): E = s 1 - [x], and (2 x)'' = E w' - 1/2 |w|^2 x, of which all else cancels.
+    (x, s)' = 1/2 (s w - x x w, -x . w): E = s 1 - [x], and (2 x)'' = E w' - 1/2 |w|^2 x, as all other terms cancel.
     """
     quaternion = pin.Quaternion(R_ab).coeffs()
     x, s = (quaternion[:3], float(quaternion[3])) if quaternion[3] >= 0.0 else (-quaternion[:3], -float(quaternion[3]))

@@ -1,7 +1,7 @@
 """The manifold of bilateral constraints: their rows stacked and scaled, rank, null space, and projection onto them.
 
-Ranks and singular values are without units. A velocity is v = D z, with D the robot's own length for coordinates that slide and
-one for those that turn; a row is divided by the largest norm that it has near the start. So they do not depend on the unit of
+Ranks and singular values are dimensionless. A velocity is v = D z, with D the robot's length for translational coordinates and
+one for rotational ones; a row is divided by its largest norm near the start. So they do not depend on the unit of
 length.
 """
 
@@ -23,10 +23,10 @@ from rbd.problem.cones import Free, Line
 from rbd.problem.rows import Rows
 
 RANK = 1e-8
-"""A singular value counts as zero at this fraction of the largest one (or of one, where all are small)."""
+"""A singular value counts as zero at this fraction of the largest one (or of one, if all are small)."""
 
 CLOSED = 1e-9
-"""How far a configuration may be from the constraints [m, rad, over the rows' lengths] and still count as assembled."""
+"""Largest constraint violation [m, rad, over the rows' lengths] of an assembled configuration."""
 
 ITERATIONS = 100
 
@@ -35,20 +35,20 @@ RowName = tuple[str, int]
 
 
 class StackedRows:
-    """Rows of several constraints at one state, as one.
+    """Stacked rows of several constraints at one state.
 
     Args:
-        state: Where.
-        rows: Of each constraint.
-        carried: Which constraints are on a ground that moves, and so have no place to be; none if not given.
-        manifold: Whose rows they are, for `elsewhere`.
+        state: The state.
+        rows: Rows of each constraint.
+        carried: Which constraints are on moving ground, and so have no fixed position; none if not given.
+        manifold: The manifold that they belong to, for `elsewhere`.
 
     Attributes:
-        state: Where.
-        rows: Of each constraint.
+        state: The state.
+        rows: Rows of each constraint.
         J: Shape (m, nv).
         offset: J_dot v, and feedback, shape (m,).
-        velocity: J v less the velocity of what is touched, shape (m,).
+        velocity: J v less the surface's velocity, shape (m,).
         error: Position errors, shape (m,); zero in rows that have none.
         placed: Which rows have one, shape (m,), bool; None for all.
     """
@@ -107,12 +107,12 @@ class StackedRows:
 
     @property
     def bias(self) -> Array:
-        """J_dot v alone, shape (m,)."""
+        """J_dot v without feedback, shape (m,)."""
         return np.concatenate([zeros(0), *(r.bias for r in self.rows)])
 
     @lazy
     def L(self) -> Array:
-        """Lower factor of M."""
+        """Lower Cholesky factor of M."""
         return inertia_factor(self.state.M)
 
     @lazy
@@ -134,11 +134,11 @@ class StackedRows:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """What the constraints say at one configuration, without units.
+    """The constraints at one configuration, dimensionless.
 
     Attributes:
         q: The configuration.
-        J: Shape (m, nv), of z.
+        J: Jacobian with respect to z, shape (m, nv).
         error: Position errors, shape (m,); zero in rows that constrain velocity alone.
     """
 
@@ -151,23 +151,23 @@ class ConstraintManifold:
     """Bilateral constraints on a robot: the configurations that satisfy them, and the velocities that they allow.
 
     Args:
-        state: Where contacts without an anchor are anchored, and about which rows are measured; its velocity plays no part.
-        constraints: Those that hold; None for the loops and wheels of the robot's file.
-        tolerance: How far off the constraints a configuration may be [m, rad, over the rows' norms]; above `CLOSED` for files
-            whose lengths are rounded, and then singular values count as zero below ten times that.
+        state: Contacts without an anchor are anchored here, and rows are scaled about it; its velocity is not used.
+        constraints: Bilateral constraints; None for the loops and wheels of the robot's file.
+        tolerance: Largest constraint violation [m, rad, over the rows' norms]; above `CLOSED` for files
+            whose lengths are rounded, where singular values count as zero below ten times that.
 
     Attributes:
         robot: The robot.
         constraints: Those that have rows.
         q: The configuration of the state.
         n: Number of velocities.
-        length: The robot's own length [m].
-        scale: D, shape (nv,).
+        length: The robot's length [m].
+        scale: D, unit of each velocity, shape (nv,).
         zero: Singular values count as zero at this fraction of the largest.
 
     Raises:
-        InputError: no constraint, one that can break or slip, or one that moves by itself.
-        DuplicateName: two under one name.
+        InputError: no constraint, a unilateral or frictional one, or one with prescribed motion.
+        DuplicateName: two with the same name.
     """
 
     def __init__(self, state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED) -> None:
@@ -184,12 +184,12 @@ class ConstraintManifold:
     def unchecked(
         cls, state: State, constraints: Sequence[Constraint], carried: Sequence[bool] | None = None
     ) -> ConstraintManifold:
-        """The manifold of constraints as they are: known to hold, on the way of each step of a simulation.
+        """The manifold of given constraints without checks, for the steps of a simulation.
 
         Args:
-            state: Of the robot.
-            constraints: In order; they may have no rows.
-            carried: Which of them are on a ground that moves.
+            state: A state of the robot.
+            constraints: The constraints, in order; some may be inactive.
+            carried: Which of them are on moving ground.
         """
         out = cls.__new__(cls)
         out._set(state, constraints, CLOSED, carried)
@@ -205,7 +205,7 @@ class ConstraintManifold:
         self.length, self.scale = state.robot.joints.length, state.robot.joints.scale
 
     def rows(self, state: State) -> StackedRows:
-        """The rows at a state, in their own units."""
+        """The rows at a state, in their units."""
         return StackedRows(state, rows_of(state, self.constraints), self._carried, self)
 
     @lazy
@@ -234,23 +234,23 @@ class ConstraintManifold:
 
     @lazy
     def weights(self) -> Array:
-        """What rows are multiplied with, shape (m,): one over the largest norm here and at three configurations nearby."""
+        """Row scales, shape (m,): one over the largest norm here and at three configurations nearby."""
         norms = np.linalg.norm(self._start.J * self.scale, axis=1)
         for q in poses_nearby(self.robot, self.q, self.scale):
             try:
                 there = self._scaled(q, np.ones(self.m))
-            except InputError:  # a constraint that is not defined there
+            except InputError:  # a constraint may be undefined there
                 continue
             norms = np.maximum(norms, np.linalg.norm(there.J, axis=1))
         most = float(norms.max(initial=0.0))
-        # A row of rounding alone stays one: divided by itself it would count.
+        # A row of rounding errors gets scale one: normalised it would count.
         return 1.0 / np.maximum(norms, 1e-6 * most) if most > 0.0 else np.ones(self.m)
 
     def at(self, q: Array) -> Linearised:
-        """J and errors at a configuration, without units.
+        """J and errors at a configuration, dimensionless.
 
         Raises:
-            InputError: if the number of rows has changed: a limit that was reached, say.
+            InputError: if the number of rows has changed, e.g. at a joint limit.
         """
         return self._scaled(q, self.weights)
 
@@ -261,22 +261,22 @@ class ConstraintManifold:
         return Linearised(found.state.q, (found.J * self.scale) * weights[:, None], found.error * weights)
 
     def move(self, q: Array, z: Array) -> Array:
-        """The configuration reached from q by the displacement z, shape (nv,), without units."""
+        """The configuration reached from q by the displacement z, shape (nv,), dimensionless."""
         return pin.normalize(self.robot.model, pin.integrate(self.robot.model, q, self.scale * z))
 
     def displacement(self, start: Array, end: Array) -> Array:
-        """The displacement z from one configuration to another, shape (nv,), without units."""
+        """The displacement z from one configuration to another, shape (nv,), dimensionless."""
         return pin.difference(self.robot.model, start, end) / self.scale
 
     def rank(self, J: Array, zero: float | None = None) -> int:
-        """Rank of a Jacobian without units; singular values count as zero at a fraction of the largest."""
+        """Rank of a dimensionless Jacobian; singular values count as zero at a fraction of the largest."""
         return self.n - null_space(J, self.zero if zero is None else zero)[0].shape[1]
 
     def project(self, q: Array, *, iterations: int = ITERATIONS, within: float = 1e-14) -> Linearised:
-        """The nearest point of the constraints that Levenberg's and Marquardt's steps reach; look at its `error`.
+        """The point nearest to the constraints that Levenberg-Marquardt steps reach; check its `error`.
 
-        The damping is |error|^2: quadratic convergence where the errors grow with the distance, also where rows repeat
-        each other and where their rank changes [YamashitaFukushima2001]; slower where they only grow with its square.
+        The damping is |error|^2: quadratic convergence where the errors grow with the distance, also for redundant
+        rows and at changes of rank [YamashitaFukushima2001]; slower where they grow only with its square.
         """
         at = self.at(q)
         here = self.placed
@@ -291,7 +291,7 @@ class ConstraintManifold:
             step = float(np.linalg.norm(z))
             try:
                 nearer = self.at(self.move(at.q, z if step <= 0.5 else z * (0.5 / step)))
-            except InputError:  # a constraint that is not defined there
+            except InputError:  # a constraint may be undefined there
                 break
             if max_abs(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
                 break
@@ -299,10 +299,10 @@ class ConstraintManifold:
         return at
 
     def check_assembled(self) -> Linearised:
-        """What the constraints say at the state.
+        """The constraints at the state.
 
         Raises:
-            InputError: if it is off the constraints, with the worst row and its distance.
+            InputError: if it violates the constraints, with the worst row and its error.
         """
         at = self.at(self.q)
         if max_abs(at.error) > self.tolerance:
@@ -317,10 +317,10 @@ class ConstraintManifold:
 
 
 def own_or(robot: CheckedModel, constraints: Sequence[Constraint] | None) -> tuple[Constraint, ...]:
-    """The constraints given, as a tuple; where none are, the loops and wheels that the robot's file states.
+    """The constraints given, as a tuple; if None, the loops and wheels that the robot's file states.
 
     Raises:
-        InputError: if it is no list.
+        InputError: if it is not a list.
     """
     if constraints is None:
         return (*robot.loops(), *robot.wheels())
@@ -336,16 +336,16 @@ def null_space(J: Array, zero: float = RANK) -> tuple[Array, Array]:
 
 
 def rank_of(singular_values: Array, zero: float = RANK, *, least: float = 1.0) -> int:
-    """How many singular values are above a fraction of the largest, or of `least` where all are smaller."""
+    """Number of singular values above a fraction of the largest, or of `least` if all are smaller."""
     return int((singular_values > zero * max(least, float(singular_values.max(initial=0.0)))).sum())
 
 
 def poses_nearby(robot: CheckedModel, q: Array, scale: Array | float = 1.0) -> Iterator[Array]:
-    """Three configurations half a radian away, the same each time: what a row is at one pose alone says little of its size.
+    """Three configurations half a radian away, the same each time: a row's size at one pose is not representative.
 
     Args:
         robot: The robot.
-        q: Where.
+        q: The configuration.
         scale: Unit of each velocity, shape (nv,).
     """
     rng = np.random.default_rng(0)
@@ -355,19 +355,19 @@ def poses_nearby(robot: CheckedModel, q: Array, scale: Array | float = 1.0) -> I
 
 
 def is_bilateral(rows: Rows) -> bool:
-    """Whether all forces are allowed: none is bounded, and none comes and goes (a stop that is not reached has no rows)."""
+    """Whether the rows are bilateral: no force is bounded, and no row disappears (as a joint limit's does)."""
     parts = rows.cone.generators()[1]
     return all(isinstance(part, Line) for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
 
 
 def velocity_of(rows: Rows, state: State) -> Array:
-    """J v less the velocity of what is touched; rows that give none get J v."""
+    """J v less the surface's velocity; J v for rows without a velocity."""
     silent = rows.velocity is zeros(len(rows))
     return rows.J @ state.v if silent else rows.velocity
 
 
 def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
-    """Which rows have a place to be; None for all."""
+    """Which rows have a position error; None for all."""
     if rows.error is None:
         return np.zeros(len(rows), bool)
     if not carried:
@@ -382,12 +382,12 @@ def _check(rows: Sequence[Rows]) -> None:
     seen: set[str] = set()
     for r in rows:
         if r.name in seen:
-            raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
+            raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each a different name.")
         seen.add(r.name)
         if not is_bilateral(r):
             raise InputError(
-                f"{r.name!r:.80} can break or slip (its forces live in a {type(r.cone).__name__}); mobility is that of "
+                f"{r.name!r:.80} can break or slip (its forces are in a {type(r.cone).__name__}); mobility is that of "
                 "bilateral constraints. Leave it out, or give it friction=None."
             )
         if max_abs(r.velocity) > 1e-12:
-            raise InputError(f"{r.name!r:.80} moves by itself; mobility wants constraints at rest.")
+            raise InputError(f"{r.name!r:.80} has prescribed motion; mobility wants constraints at rest.")

@@ -27,25 +27,25 @@ for _array in (_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY):
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint:
-    """Velocities kept to A(q) v = 0: m Pfaffian rows, whether they integrate to positions or not.
+    """Velocity constraint A(q) v = 0: m Pfaffian rows, integrable or not.
 
         J = A(q)        J_dot v = A_dot v, along the motion        no error: positions are not constrained
 
-    A has one column an entry of v, and v is not always the derivative of q. Of a joint with one degree of freedom it is. Of
-    a planar joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row given on x', y' and the angle's th'
+    A has one column an entry of v, and v is not always the derivative of q. For a joint with one degree of freedom it is. For
+    a planar joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row in x', y' and the angle's th'
     is converted by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w:
 
         no side slip:   -sin(th) x' + cos(th) y' = 0        is the constant row     A = (0, 1, 0)
         x' + x th' = 0                                      is the row              A = (cos(th), -sin(th), x)
 
-    Of a floating base v is (linear, angular) in the base's axes: with R its rotation matrix, p' = R v[:3].
+    For a floating base v is (linear, angular) in the base's axes: with R its rotation matrix, p' = R v[:3].
 
     Row forces are the multipliers: J^T f is the generalised force.
 
     Attributes:
         name: The constraint's role, e.g. "no_side_slip".
-        A: Takes q, gives (m, nv), or (nv,) for one row; or that matrix itself where it is constant.
-        bias: Takes q and v, gives A_dot v, shape (m,). None: by differences of A along q (+) t v, right to 1e-10 of A's size.
+        A: Function of q with values (m, nv), or (nv,) for one row; or the matrix itself if it is constant.
+        bias: Function of q and v with values A_dot v, shape (m,). None: by differences of A along q (+) t v, to 1e-10 of A.
 
     Raises:
         InputError: A is neither a function nor a matrix.
@@ -75,7 +75,7 @@ class VelocityConstraint:
         """One row a row of A; forces in all directions.
 
         Raises:
-            InputError: A has another number of columns than nv, or changes its shape; A raises, or has no derivative here.
+            InputError: A does not have nv columns, or changes its shape; A raises, or has no derivative here.
         """
         check_state(state, self.name)
         q, v, nv = state.q, state.v, state.robot.nv
@@ -104,21 +104,21 @@ class KnifeEdge:
 
         J v = l . p'        l = n x d / |n x d|        J_dot v = l . p'' + l' . p'
 
-    p the point, d the edge's direction, which turns with its frame, n the normal of the plane that it moves on. The second
-    term is why a sleigh that turns with w at speed u needs a side force: l' . p' = -w u [Bloch2003]. One bilateral row,
-    velocity alone: nothing keeps the edge on its plane; where the robot could leave it add a contact without friction.
+    p the point, d the edge's direction, which turns with its frame, n the normal of its plane. The second
+    term gives the side force of a sleigh that turns with w at speed u: l' . p' = -w u [Bloch2003]. One bilateral row,
+    on velocity only: the edge is not kept on its plane; where the robot could leave it add a frictionless contact.
 
     `solution.forces[name]` is the force on the edge, along l, shape (3,), in world axes.
 
     Attributes:
         name: The edge's role, e.g. "left_skate".
-        frame: Frame of the robot that it is fixed to.
-        direction: Of the edge, in the frame's axes, of any length, shape (3,).
-        normal: Of the plane, in world axes, a unit vector, shape (3,).
+        frame: Frame of the robot to which it is fixed.
+        direction: Direction of the edge, in the frame's axes, of any length, shape (3,).
+        normal: Normal of the plane, in world axes, a unit vector, shape (3,).
         offset: The point, in the frame's axes, from its origin, shape (3,) [m].
 
     Raises:
-        InputError: a direction of no length, a normal that is not of unit length.
+        InputError: a direction of zero length, a normal that is not of unit length.
     """
 
     name: str
@@ -138,7 +138,7 @@ class KnifeEdge:
 
     @property
     def frames(self) -> tuple[str]:
-        """Its own frame."""
+        """Its frame."""
         return (self.frame,)
 
     def rows(self, state: State) -> Rows:
@@ -146,7 +146,7 @@ class KnifeEdge:
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: the edge stands upright on its plane.
+            InputError: the edge is normal to its plane.
         """
         check_state(state, self.name)
         X_WP, J, v, bias = state.moving(self.frame, self._X_FP, pin.LOCAL_WORLD_ALIGNED)
@@ -155,7 +155,7 @@ class KnifeEdge:
         side = across @ d
         length = float(np.linalg.norm(side))
         if length < 1e-4:
-            raise InputError(f"the knife edge {self.name!r:.80} stands upright on its plane; expected one that lies along it.")
+            raise InputError(f"the knife edge {self.name!r:.80} is normal to its plane; expected one along it.")
         l = side / length
         turning = across @ (cross_matrix(v[3:]) @ d) / length
         turning -= l * (l @ turning)
@@ -174,10 +174,10 @@ class KnifeEdge:
 
 
 def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
-    """A direction, its length made one.
+    """A direction, normalised.
 
     Raises:
-        InputError: it is not three finite numbers, or has no length.
+        InputError: it is not three finite numbers, or has zero length.
     """
     out = as_vector3(what, given)
     length = float(np.linalg.norm(out))

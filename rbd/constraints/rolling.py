@@ -1,16 +1,16 @@
-"""Balls, disks and wheels on a plane: the point of contact moves over the body, and the material there is at rest.
+"""Balls, disks and wheels on a plane: the contact point moves over the body, and the material there is at rest.
 
-Let c be the centre, r d the way from it to the lowest point, n the plane's normal. The rows are the velocity of the material
-point that touches now, as seen from the plane, in axes R of the contact:
+Let c be the centre, r d the vector from it to the lowest point, n the plane's normal. The rows are the velocity of the material
+point that touches now, relative to the plane, in axes R of the contact:
 
-    y = R^T g        g = v_c + w x (r d) - u        u = the plane's own velocity at that point
+    y = R^T g        g = v_c + w x (r d) - u        u = the plane's velocity at that point
 
-and their J_dot v is the derivative of that number, in which r d' is the motion of the contact over the body:
+and their J_dot v is its derivative, in which r d' is the motion of the contact over the body:
 
     y' = R^T g' + R'^T g        g' = a_c + w' x (r d) + w x (r d') - du/dt
 
-It is not the acceleration of the material point: that has w x (w x r d) in place of w x (r d'). It points into the body, so
-that a ball that rolls would seem to lift off, or be held down with w^2 r. The normal row is the derivative of the height of
+This is not the material point's acceleration, which has w x (w x r d) in place of w x (r d'). It points into the body, so
+that a rolling ball would seem to lift off, or be pulled down with w^2 r. The normal row is the derivative of the height of
 the lowest point, its `error`; the others have none.
 """
 
@@ -33,24 +33,24 @@ from rbd.problem.ground import Body, Ground, On, plane_of, surface_of
 from rbd.problem.rows import Patch, Rows
 
 _FLAT = 1e-4
-"""Sine of the angle between a disk and its plane below which it lies flat: its lowest point is not one point."""
+"""Sine of the angle between a disk and its plane below which it is flat: its lowest point is not unique."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
-    """What rolls on a plane, of the ground or of another body; see its kinds.
+    """A body that rolls on a plane of the ground or of another body; base of the kinds below.
 
     Attributes:
         name: The contact's role, e.g. "ball".
-        frame: Frame of the robot at the centre of what rolls.
+        frame: Frame of the robot at the centre of the rolling body.
         radius: [m].
-        friction: Coulomb's coefficient, or None: it neither slips nor leaves.
-        facets: Facets of the pyramid that a QP puts in place of the cone; see `Contact`.
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP; see `Contact`.
         on: The plane: `rbd.Ground(point=..., normal=...)`, whose material may move, as of a turntable or a belt; the height of
             a level one [m]; or `rbd.Body(frame)`, through that frame's origin.
 
     Raises:
-        InputError: a radius that is not above zero, negative friction, a ground without a point.
+        InputError: a radius that is not positive, negative friction, a ground without a point.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Rolling:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Its own frame, and that of the body that it rolls on."""
+        """Its frame, and that of the body on which it rolls."""
         return (self.frame, self.on.frame) if isinstance(self.on, Body) else (self.frame,)
 
     def with_friction(self, mu: float) -> Self:
@@ -88,10 +88,10 @@ class Rolling:
 class RollingBall(Rolling):
     """A ball on a plane.
 
-    Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor leaves, and may
-    spin about the normal. `friction=mu` is unilateral with Coulomb friction: it slips where it must, and `rbd.ConeSolver` takes
-    one that already does. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
-    resistance are left out.
+    Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor separates, and may
+    spin about the normal. `friction=mu` is unilateral with Coulomb friction: it can slip, and `rbd.ConeSolver` takes
+    one that slips already. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
+    resistance are neglected.
 
     `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes. Attributes as of
     `Rolling`.
@@ -102,7 +102,7 @@ class RollingBall(Rolling):
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: it is between two frames of one body.
+            InputError: both frames are on one body.
         """
         P, body = _met(self, state)
         return _rows(self, P, body, -P.n, -P.n_rate, P.axes, P.turning @ P.axes)
@@ -112,15 +112,15 @@ class RollingBall(Rolling):
 class RollingDisk(Rolling):
     """A thin disk on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
 
-    Three rows (heading, side, normal): the heading is where a positive spin about `axis` rolls it to, axis x normal, the side
+    Three rows (heading, side, normal): the heading is that of rolling by positive spin about `axis`, axis x normal, the side
     is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`, and
-    the other attributes as of `Rolling`. A disk that lies flat touches along its rim and is refused.
+    the other attributes as of `Rolling`. A flat disk touches along its rim and is refused.
 
     Attributes:
-        axis: About which it spins, in the frame's axes, of any length, shape (3,).
+        axis: Spin axis, in the frame's axes, of any length, shape (3,).
 
     Raises:
-        InputError: an axis of no length.
+        InputError: an axis of zero length.
     """
 
     axis: Sequence[float] | Array = field(default=(0.0, 1.0, 0.0), kw_only=True)
@@ -134,12 +134,12 @@ class RollingDisk(Rolling):
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: the disk lies flat; it is between two frames of one body.
+            InputError: the disk is flat, or both frames are on one body.
         """
         return self._disk_rows(state)
 
     def _disk_rows(self, state: State, *, normal: bool = True) -> Rows:
-        """Rows of a disk: d lies in it, as far down as it goes, and the heading is along its rim."""
+        """Rows of a disk: d points in its plane to the lowest point, and the heading is along its rim."""
         P, body = _met(self, state)
         n, dn, e = P.n, P.n_rate, body.X.rotation @ self.axis
         de = cross_matrix(body.v[3:]) @ e
@@ -165,9 +165,9 @@ class RollingDisk(Rolling):
 class RollingWheel(RollingDisk):
     """A wheel of a vehicle that cannot leave its plane: it rolls without slip and does not slide sideways.
 
-    Two rows (heading, side), those of `RollingDisk` without the normal one, which is empty for a vehicle on a planar joint:
-    its joints carry it. A vehicle that is free in space wants `RollingDisk`, or `friction=mu`: then the rows are those of
-    the disk, with the normal, and the wheel may slip; that is refused where the vehicle cannot press on the plane. Its frame
+    Two rows (heading, side), those of `RollingDisk` without the normal one, which is zero for a vehicle on a planar joint:
+    its joints carry the weight. A vehicle free in space needs `RollingDisk`, or `friction=mu`: then the rows are those of
+    the disk, with the normal, and the wheel may slip; that is refused if the vehicle has no motion along the normal. Its frame
     is on the wheel, which spins; attributes as of `RollingDisk`.
     """
 
@@ -176,7 +176,7 @@ class RollingWheel(RollingDisk):
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: the wheel lies flat; it has friction, and the vehicle cannot press it on the plane.
+            InputError: the wheel is flat; or it has friction, and the vehicle has no motion along the normal.
         """
         rows = self._disk_rows(state, normal=self.friction is not None)
         if self.friction is not None and np.abs(rows.J[-1]).max() < 1e-9:
@@ -192,12 +192,12 @@ class _Plane:
     """A plane whose material may move, at a state.
 
     Attributes:
-        point: Of the plane, in W, shape (3,) [m].
+        point: A point of the plane, in W, shape (3,) [m].
         axes: R_WP, the normal third, shape (3, 3).
-        about: Point of the material in W where velocity and acceleration are given, shape (3,) [m].
+        about: Material point in W at which velocity and acceleration are given, shape (3,) [m].
         u: Velocity there, linear then angular, shape (6,) [m/s, rad/s].
-        s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2]; of a body, its J_dot v.
-        J: Jacobian of u, shape (6, nv); None of the ground.
+        s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2]; for a body, its J_dot v.
+        J: Jacobian of u, shape (6, nv); None for the ground.
     """
 
     point: Array
@@ -219,7 +219,7 @@ class _Plane:
 
     @property
     def n_rate(self) -> Array:
-        """Derivative of the normal, of a plane that tilts."""
+        """Derivative of the normal, for a plane that tilts."""
         return self.turning @ self.n
 
 
@@ -234,7 +234,7 @@ class _Body:
 
 
 def _met(given: Rolling, state: State) -> tuple[_Plane, _Body]:
-    """The plane, and what rolls on it, at a state."""
+    """The plane, and the rolling body, at a state."""
     check_state(state, given.name)
     body = _Body(*state.moving(given.frame, HERE, pin.LOCAL_WORLD_ALIGNED))
     on = given.on
@@ -260,7 +260,7 @@ def _rows(given: Rolling, P: _Plane, body: _Body, d: Array, dd: Array, R: Array,
     arm = cross_matrix(r)
     from_about = p - P.about
     g = v - arm @ w - u - P.turning @ from_about
-    surface = P.s[:3] + cross_matrix(P.s[3:]) @ from_about + P.turning @ (v + dr - u)  # of the field u, where the contact goes
+    surface = P.s[:3] + cross_matrix(P.s[3:]) @ from_about + P.turning @ (v + dr - u)  # of field u, along the contact path
     dg = body.bias[:3] - arm @ body.bias[3:] + cross_matrix(w) @ dr - surface
     J = body.J[:3] - arm @ body.J[3:]
     if P.J is not None:

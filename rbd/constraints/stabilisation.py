@@ -1,4 +1,4 @@
-"""Baumgarte's stabilisation: constraints that pull back what has drifted, and the acceleration that this makes."""
+"""Baumgarte's stabilisation: feedback that corrects constraint drift, and the acceleration that it adds."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ CARRIES = 1e-9
 
 @dataclass(frozen=True)
 class Baumgarte:
-    """Feedback that makes the error of a constraint die out like a damped oscillator [Baumgarte1972].
+    """Feedback that makes the error of a constraint decay like a damped oscillator [Baumgarte1972].
 
         feedback = 2 zeta w velocity + w^2 error,      so that      error'' + 2 zeta w error' + w^2 error = 0
 
     on bilateral rows. It is no physics: `solution.accelerations` leave it out, and `solution.feedback_acceleration` is
-    what it does to the motion. A step of simulation must be short against 1 / w.
+    its effect on the motion. A simulation's time step must be short against 1 / w.
 
-    Rows without an `error` (a contact without an anchor) get the velocity part alone, which stops their drift and does not
-    undo it; `Stabilised.acts_on` says which. Bilateral rows that give no velocity get J v.
+    Rows without an `error` (a contact without an anchor) get only the velocity part, which stops their drift and does not
+    undo it; see `Stabilised.acts_on`. For bilateral rows without a velocity J v is used.
 
-    Rows that push (limits, normals of contacts that can break) are pushed out of what they have entered, and no more:
+    Unilateral rows (limits, normals of contacts that can break) are only pushed out of penetration:
     feedback = min(0, 2 zeta w velocity + w^2 error) where error <= 0, or where there is none (there w^2 error is left out);
-    zero where error > 0. So no gap is closed and nothing that leaves is held back. Of a patch or a line that can break,
-    the normal of its centre gets what all its corners agree on. Friction gets none: its directions have no place to be.
+    zero where error > 0. So no gap is closed and no separation is slowed. For a patch or a line that can break,
+    the normal of its centre gets the feedback common to all corners. Friction gets none: tangents have no position error.
 
     Attributes:
         frequency: Natural frequency w [rad/s].
         damping_ratio: zeta; 1 is critical: the fastest without overshoot.
 
     Raises:
-        InputError: a frequency that is not positive, a damping ratio that is negative, anything not finite.
+        InputError: a frequency that is not positive, a damping ratio that is negative, numbers that are not finite.
 
     >>> held = rbd.constraints.Baumgarte(20.0).of(rbd.JointLock("brake", "arm_left_4_joint", position=-1.5))
     """
@@ -56,19 +56,19 @@ class Baumgarte:
             raise InputError(f"damping_ratio of Baumgarte is {self.damping_ratio!r:.80}; expected a number >= 0 (1: critical).")
 
     def of(self, constraint: Constraint) -> Stabilised:
-        """The constraint under its own name, its rows with this feedback (in place of any that they had).
+        """The constraint with the same name, its rows with this feedback in place of any other.
 
         Raises:
-            InputError: what is given is no constraint.
+            InputError: if it is not a constraint.
         """
         return Stabilised(constraint, self)
 
     def feedback(self, rows: Rows, velocity: Array | None = None) -> Array:
-        """2 zeta w velocity + w^2 error, as far as it does no harm, shape (m,) [m/s2, rad/s2].
+        """2 zeta w velocity + w^2 error, limited on unilateral rows, shape (m,) [m/s2, rad/s2].
 
         Args:
-            rows: Of any constraint.
-            velocity: In place of the rows' own, shape (m,).
+            rows: Rows of any constraint.
+            velocity: Velocity in place of the rows', shape (m,).
         """
         u = 2.0 * float(self.damping_ratio) * float(self.frequency) * (rows.velocity if velocity is None else velocity)
         e = None if rows.error is None else float(self.frequency) ** 2 * rows.error
@@ -92,12 +92,12 @@ class Stabilised:
 
     @property
     def name(self) -> str:
-        """The constraint's own name."""
+        """The constraint's name."""
         return self.constraint.name
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames that the constraint joins."""
+        """The constraint's frames."""
         return frames_of(self.constraint)
 
     def rows(self, state: State) -> Rows:
@@ -111,14 +111,14 @@ class Stabilised:
         return replace(rows, feedback=self.by.feedback(rows, rows.J @ state.v if silent else None))
 
     def acts_on(self, state: State) -> str:
-        """What is fed back at this state, in words: "position and velocity", "velocity alone: ..." or "nothing: ..."."""
+        """Message: what is fed back at this state, "position and velocity", "velocity alone: ..." or "nothing: ..."."""
         rows = self.constraint.rows(state)
         if not len(rows):
             return f"nothing: {self.name!r:.80} has no rows at this state"
         if not _heard(rows.cone):
-            return f"nothing: {self.name!r:.80} has forces in a {type(rows.cone).__name__}, which has no place to go back to"
+            return f"nothing: {self.name!r:.80} has forces in a {type(rows.cone).__name__}, which has no position to return to"
         if rows.error is None or (rows.holonomic is not None and not rows.holonomic.any()):
-            return f"velocity alone: the rows of {self.name!r:.80} give no error, so what has drifted stays"
+            return f"velocity alone: the rows of {self.name!r:.80} give no error, so position drift remains"
         return "position and velocity"
 
 
@@ -129,7 +129,7 @@ def _heard(cone: Cone) -> bool:
 
 
 def _harmless(cone: Cone, u: Array, e: Array | None) -> Array:
-    """Velocity part u and position part e (None: there is none) of the feedback, as much of both as a set can take."""
+    """Velocity part u and position part e (None: there is none) of the feedback, limited by the force set."""
     if isinstance(cone, Product):
         ends = np.cumsum([part.dim for part in cone.cones])[:-1]
         errors = [None] * len(cone.cones) if e is None else np.split(e, ends)
@@ -143,7 +143,7 @@ def _harmless(cone: Cone, u: Array, e: Array | None) -> Array:
     if isinstance(cone, FrictionCone):
         out[2] = _pushed_out(u[2:], None if e is None else e[2:])[0]
     elif isinstance(cone, WrenchCone | LineCone):
-        normals = cone.corner_map[:, 2::3]  # their transpose takes rows to the corners' normals
+        normals = cone.corner_map[:, 2::3]  # their transpose maps rows to the corners' normals
         out[2] = _pushed_out(normals.T @ u, None if e is None else normals.T @ e).max()
     return out
 
@@ -154,18 +154,18 @@ def _pushed_out(u: Array, e: Array | None) -> Array:
 
 
 def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law) -> Array:
-    """The change of a that the feedback makes through the active rows, shape (nv,) [m/s2, rad/s2].
+    """The change of a by the feedback through the active rows, shape (nv,) [m/s2, rad/s2].
 
         da = M^-1 J^T G dw      with      H^T (J da + feedback) = 0
 
-    over the columns of the sets whose weights can change: all where rows hold, rays and half-lines that carry something,
-    weights between their bounds, second-order cones that stick; of a contact that slips, one column along its force, its
-    direction held still. Where the active rows stay the same without the feedback, a - da is exactly the acceleration
-    without it, but for slipping circular cones, whose direction turns.
+    over the columns of the sets whose weights can change: all of bilateral rows, rays and half-lines that are loaded,
+    weights between their bounds, second-order cones that stick; for a contact that slips, one column along its force, its
+    direction fixed. Where the active rows are the same without the feedback, a - da is exactly the acceleration
+    without it, except for slipping circular cones, whose direction turns.
 
     Args:
-        problem: What was solved.
-        weights: As `Answer.weights`; None where all rows hold.
+        problem: The problem.
+        weights: As `Answer.weights`; None where all rows are bilateral.
         law: The law of the answer.
     """
     P = problem
@@ -176,7 +176,7 @@ def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law
         return np.zeros(P.nv)
     G, H = _active(P, weights, law)
     B = P.whitened @ G
-    if H is G:  # least squares in the inertia metric, where feedback contradicts itself
+    if H is G:  # least squares in the inertia metric, where feedback is contradictory
         moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=RANK)[0]
     else:
         moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=RANK)[0]
@@ -201,7 +201,7 @@ def _active(P: GaussProblem, weights: Array | None, law: Law) -> tuple[Array, Ar
                 found.append((G, H))
                 continue
             along = G @ np.array([[e.mu * w[0] / used], [e.mu * w[1] / used], [1.0]])
-            # Under Coulomb's law a point that slips keeps its normal still; under the convex one, its force's own direction.
+            # A slipping point has no acceleration along its normal (Coulomb's law), or along its force (convex law).
             found.append((along, H[:, 2:] if law.kind == "coulomb" else along))
     G = np.hstack([g for g, _ in found])
     return G, G if T.H is T.G and law.kind != "coulomb" else np.hstack([h for _, h in found])

@@ -1,15 +1,15 @@
-"""How a contact moves as seen from what it touches, ground, another body or an anchor on either; its axes and force sets.
+"""Motion of a contact relative to the surface: ground, another body, or an anchor on either; its axes and force sets.
 
-Let the surface move with velocity u, acceleration s, angular velocity W and angular acceleration W', all of the material
-point of it that now touches. Seen from the surface, in axes that turn with it, a point with v and a of a body with w and w'
+Let the surface move with velocity u, acceleration s, angular velocity W and angular acceleration W', all of its material
+point at the contact. Relative to the surface, in axes that turn with it, a point with v and a of a body with w and w'
 has
 
     v_rel = v - u          a_rel  = a - s - 2 W x v_rel
     w_rel = w - W          w'_rel = w' - W' - W x w_rel
 
-(the point is on the surface now, so the centripetal acceleration is all in s; - 2 W x v_rel is Coriolis'). The surface is
-the ground with a motion that is given, or another body of the robot: one formula serves both. Where u, s are known at
-another point of the surface, from which the contact is r away, they are carried over:
+(the point is on the surface, so s contains the centripetal acceleration; - 2 W x v_rel is Coriolis'). The surface is
+the ground with a given motion, or another body of the robot. Where u, s are given at
+another point of the surface, at a distance r from the contact, they are converted:
 
     u + W x r              s + W' x r + W x (W x r)
 """
@@ -31,16 +31,16 @@ from rbd.problem.ground import Body, Ground, Surface
 HERE = pin.SE3.Identity()
 UP = np.array([0.0, 0.0, 1.0])
 _ALONG = 0.7
-"""Largest cosine between line and normal: 45 degrees off the surface it is no line contact any more."""
+"""Largest cosine between line and normal: at 45 degrees to the surface it is no line contact."""
 
 
 @dataclass(frozen=True, eq=False)
 class RelativeMotion:
-    """How a contact moves as seen from what it touches; world axes, linear then angular.
+    """Motion of a contact relative to the surface; world axes, linear then angular.
 
     Attributes:
         X_WP: Pose of the contact in W.
-        X_WS: Pose of what it touches in W: of the other body's frame, or the identity for the ground.
+        X_WS: Pose of the surface in W: of the other body's frame, or the identity for the ground.
         J: Jacobian of the relative velocity, shape (6, nv).
         v: Relative velocity J v - (u, W), shape (6,) [m/s, rad/s].
         bias: Relative acceleration when v_dot = 0, shape (6,) [m/s2, rad/s2].
@@ -60,12 +60,12 @@ class RelativeMotion:
 
 @dataclass(frozen=True, eq=False)
 class Counterpart:
-    """What a contact touches, and where.
+    """The surface that a contact touches, and the contact's anchor.
 
     Attributes:
         name: The contact's name.
         on: The ground or the body; None for ground at rest.
-        anchor: Where the contact first touched, in W or in the body's axes; None where it does not matter.
+        anchor: Where the contact first touched, in W or in the body's axes; None if not needed.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Counterpart:
         return self.on is None or (isinstance(self.on, Ground) and not self.on.moves)
 
     def motion(self, state: State, frame: str, X_FP: pin.SE3) -> RelativeMotion:
-        """Motion of a pose P fixed to a frame, relative to what it touches.
+        """Motion of a pose P fixed to a frame, relative to the surface.
 
         Raises:
             FrameNotFound: with the nearest names.
@@ -114,7 +114,7 @@ class Counterpart:
         return axes.T @ (motion.X_WP.translation - motion.X_WS.act(self.anchor.translation))
 
     def anchored_axes(self, motion: RelativeMotion) -> Array:
-        """R_W0: the axes of the anchor in W; only where there is one."""
+        """R_W0: the axes of the anchor in W; needs an anchor."""
         assert self.anchor is not None
         return motion.X_WS.rotation @ self.anchor.rotation
 
@@ -140,22 +140,22 @@ def check_two_bodies(state: State, name: str, frame: str, on: Body) -> None:
 
 
 def check_words(whose: str, **words: object) -> None:
-    """Refuse names that are no words.
+    """Refuse names that are not strings.
 
     Args:
-        whose: Whose they are, for messages.
-        words: What each is: what was given.
+        whose: What they belong to, for messages.
+        words: {role: name}.
 
     Raises:
-        InputError: naming which.
+        InputError: naming the role.
     """
     for what, value in words.items():
         if not isinstance(value, str) or not value:
-            raise InputError(f"the {what} of {whose} is {value!r:.80}; expected a word, e.g. 'left_sole'.")
+            raise InputError(f"the {what} of {whose} is {value!r:.80}; expected a string, e.g. 'left_sole'.")
 
 
 def check_state(state: State, name: str) -> None:
-    """Refuse what is no State.
+    """Refuse an object that is not a State.
 
     Raises:
         InputError: with the constraint's name.
@@ -165,7 +165,7 @@ def check_state(state: State, name: str) -> None:
 
 
 def contact_axes(normal: Array) -> Array:
-    """R_WP with the normal as third column, the first along W's x as far as it goes (W's y for a normal along x)."""
+    """R_WP with the normal as third column, the first along the projection of W's x (of W's y for a normal along x)."""
     along = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     t1 = along - (along @ normal) * normal
     t1 /= np.linalg.norm(t1)
@@ -176,13 +176,13 @@ def edge_axes(name: str, x: Array, n: Array) -> Array:
     """R_WP of an edge along x: z is the normal n less its part along the edge.
 
     Raises:
-        InputError: the edge stands more than 45 degrees off the surface.
+        InputError: the edge is more than 45 degrees off the surface.
     """
     along = float(n @ x)
     if not abs(along) <= _ALONG:
         raise InputError(
-            f"the line of contact {name!r} stands {90.0 - np.rad2deg(np.arccos(min(1.0, abs(along)))):.0f} degrees off its "
-            "surface; expected one that lies on it (up to 45 are taken). Is the placement's x along the line?"
+            f"the line of contact {name!r} is at {90.0 - np.rad2deg(np.arccos(min(1.0, abs(along)))):.0f} degrees to its "
+            "surface; expected one along it (up to 45 are accepted). Is the placement's x along the line?"
         )
     z = n - along * x
     z /= np.linalg.norm(z)
@@ -197,7 +197,7 @@ def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
         placement: pin.SE3, a 4 x 4 matrix, or None.
 
     Raises:
-        InputError: if it is no rigid placement.
+        InputError: if it is not a rigid placement.
     """
     if placement is None:
         return pin.SE3.Identity()
@@ -220,7 +220,7 @@ def cone_of(corners: Array, friction: float | None, facets: int) -> Cone:
 
 
 def anchor_of(name: str, anchor: pin.SE3 | Sequence[float] | Array | None, *, point: bool) -> pin.SE3 | None:
-    """Where it first touched, as a placement."""
+    """The anchor, as a placement."""
     if anchor is None:
         return None
     if point:
@@ -229,7 +229,7 @@ def anchor_of(name: str, anchor: pin.SE3 | Sequence[float] | Array | None, *, po
 
 
 def corners_of(name: str, corners: object, X_FP: pin.SE3) -> tuple[Array, pin.SE3]:
-    """(corners from the centre, shape (k, 3), the placement of the centre): of a point W's axes, of an edge x along it."""
+    """(corners from the centre, shape (k, 3), the placement of the centre): W's axes for a point, x along an edge."""
     given = as_array(f"corners of contact {name!r}", corners)
     if given.ndim != 2 or given.shape[1] not in (2, 3) or not len(given):
         raise InputError(f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 1.")

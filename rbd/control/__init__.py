@@ -1,4 +1,4 @@
-"""What decides the motor torques and the pushes over time: controllers, schedules and pushes."""
+"""Motor torques and pushes over time: controllers, schedules and pushes."""
 
 from rbd.control.posture import HoldPosture
 from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold

@@ -1,9 +1,9 @@
-"""A controller that holds a posture: PD on the joints, on top of the torques that carry the weight through the contacts.
+"""A controller that holds a posture: PD on the joints, plus torques that support the weight through the contacts.
 
     tau = tau_0 - K (q - q*) - D v,        clipped at the effort limits
 
 with gains for the points that touch now: every small motion that the contacts allow is an oscillator of the frequency and the
-damping ratio that are asked for. Where a robot stands on all that it was given, tau_0 is that of `rbd.hold`, whose contact
+damping ratio that are requested. If all given contacts touch, tau_0 is that of `rbd.hold`, whose contact
 forces are within their cones. PD on the gravity torques of the posture that is wanted, and not of the present one, is
 [Takegaki1981]'s; to first order in the distance both are the same here.
 
@@ -43,17 +43,17 @@ from rbd.problem.cones import Box, Free
 from rbd.statics.equilibrium import hold
 
 TOUCHING = 1e-5
-"""A point whose gap is at most this [m] is taken for one in contact. Far above what contacts are kept to, and so small that
-a foot which is stiffly held a moment too long moves by no more."""
+"""A point whose gap is at most this [m] counts as in contact. Far above the error of contacts, and so small that
+a foot held stiffly for a little too long moves by no more."""
 RANK = 1e-4
-"""Motions that move the motors so much less than the largest are none of theirs, as of a body that turns about an edge."""
+"""Motions with less motor velocity than this, over the largest, are not controllable, e.g. of a body that tips on an edge."""
 NUDGE = 1e-4
-"""How far the posture is moved to see how it tips [s sqrt(N m), of unit inertia]."""
+"""Displacement of the posture in the test for tipping [s sqrt(N m), of unit inertia]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """What holds a posture while the same points touch: tau = torque - stiffness (q - q*) - damping v.
+    """Control law of a posture while the same points touch: tau = torque - stiffness (q - q*) - damping v.
 
     Attributes:
         torque: Shape (nu,) [N, N m]: no motor accelerates under it; of least sum (tau / limit)^2. Zero in free fall.
@@ -90,7 +90,7 @@ def posture_gains(
 
 
 def torque_scale(robot: CheckedModel) -> Array:
-    """What each motor's torque is measured by, shape (nu,): its limit; without one, body weight times a metre, as in `hold`."""
+    """Scale of each motor's torque, shape (nu,): its limit; without one, body weight times a metre, as in `hold`."""
     weight = robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
     return np.where(np.isfinite(robot.effort_limit), robot.effort_limit, weight)
 
@@ -129,18 +129,18 @@ class HoldPosture:
     """Torques that hold a posture: gravity compensation through the contacts, and PD on the joints, within the effort limits.
 
     It looks at which points touch, as a robot with switches in its soles would, and changes its gains with them: a leg in the
-    air feels little inertia, and gains of a standing leg would shake it. It remembers nothing, so runs are repeatable.
+    air feels little inertia, and gains of a standing leg would shake it. It has no memory, so runs are repeatable.
 
     Attributes:
-        state: The posture; joints are held where they are in it. Its velocity plays no part.
-        contacts: What it stands on, and its loops, as given to `rbd.simulate`; nothing of an arm that is fixed.
+        state: The posture; joints are held at its angles. Its velocity is not used.
+        contacts: Its contacts and loops, as given to `rbd.simulate`; none for a fixed arm.
         frequency: Natural frequency w of every motion that the contacts allow [rad/s]; well below 1 / step. The stiffer, the
             smaller the push that tips a foot.
         damping_ratio: zeta; 1 is critical.
 
     Raises:
-        InputError: a frequency or damping ratio that is none; what is no state or no constraint.
-        CannotHold: a posture that the motors cannot hold on its contacts, if all of them touch; says which limit is in the way.
+        InputError: an invalid frequency or damping ratio; not a state, or not constraints.
+        CannotHold: a posture that the motors cannot hold on its contacts, if all touch; names the limit that prevents it.
         NotAtRest: the ground moves.
 
     >>> stand = rbd.control.HoldPosture(state, robot.feet(0.7))
@@ -164,7 +164,7 @@ class HoldPosture:
         if not 0.0 <= as_float(self.damping_ratio) < 1e6:
             raise InputError(f"damping_ratio of HoldPosture is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
         still = self.state.with_velocity(self.state.robot.zero_v)
-        rows_of(still, self.contacts)  # which says what is no list of constraints
+        rows_of(still, self.contacts)  # which raises if it is not a list of constraints
         sources = tuple(sources_of(tuple(self.contacts), still))
         start = [source.at(still, 0.0) for source in sources]
         touching = _touching([m.gap for m in start])
@@ -205,7 +205,7 @@ class HoldPosture:
             return self._gains_at(still, [m.structure for m in now], _touching([m.gap for m in now]))
         key = touching.tobytes()
         found = self._known.get(key)
-        if found is None:  # of the posture, whatever came before: the same in every run
+        if found is None:  # from the posture, not from earlier states: the same in every run
             found = self._known[key] = self._gains_at(self._start, self._structures, touching)
         return found
 
@@ -223,7 +223,7 @@ class HoldPosture:
 
 
 def _touching(gaps: Sequence[Array]) -> Array:
-    """Which points are taken for ones in contact, shape (k,), of the gaps of each source."""
+    """Which points count as in contact, shape (k,), by the gaps of each source."""
     return np.concatenate([np.zeros(0), *gaps]) <= TOUCHING
 
 

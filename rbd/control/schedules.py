@@ -1,4 +1,4 @@
-"""Torques and forces over time: what a controller and a push are, torque schedules, a zero-order hold, pushes."""
+"""Torques and forces over time: types of controllers and pushes, torque schedules, a zero-order hold, pushes."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from rbd.model.state import State
 Controller: TypeAlias = Callable[[State, float], Array]
 """Torques (nu,) of a state and a time [s]."""
 ExternalAt: TypeAlias = Callable[[State, float], External]
-"""Forces of the world at a state and a time [s]."""
+"""External forces at a state and a time [s]."""
 INSTANT = 1e-9
 """Times nearer than this [s] are the same: sums of steps are off by rounding, and a step that begins where a push ends must be
 free of it."""
 
 
 def asked(what: str, given: Callable[[State, float], Any], state: State, t: float) -> Any:
-    """What a user's function of state and time says.
+    """The result of a user's function of state and time.
 
     Raises:
         InputError: if it cannot be called so.
@@ -37,13 +37,13 @@ def asked(what: str, given: Callable[[State, float], Any], state: State, t: floa
 
 @dataclass(frozen=True, eq=False)
 class TorqueSchedule:
-    """Torques of a table of times, whatever the robot does.
+    """Torques from a table over time, independent of the state.
 
     Attributes:
         times: Shape (n,) [s], increasing.
         torques: Shape (n, nu) [N, N m], one row a time.
-        held: Each row stands until the next time, its own included; else straight lines go from row to row. Before the first
-            time the first row stands, after the last the last.
+        held: Each row applies from its time to the next; else rows are interpolated linearly. Before the first
+            time the first row applies, after the last time the last.
 
     Raises:
         InputError: times that do not increase, sizes that do not fit, numbers that are not finite.
@@ -92,14 +92,14 @@ class TorqueSchedule:
 
 @dataclass(frozen=True, eq=False)
 class ZeroOrderHold:
-    """A controller that is asked once a period, its torques standing in between: a zero-order hold, as in a real robot.
+    """A controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
 
-    It answers with the torques of the first state that it sees in a period; so the period should be a whole number of steps of
-    an integrator with steps of one length. Time that goes back, as at the start of another run, makes it ask anew, so runs
+    It uses the torques of the first state in a period; so the period should be a whole number of steps of
+    an integrator with steps of one length. If time goes back, as at the start of another run, it evaluates again, so runs
     are repeatable.
 
     Attributes:
-        controller: What is asked.
+        controller: The controller evaluated.
         period: [s], e.g. 1e-3.
 
     Raises:
@@ -119,7 +119,7 @@ class ZeroOrderHold:
             raise InputError(f"period of Sampled is {self.period!r:.80}; expected a time above 0 [s].")
 
     def __call__(self, state: State, t: float) -> Array:
-        """Torques that stand at a time [s], shape (nu,) [N, N m]."""
+        """Torques that apply at a time [s], shape (nu,) [N, N m]."""
         sample = math.floor((t + INSTANT) / float(self.period))
         known = self._last.get("sample")
         # At its first time a sample is taken again: integrators guess the end of a step before they reach it.
@@ -145,7 +145,7 @@ class Push:
         force: In world axes, shape (3,) [N].
         start: When it begins [s].
         duration: How long it lasts [s].
-        moment: In world axes, beside the force's own, shape (3,) [N m].
+        moment: In world axes, in addition to the force's, shape (3,) [N m].
         offset: Where it acts, from the frame's origin in the frame's axes, shape (3,) [m].
 
     Raises:
@@ -188,7 +188,7 @@ class Push:
         return float(self.start) - INSTANT <= t < self.end - INSTANT
 
     def __call__(self, state: State, t: float) -> tuple[ExternalForce, ...]:
-        """What acts at a time [s]: the force, or nothing."""
+        """The forces at a time [s]: this one, or none."""
         return (self._force,) if self.acts(t) else ()
 
     def __str__(self) -> str:
@@ -198,13 +198,13 @@ class Push:
 
 @dataclass(frozen=True, eq=False)
 class Pushes:
-    """Several pushes, and loads that always act: all that act at a time add up.
+    """Several pushes, and loads that always act: those that act at a time add up.
 
     Attributes:
         pushes: `Push`es and `ExternalForce`s.
 
     Raises:
-        InputError: something else among them.
+        InputError: an entry that is neither.
     """
 
     pushes: Sequence[Push | ExternalForce]

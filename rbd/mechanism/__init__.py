@@ -1,4 +1,4 @@
-"""Mechanisms: what closed loops and rolling let a robot do, and what not."""
+"""Mechanisms: assembly, mobility, branches and singularities of closed loops and rolling."""
 
 from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace

@@ -1,4 +1,4 @@
-"""Assembling a mechanism: from a rough configuration onto its constraints, or into all its branches from many random starts."""
+"""Assembling a mechanism: from a rough configuration onto its constraints, or onto all its branches from many random starts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
 STARTS = 24
-"""Other starts that are tried, with a seed of their own, before loops are said not to close."""
+"""Further starts, with a separate seed, before a loop is reported as not closing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,10 @@ class Assembly:
         q: The configuration, shape (nq,).
         residual: Largest entry of the errors [m, rad].
         iterations: Steps taken.
-        moved: Length of the way from the start to q as a velocity of unit time, angles by the short way round [rad, m].
+        moved: Distance from the start to q, the shorter way for angles [rad, m].
         rows: The constraints' rows at q, at rest.
         dof: Free velocities less the rank of the rows' Jacobian: degrees of freedom left at q, at first order.
-        skipped: Constraints without a say, and why.
+        skipped: Constraints that were skipped, with the reason.
         beyond_limits: Joints outside the limits of the robot's file.
     """
 
@@ -66,30 +66,30 @@ def assemble(
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
 ) -> Assembly:
-    """A configuration on the constraints near that of a state, with the residual that is left.
+    """A configuration on the constraints near that of a state, with its residual.
 
-    Levenberg's and Marquardt's steps on the manifold of configurations; see `rbd.mechanism.closure`. Rows that repeat each
-    other do no harm. From far away it may end in another branch than the one meant: look at `moved`, or give `within`.
+    Levenberg-Marquardt steps on the manifold of configurations; see `rbd.mechanism.closure`. Redundant rows
+    do no harm. From far away it can end on another branch than intended: check `moved`, or give `within`.
 
     Args:
-        state: Where to start; its velocity plays no part.
-        constraints: Loops, locks, couplings, held contacts with an anchor, functions of q; None for the loops
-            and wheels of the robot's file. Constraints of velocities alone are skipped, and named. Stops (`rbd.JointLimit`) are
-            kept to one side.
-        fixed: {joint: value} held exactly: an angle [rad], a displacement [m], or the joint's part of q.
-        within_limits: Keep every joint within the limits of the robot's file. If not, those beyond are reported.
-        within: Farthest that q may be from the start, as `Assembly.moved` measures it; farther is refused.
-        tolerance: Largest entry of the errors [m, rad]. Mechanisms of kilometres want more than the default: rounding.
-        max_iterations: Most evaluations.
+        state: Where to start; its velocity is not used.
+        constraints: Loops, locks, couplings, bilateral contacts with an anchor, functions of q; None for the loops
+            and wheels of the robot's file. Velocity constraints are skipped, and named. Joint limits (`rbd.JointLimit`) are
+            inequalities.
+        fixed: {joint: value} exact values: an angle [rad], a displacement [m], or the joint's part of q.
+        within_limits: Keep every joint within the limits of the robot's file. If not, violations are reported.
+        within: Largest accepted distance from the start, as in `Assembly.moved`.
+        tolerance: Largest entry of the errors [m, rad]. Mechanisms of kilometres need more than the default.
+        max_iterations: Largest number of evaluations.
 
     Returns:
-        The configuration and what is known of it.
+        The configuration with its residual and properties.
 
     Raises:
-        CannotAssemble: names the rows and the distance left; says whether it is a true minimum of the distance, whether
-            another start closes (so this one was too far away), which fixed values contradict the constraints.
+        CannotAssemble: names the rows and their distance; whether it is a true minimum of the distance, whether
+            another start closes (so this one was too far away), and which fixed values contradict the constraints.
         InputError: no constraint with an error, one that can slip or break, values of a wrong size.
-        JointNotFound: a fixed joint that is none.
+        JointNotFound: an unknown fixed joint.
 
     >>> found = rbd.mechanism.assemble(robot.at(q0), fixed={"crank": 0.7})
     """
@@ -117,7 +117,7 @@ def assemble(
 
 
 def _from_lower_down(closure: Closure, found: Descent, tolerance: float, most: int) -> Descent:
-    """Off a saddle and down again; raises what is to be said if that does not close either."""
+    """Descends again from a saddle point; raises the diagnosis if that does not close either."""
     bottom = minimise(closure, found.at)
     again = descend(closure, bottom.at, tolerance=tolerance, most=most)
     if again.closed:
@@ -132,10 +132,10 @@ def _failure(closure: Closure, at: ConstraintResidual, tolerance: float, most: i
     floor = 1e3 * np.finfo(float).eps * robot.joints.reach
     elsewhere = None
     if at.residual < max(floor, 10.0 * tolerance):
-        say.append(f"What is left is rounding of lengths of {robot.joints.reach:.3g} m; give tolerance={floor:.0e}.")
+        say.append(f"The residual is rounding of lengths of {robot.joints.reach:.3g} m; give tolerance={floor:.0e}.")
     else:
         elsewhere, least = _other_starts(closure, tolerance, most)
-        say.append("Nothing nearby makes it less: a true minimum of the distance." if minimum else "The steps ran out there.")
+        say.append("No small motion reduces it: a true minimum of the distance." if minimum else "The number of steps ran out.")
         if elsewhere is not None:
             say.append(
                 f"From another start it closes, {float(np.linalg.norm(displacement(robot, at.q, elsewhere))):.3g} away "
@@ -143,7 +143,7 @@ def _failure(closure: Closure, at: ConstraintResidual, tolerance: float, most: i
             )
         elif len(closure.free):
             say.append(
-                f"None of {STARTS} other starts closes either; the least that one left is {_apart(least)}. It looks as if "
+                f"None of {STARTS} other starts closes either; the smallest distance was {_apart(least)}. It looks as if "
                 "the loops cannot close: check lengths, frames and fixed values."
             )
         if closure.fixed and elsewhere is None:
@@ -152,7 +152,7 @@ def _failure(closure: Closure, at: ConstraintResidual, tolerance: float, most: i
 
 
 def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterations") -> None:
-    """Refuse settings that are none.
+    """Refuse invalid settings.
 
     Raises:
         InputError: with what was expected.
@@ -163,7 +163,7 @@ def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterat
 
 
 def distances(at: ConstraintResidual, tolerance: float) -> dict[str, float]:
-    """{constraint: length of its error}, of those that are not met, the largest first [m, rad]."""
+    """{constraint: length of its error}, of the violated ones, the largest first [m, rad]."""
     out = {}
     for r in at.rows:
         error, _ = position_residual(r)
@@ -173,12 +173,12 @@ def distances(at: ConstraintResidual, tolerance: float) -> dict[str, float]:
 
 
 def _other_starts(closure: Closure, tolerance: float, most: int) -> tuple[Array | None, float]:
-    """A configuration that closes, from seeded starts, and the least distance of any."""
+    """A configuration that closes, from seeded starts, and the smallest distance found."""
     rng, least = np.random.default_rng(0), math.inf
     for _ in range(STARTS if len(closure.free) else 0):
         try:
             found = descend(closure, closure.at(closure.pin(draw(closure.robot, rng))), tolerance=tolerance, most=most)
-        except InputError:  # a start where a constraint is not defined
+        except InputError:  # a constraint may be undefined at a start
             continue
         if found.closed:
             return found.at.q, 0.0
@@ -187,7 +187,7 @@ def _other_starts(closure: Closure, tolerance: float, most: int) -> tuple[Array 
 
 
 def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int) -> str:
-    """Which fixed joints, let go alone, let the loops close, and where they then are."""
+    """Message: which fixed joints, each freed alone, let the loops close, and their values then."""
     free, out = [], []
     for joint in closure.fixed:
         others = {name: value for name, value in closure.fixed.items() if name != joint}
@@ -203,7 +203,7 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
         return f"Freeing any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
     if len(closure.fixed) > 1:
         return f"The fixed values contradict each other: with one free it closes, at {' or '.join(out) or ', '.join(free)}."
-    return f"The fixed value is what prevents it: it closes with {out[0] if out else free[0]}."
+    return f"The fixed value prevents it: it closes with {out[0] if out else free[0]}."
 
 
 def _apart(distance: float) -> str:
@@ -211,18 +211,18 @@ def _apart(distance: float) -> str:
 
 
 SAME = 1e-5
-"""Two poses are one if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""
+"""Two poses are the same if no coordinate differs by more [rad, m]: at a singular pose errors of 1e-12 leave 1e-6."""
 
 MOST_TRIES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One way to put the mechanism together.
+    """One assembly mode of the mechanism.
 
     Attributes:
-        q: Its configuration, shape (nq,), angles in (-pi, pi] where limits let them.
-        hits: How many starts ended there.
+        q: Its configuration, shape (nq,), angles in (-pi, pi] where limits allow.
+        hits: Number of starts that ended there.
         residual: Largest entry of the errors [m, rad].
         singular: Whether the constraints lose rank there: another branch meets it, or it is flat.
         beyond_limits: Joints outside the limits of the robot's file.
@@ -237,7 +237,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """All branches that were found. That there are no others is not proved.
+    """All branches that were found, without proof of completeness.
 
     Attributes:
         found: Ordered by their coordinates.
@@ -245,7 +245,7 @@ class Branches:
         closed: Starts that reached the constraints; the others ended in a minimum of the distance.
         since_new: Starts since the last new branch was found.
         seed: Of the starts.
-        skipped: Constraints without a say, and why.
+        skipped: Constraints that were skipped, with the reason.
     """
 
     found: tuple[Branch, ...]
@@ -287,27 +287,27 @@ def branches(
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
 ) -> Branches:
-    """All ways to assemble a mechanism that many random starts find.
+    """All assembly modes of a mechanism that many random starts find.
 
-    A start draws every joint over its limits, or over one turn, or (sliding, without limits) over the robot's reach, and goes
-    down to the constraints as `assemble` does. Poses that differ by whole turns are one.
+    A start draws every joint over its limits, or over one turn, or (prismatic, without limits) over the robot's reach, and is
+    moved onto the constraints as in `assemble`. Poses that differ by whole turns count as one.
 
     Args:
-        state: Of the robot; where it is plays no part, starts are drawn.
+        state: Of the robot; its configuration is not used, starts are drawn.
         constraints: As for `assemble`; None for the loops and wheels of the robot's file.
-        fixed: {joint: value} held exactly: enough of them that nothing can move.
-        seed: Of the starts: the same seed finds the same.
-        tries: How many starts.
+        fixed: {joint: value}, exact, of as many joints as there are degrees of freedom.
+        seed: Of the starts: the same seed gives the same branches.
+        tries: Number of starts.
         within_limits: Only poses within the limits of the robot's file; if not, those outside are marked.
         tolerance: As for `assemble`.
-        max_iterations: Of each start.
+        max_iterations: Evaluations of each start.
 
     Returns:
-        The branches, each with its number of hits. No proof that they are all.
+        The branches, each with its number of hits. No proof of completeness.
 
     Raises:
-        CannotAssemble: no start closes; says the least distance that is left.
-        InputError: the mechanism can still move, so that its poses are a continuum: says what to fix. And as `assemble`.
+        CannotAssemble: no start closes; with the smallest distance found.
+        InputError: the mechanism can still move, so that its poses are a continuum; names joints to fix. And as `assemble`.
 
     >>> print(rbd.mechanism.branches(robot.at(), fixed={"crank": 0.7}))
     """
@@ -327,7 +327,7 @@ def branches(
         try:
             start = closure.at(closure.pin(draw(robot, rng)))
             found = descend(closure, start, tolerance=tolerance, most=max_iterations)
-        except InputError as error:  # of this draw, or of all: then what was given is wrong
+        except InputError as error:  # of this draw, or of all draws: then the arguments are wrong
             refusal = refusal or error
             continue
         if not found.closed:
@@ -345,7 +345,7 @@ def branches(
         last_new = i
     if not poses:
         if nearest is None:
-            assert refusal is not None  # a draw that is not refused closes, or comes near
+            assert refusal is not None  # a draw that is not refused ends on the constraints, or near them
             raise refusal
         raise _no_start_closes(closure, nearest, tries, tolerance)
     out = []
@@ -357,10 +357,10 @@ def branches(
 
 
 def _is_singular(closure: Closure, at: ConstraintResidual, tolerance: float, most: int) -> bool:
-    """Whether the constraints lose rank at a pose that is alone there.
+    """Whether the constraints lose rank at an isolated pose.
 
     Raises:
-        InputError: it is not alone: a step in a direction that J allows, brought back onto the constraints, leads on.
+        InputError: it is not isolated: a step along a direction that J allows, projected onto the constraints, moves.
     """
     for there in around(closure, at, tolerance=tolerance, most=most):
         if np.linalg.norm(closure.way(at.q, there.q)) < 0.3 * ASIDE:

@@ -19,16 +19,16 @@ from rbd.model.state import State, check_state
 
 _SHOWN = 6
 ARRIVED = 1e-9
-"""How near to a value, or to a stop, the driven joint counts as being there [rad, m]."""
+"""Distance within which the driven joint counts as at a value, or at a limit [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """Where the driven joint can go no farther: J2 is singular, and the mechanism turns back there.
+    """A limit of the driven joint's motion: J2 is singular, and the mechanism turns back there.
 
     Attributes:
-        value: Of the driven joint [rad, m].
-        greatest: Whether it is the greatest value on its way; else the least.
+        value: Value of the driven joint [rad, m].
+        greatest: Whether it is a maximum of the joint's value; else a minimum.
         q: The pose, shape (nq,).
     """
 
@@ -39,12 +39,12 @@ class Limit:
 
 @dataclass(frozen=True, eq=False)
 class Bifurcation:
-    """A singular pose that the motion passes, where another branch crosses: known to 1e-5.
+    """A singular pose that the motion passes, where another branch crosses, to 1e-5.
 
     Attributes:
-        value: Of the driven joint [rad, m].
+        value: Value of the driven joint [rad, m].
         q: The pose, shape (nq,).
-        sigma: Least singular value of J there, of those that are not zero on the way.
+        sigma: Least singular value of J there, of those that are not zero along the motion.
     """
 
     value: float
@@ -58,18 +58,18 @@ class Trace:
 
     Attributes:
         joint: The driven joint.
-        input: Its values, shape (n,) [rad, m]; a continuous joint's go on beyond a turn.
+        input: Its values, shape (n,) [rad, m]; a continuous joint's are not wrapped.
         q: Poses, shape (n, nq).
         residual: Largest entry of the errors, shape (n,) [m, rad].
         sigma_min: Least singular value of J2, the columns of all other free joints, shape (n,).
         condition: Condition number of J2, shape (n,); inf where it is singular.
-        limits: Where the driven joint turned back, or would have.
+        limits: Limits at which the driven joint turned back, or would have.
         crossings: Singular poses that were passed.
-        unreached: Values asked for that were not reached, shape (k,).
-        stopped_by: Name of the stop that ended the motion, or "".
-        closed: Whether the motion came back to where it began.
-        beyond_limits: Joints outside the limits of the robot's file somewhere on the way, as they first were.
-        moved: How far the first pose is from the start, as in `Assembly`.
+        unreached: Requested values that were not reached, shape (k,).
+        stopped_by: Name of the joint limit that ended the motion, or "".
+        closed: Whether the motion returned to its first pose.
+        beyond_limits: Joints outside the limits of the robot's file somewhere along the motion, at the first such pose.
+        moved: Distance of the first pose from the start, as in `Assembly`.
         steps: Steps tried.
     """
 
@@ -93,7 +93,7 @@ class Trace:
 
     @property
     def complete(self) -> bool:
-        """Whether every value asked for was reached."""
+        """Whether every requested value was reached."""
         return not len(self.unreached)
 
     def __str__(self) -> str:
@@ -136,30 +136,30 @@ def trace(
     """The poses of a mechanism while one joint is driven through its range, on one branch.
 
     The branch is that of the state assembled with the joint at the first value. Along it the poses are followed by arc length
-    (`rbd.mechanism.continuation`): singular poses are passed straight on, and where the joint turns back its limit is found.
+    (`rbd.mechanism.continuation`): singular poses are passed straight on, and where the joint turns back its limit is computed.
 
     Args:
-        state: Start: assembled first, with the joint at the first value; its velocity plays no part.
-        constraints: As for `assemble`; stops (`rbd.JointLimit`) end the motion. None for the loops and wheels of the robot's
-            file.
+        state: Start: assembled first, with the joint at the first value; its velocity is not used.
+        constraints: As for `assemble`; joint limits (`rbd.JointLimit`) end the motion. None: the loops and wheels of the
+            robot's file.
         joint: The driven joint, with one degree of freedom.
         values: (start, stop), or three and more values that are visited in order [rad, m].
         steps: Intervals between start and stop.
-        fixed: {joint: value} held exactly, where the mechanism has more than one degree of freedom.
-        past_limits: Go on where the joint turns back, over the other side, until it passes the last value or is back where
+        fixed: {joint: value} exact values, where the mechanism has more than one degree of freedom.
+        past_limits: Continue past the joint's limits of motion, until it passes the last value or returns to where
             it began; the poses are then those of the steps, with whatever values the joint has.
-        longest_step: Of the way between two poses, angles in rad, what slides over the robot's length.
+        longest_step: Largest step between two poses: angles in rad, translations over the robot's length.
         tolerance: Largest entry of the errors [m, rad].
-        max_steps: Most steps along the curve that are tried.
-        progress: Called with the part of the way that is done, in [0, 1].
+        max_steps: Largest number of steps tried along the curve.
+        progress: Called with the fraction of the motion that is done, in [0, 1].
 
     Returns:
-        The poses that were reached; `limits` and `unreached` say why not all were.
+        The poses that were reached; if not all were, see `limits` and `unreached`.
 
     Raises:
         InputError: a start where branches meet, or where the joint is at its limit; more than one degree of freedom, or none.
         CannotAssemble: the start does not close.
-        NoSolution: the branch is lost; says where.
+        NoSolution: the branch is lost; with the pose.
 
     >>> motion = rbd.mechanism.trace(robot.at(q0), joint="crank", values=(0.0, 6.28), steps=360)
     """
@@ -224,7 +224,7 @@ def _wanted(values: Sequence[float] | Array, steps: int) -> Array:
 
 
 class DrivenMotion:
-    """What has been found so far."""
+    """State of the tracing: poses and events found so far."""
 
     def __init__(
         self, curve: Curve, drive: Drive, start: Point, value: float, most: int, progress: Callable[[float], None] | None
@@ -240,7 +240,7 @@ class DrivenMotion:
         self.step_value, self.step_turns = value, False
 
     def visit(self, wanted: Array) -> None:
-        """Go to one value after the other, until a limit or a stop."""
+        """Go to one value after the other, until a limit of motion or a joint limit."""
         for i, target in enumerate(wanted[1:], 1):
             if not self._to(float(target)):
                 self.unreached = wanted[i:]
@@ -277,7 +277,7 @@ class DrivenMotion:
         self.unreached = np.array([target])
 
     def _to(self, target: float) -> bool:
-        """Go to one value, and take its pose; False where the way ends before."""
+        """Go to one value, and record its pose; False if the motion ends before."""
         last = self.samples[-1]
         if abs(target - last[0]) <= ARRIVED:
             self.samples.append(last)
@@ -318,7 +318,7 @@ class DrivenMotion:
         )
 
     def _face(self, target: float) -> None:
-        """Turn the tangent so that the joint goes towards the target; at a limit, back the way that it came."""
+        """Turn the tangent so that the joint goes towards the target; at a limit, backwards."""
         rate = self.drive.rate(self.at)
         if abs(rate) < 1e-6 or rate * (target - self.value) < 0.0:
             self.at = replace(self.at, tangent=-self.at.tangent)
@@ -349,7 +349,7 @@ class DrivenMotion:
         self.limits.append(Limit(value, self.drive.rate(step.start) > 0.0, step.end.q))
 
     def _stopped(self, step: Step, target: float | None = None) -> bool:
-        """Whether a stop ends the motion within a step, before a target within it."""
+        """Whether a joint limit ends the motion within a step, before a target within it."""
         least, whose = self.curve.stop(step.end)
         if least >= -ARRIVED:
             return False
@@ -369,7 +369,7 @@ class DrivenMotion:
         self.samples.append((target, found))
 
     def _at_value(self, step: Step, after: float, target: float) -> Point | None:
-        """The same by Newton's steps with the joint fixed; None where these could end on the other side of a limit."""
+        """The same by Newton's steps with the joint fixed; None if they could end on the other side of a limit of motion."""
         if min(abs(self.drive.rate(step.start)), abs(self.drive.rate(step.end))) < 0.05 or step.crossing is not None:
             return None
         closure, curve = self.curve.closure, self.curve
@@ -386,7 +386,7 @@ class DrivenMotion:
         return curve.point(closure.at(found.at.q), step.start.tangent)
 
     def _back(self, step: Step) -> bool:
-        """Whether the curve passes its beginning within a step."""
+        """Whether the curve passes its first pose within a step."""
         closure = self.curve.closure
         d, w = closure.way(step.start.q, step.end.q), closure.way(step.start.q, self.start.q)
         length = float(np.linalg.norm(d))

@@ -4,9 +4,9 @@ The distance is 1/2 |e(q)|^2. A step is
 
     z = - sum_i  v_i  s_i / (s_i^2 + mu |e|^2)  u_i . e              J = sum_i u_i s_i v_i^T
 
-Its damping goes with the square of the error: quadratic convergence where the errors grow with the distance, also with rows
-that repeat each other [YamashitaFukushima2001]; far away no direction gets more than 1 / (2 sqrt(mu)) (rad), so that the
-way stays near to that of the steepest descent. Where the errors only grow with the square of the distance (a singular pose)
+Its damping is quadratic in the error: quadratic convergence where the errors grow with the distance, also with redundant
+rows [YamashitaFukushima2001]; far away no direction moves more than 1 / (2 sqrt(mu)) (rad), so that the
+path stays near steepest descent. Where the errors grow only with the square of the distance (a singular pose)
 each step quarters them.
 """
 
@@ -31,7 +31,7 @@ from rbd.problem.cones import Box, Free, NonNegative
 from rbd.problem.rows import Rows
 
 SINGULAR = 1e-5
-"""A singular value counts as zero at this fraction of the largest: constraints met to 1e-12 leave a pose where they are
+"""A singular value counts as zero at this fraction of the largest: constraints satisfied to 1e-12 leave a pose where they are
 singular uncertain by 1e-6, and its singular values with it."""
 
 _NO_ERROR = np.zeros(0)
@@ -39,12 +39,12 @@ _NO_ERROR = np.zeros(0)
 
 @dataclass(frozen=True, eq=False)
 class ConstraintResidual:
-    """What is left of the constraints at one configuration.
+    """Residual of the constraints at one configuration.
 
     Attributes:
         state: The robot there, at rest.
         rows: All rows, in the constraints' order.
-        error: Position errors that are not met, shape (m,) [m, rad]: of rows that push, only what is beyond.
+        error: Position errors, shape (m,) [m, rad]; of unilateral rows, only violations.
         J: Jacobian of these over the free velocities, in units of `Closure.metric`, shape (m, free).
     """
 
@@ -84,22 +84,22 @@ class Closure:
 
     Args:
         robot: The robot.
-        constraints: Those that hold, and limits; None for the loops and wheels of its file.
+        constraints: Bilateral constraints, and joint limits; None for the loops and wheels of its file.
         fixed: {joint: value}.
         within_limits: Add the limits of the robot's file.
-        one_sided: Ask stops too for what is beyond them; if not, only what holds.
+        one_sided: Include violations of joint limits; if not, only bilateral constraints.
 
     Attributes:
         fixed: {joint: value} as given.
         free: Which velocities are free, indices, shape (free,).
-        metric: Unit of each free velocity, shape (free,): the robot's length for those that slide, else one.
+        metric: Unit of each free velocity, shape (free,): the robot's length for translations, else one.
         length: The robot's length [m].
-        skipped: Why some constraints have no say, one sentence each; filled at the first evaluation.
+        skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
 
     Raises:
         InputError: no constraints, no robot, values of a wrong size.
-        JointNotFound: a fixed joint that is none.
-        DuplicateName: two constraints of one name.
+        JointNotFound: an unknown fixed joint.
+        DuplicateName: two constraints with the same name.
     """
 
     def __init__(
@@ -132,11 +132,11 @@ class Closure:
         self._all_free = len(self.free) == robot.nv and bool(np.all(self.metric == 1.0))
 
     def start(self, q0: Array) -> ConstraintResidual:
-        """The residual at q0 with the fixed joints at their values; what the constraints are is checked here.
+        """The residual at q0 with the fixed joints at their values; the constraints are checked here.
 
         Raises:
-            InputError: q0 is none, something is no constraint, nothing says where the robot is to be.
-            DuplicateName: two constraints of one name.
+            InputError: q0 is invalid, an object is not a constraint, or no constraint determines a position.
+            DuplicateName: two constraints with the same name.
         """
         state = State(self.robot, self.pin(self.robot.check_q(q0)))
         rows = rows_of(state, self._given) + rows_of(state, self._limits)
@@ -193,13 +193,13 @@ class Closure:
                 raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
             names.add(r.name)
             if isinstance(r.cone, Box):
-                skipped.append(f"{r.name!r:.80} resists a motion and asks for no place")
+                skipped.append(f"{r.name!r:.80} resists motion and gives no position")
             elif len(r) and (r.error is None or r.holonomic is not None and not r.holonomic.any()):
                 skipped.append(f"{r.name!r:.80} constrains velocities alone, or has no anchor")
             elif len(r) and not isinstance(r.cone, Free | NonNegative):
                 raise InputError(
-                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}), so it says not where the robot is. "
-                    "Give it friction=None to hold it there, or leave it out."
+                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}), so it does not determine a position. "
+                    "Give it friction=None to make it bilateral, or leave it out."
                 )
             else:
                 says = True
@@ -207,15 +207,15 @@ class Closure:
         if not says:
             why = "; ".join(skipped) if skipped else "none was given"
             raise InputError(
-                f"no constraint says where {self.robot.name} is to be: {why:.400}. Give constraints with an error, e.g. "
+                f"no constraint determines a position of {self.robot.name}: {why:.400}. Give constraints with an error, e.g. "
                 "rbd.LoopClosure, a contact with an anchor, a rbd.JointLock with a position."
             )
 
 
 def position_residual(rows: Rows) -> tuple[Array, Array]:
-    """The position errors that rows ask to be zero, and their Jacobian: none of rows without an error.
+    """The position errors of the rows, and their Jacobian; nothing for rows without an error.
 
-    Of rows that push only what is beyond; nothing of friction in a joint.
+    For unilateral rows only violations; nothing for joint friction.
     """
     error, J = rows.error, rows.J
     if error is None or type(rows.cone) is Box:
@@ -229,27 +229,27 @@ def position_residual(rows: Rows) -> tuple[Array, Array]:
 
 
 def rank_of(s: Array) -> int:
-    """How many singular values are not zero, at `SINGULAR`."""
+    """Number of singular values that are not zero, at `SINGULAR`."""
     return rank_at(s, SINGULAR, least=0.0)
 
 
 _START = 0.5
 _LEAST, _MOST = 1e-3, 1e8
 ASIDE = 0.02
-"""How far along a direction that J allows it is looked whether there is a finite motion, in units of `Closure.metric`."""
+"""Step along a direction that J allows in the test for a finite motion, in units of `Closure.metric`."""
 _DIFFERENCE = 1e-5
-"""Step of the Hessian's central differences: their own error goes with its square."""
+"""Step of the Hessian's central differences: their error is proportional to its square."""
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """How far down the steps came.
+    """Result of a descent onto the constraints.
 
     Attributes:
-        at: What is left, at the end.
-        steps: How many steps were taken.
-        closed: Whether the constraints are met.
-        stuck: Whether it ended because no step makes the errors less.
+        at: The residual at the end.
+        steps: Number of steps taken.
+        closed: Whether the constraints are satisfied.
+        stuck: Whether it ended because no step reduces the errors.
     """
 
     at: ConstraintResidual
@@ -263,16 +263,16 @@ def descend(closure: Closure, start: ConstraintResidual, *, tolerance: float, mo
 
     Args:
         closure: The constraints.
-        start: Where to begin.
-        tolerance: Largest entry of the error that is left [m, rad].
-        most: Most evaluations.
+        start: The first configuration.
+        tolerance: Largest entry of the final error [m, rad].
+        most: Largest number of evaluations.
     """
     at, mu, steps, tries = start, _START, 0, 0
     size2 = float(at.error @ at.error)
     sliding = ~closure.robot.joints.angular[closure.free]
     slides = bool(sliding.any())
     while at.residual > tolerance:
-        # From far away what slides may go as far as the error is; angles may not.
+        # Far away, translations may be as long as the error; angles may not.
         far = np.where(sliding, max(1.0, math.sqrt(size2) / closure.length), 1.0) if slides else 1.0
         U, s, Vt = np.linalg.svd(at.J * far if slides else at.J, full_matrices=False)
         if not len(s) or not s[0] > 0.0:
@@ -292,7 +292,7 @@ def descend(closure: Closure, start: ConstraintResidual, *, tolerance: float, mo
             try:
                 there = closure.at(closure.move(at.q, z))
                 left2 = float(there.error @ there.error)
-            except InputError:  # out of where a constraint is defined
+            except InputError:  # outside a constraint's domain
                 left2 = np.inf
             gain = (size2 - left2) / expected
             if gain > 1e-3:
@@ -307,10 +307,10 @@ def descend(closure: Closure, start: ConstraintResidual, *, tolerance: float, mo
 
 @dataclass(frozen=True, eq=False)
 class StationaryPoint:
-    """Where the distance to the constraints does not become less.
+    """A stationary point of the distance to the constraints.
 
     Attributes:
-        at: What is left there.
+        at: The residual there.
         slope: |J^T e| over |J| |e|: zero at a minimum.
         curvature: Least eigenvalue of the Hessian of 1/2 |e|^2 over its largest.
     """
@@ -321,7 +321,7 @@ class StationaryPoint:
 
     @property
     def minimum(self) -> bool:
-        """Whether no small motion makes the distance less, to second order."""
+        """Whether no small motion reduces the distance, to second order."""
         return self.slope < 1e-7 and self.curvature > -1e-6
 
 
@@ -342,7 +342,7 @@ def minimise(closure: Closure, start: ConstraintResidual, *, most: int = 40) -> 
             break
         along = V.T @ g
         z = -V @ (along / np.maximum(np.abs(values), 1e-6 * large))
-        if slope < 1e-9 and curvature <= -1e-6:  # a saddle: off it, along its steepest way down
+        if slope < 1e-9 and curvature <= -1e-6:  # a saddle: leave it along the direction of steepest descent
             z = 0.1 * V[:, 0]
         z *= min(1.0, 0.5 / max(1e-300, float(np.linalg.norm(z))))
         there = _lower(closure, at, z)
@@ -362,7 +362,7 @@ def _hessian(closure: Closure, at: ConstraintResidual) -> Array:
 
 
 def _lower(closure: Closure, at: ConstraintResidual, z: Array) -> ConstraintResidual | None:
-    """The first of halved steps that is not higher; None if there is none."""
+    """The first of successively halved steps that does not increase the distance; None if there is none."""
     size2 = float(at.error @ at.error)
     for _ in range(30):
         try:
@@ -376,12 +376,12 @@ def _lower(closure: Closure, at: ConstraintResidual, z: Array) -> ConstraintResi
 
 
 def branches_meet(closure: Closure, at: ConstraintResidual) -> bool:
-    """Whether the constraints have a higher rank on what is found a step away in the directions that J allows."""
+    """Whether the constraints have a higher rank at poses one step away along the directions that J allows."""
     return any(there.rank > at.rank for there in around(closure, at, tolerance=1e-11, most=60))
 
 
 def around(closure: Closure, at: ConstraintResidual, *, tolerance: float, most: int) -> Iterator[ConstraintResidual]:
-    """The poses that steps in the directions that J allows, there and back, lead to, brought back onto the constraints."""
+    """Poses one step forward and back along the directions that J allows, projected onto the constraints."""
     for z in (sign * ASIDE * row for row in at.null for sign in (1.0, -1.0)):
         there = descend(closure, closure.at(closure.move(at.q, z)), tolerance=tolerance, most=most)
         if there.closed:

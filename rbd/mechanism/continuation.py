@@ -1,12 +1,12 @@
-"""Following a mechanism's curve of poses by arc length, through turning points and crossings, never onto another curve.
+"""Following a mechanism's curve of poses by arc length, through turning points and bifurcations, never onto another curve.
 
 A mechanism with one degree of freedom has a curve of poses. A step predicts along the tangent, the null space of J, and is
-corrected by the shortest way back onto the constraints [AllgowerGeorg1990]. It is halved where
+corrected by the shortest step back onto the constraints [AllgowerGeorg1990]. It is halved where
 
-- the tangent turns by more than 0.2 rad, or the chord does not lie between the tangents: a jump to a curve beside this one;
+- the tangent turns by more than 0.2 rad, or the chord is not between the tangents: a jump to a neighbouring curve;
 - a singular value of J, followed with its vectors, goes through zero. That happens where two curves cross, and also where a
   step jumps from one to the other of two curves that nearly cross. As the steps get shorter the second bends away, and is
-  followed; at the first J is singular still, to 1e-5, and it is crossed straight on, and reported.
+  followed; at a crossing J remains singular, to 1e-5: it is crossed straight on, and reported.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Point:
     """A pose on the curve.
 
     Attributes:
-        at: The constraints there.
+        at: Residual of the constraints there.
         tangent: Unit direction of the curve, shape (free,), in units of `Closure.metric`.
         rows: Orthonormal combinations of the constraints' rows, shape (m, free - 1).
-        columns: Orthonormal directions of the free velocities, likewise, shape (free, free - 1).
+        columns: Orthonormal directions of the free velocities, shape (free, free - 1), in units of `Closure.metric`.
         sigma: Singular values of J, shape (free - 1,): J = rows diag(sigma) columns^T.
         singular: Whether J has lost rank there.
     """
@@ -56,12 +56,12 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """From one pose to the next.
+    """A step from one pose to the next.
 
     Attributes:
         start: The pose before.
         end: The pose after.
-        length: Of the prediction.
+        length: Length of the prediction.
         crossing: The pose where another curve crosses in between, to 1e-5, or None.
     """
 
@@ -87,9 +87,9 @@ class Curve:
         self.steps = 0
 
     def point(self, at: ConstraintResidual, along: Array | None) -> Point | None:
-        """A pose with its tangent, turned so as to go `along`; None where the constraints let it move in no one way.
+        """A pose with its tangent, oriented along `along`; None unless the constraints leave one degree of freedom.
 
-        Where J loses rank the tangent is what is left of `along`: straight on.
+        Where J loses rank the tangent is the projection of `along`: straight on.
         """
         n = len(self.closure.free)
         (U, s, Vt), null = at.svd, at.null
@@ -107,7 +107,7 @@ class Curve:
         return Point(at, t, U[:, : n - 1], Vt[: n - 1].T, sigma, len(null) > 1)
 
     def ahead(self, p: Point, length: float) -> Point | None:
-        """The pose that a step of this length leads to; None where it is not brought back onto the constraints."""
+        """The pose after a step of this length; None if the correction does not converge."""
         try:
             predicted = self.closure.at(self.closure.move(p.q, length * p.tangent))
             found = descend(self.closure, predicted, tolerance=self.tolerance, most=12)
@@ -142,11 +142,11 @@ class Curve:
         return self._cross(p)
 
     def turn_back(self) -> None:
-        """Begin anew: what was ahead is behind now."""
+        """Start again in the opposite direction."""
         self._jump, self.size = None, min(self.size, 0.3 * self.longest)
 
     def locate(self, step: Step, measure: Callable[[Point], float]) -> Step:
-        """The part of a step up to where a measure, of opposite signs at its ends, is zero."""
+        """The fraction of a step at which a measure, of opposite signs at its ends, is zero."""
         found: dict[float, Point] = {0.0: step.start, step.length: step.end}
 
         def value(s: float) -> float:
@@ -162,7 +162,7 @@ class Curve:
         return Step(step.start, found[s], s, step.crossing)
 
     def stop(self, p: Point) -> tuple[float, str]:
-        """(least distance to a stop: negative beyond it, whose it is) of constraints that push to one side."""
+        """(least distance to a limit, negative beyond it; its constraint), over the unilateral constraints."""
         least, whose = 1.0, ""
         for r in p.at.rows:
             if isinstance(r.cone, NonNegative) and r.error is not None and len(r.error) and r.error.min() < least:
@@ -178,13 +178,13 @@ class Curve:
         return float(np.linalg.norm(sideways)) < _MOST_SIDEWAYS
 
     def _flips(self, p: Point, end: Point) -> bool:
-        """Whether a singular value has gone through zero, followed from where it was: one of them, or several at once."""
+        """Whether a singular value has gone through zero, tracked from the last pose: one of them, or several at once."""
         if p.singular or end.singular or not len(p.at.J) or len(p.at.J) != len(end.at.J):
             return False
         return bool((np.linalg.eigvals(_followed(p, end)).real < 0.0).any())
 
     def _grow(self, p: Point, end: Point) -> None:
-        """Longer steps where the curve is straight; a jump that was put off is forgotten once the curve has gone past it."""
+        """Longer steps where the curve is straight; a jump that was avoided is forgotten once the curve has passed it."""
         if p.tangent @ end.tangent > np.cos(0.3 * _MOST_TURN):
             self.size = min(self.longest, 1.5 * self.size)
         if self._jump is not None:
@@ -193,7 +193,7 @@ class Curve:
             self._jump = (step, gone) if gone < 2.0 * step.length else None
 
     def _cross(self, p: Point) -> Step:
-        """Straight on, over a crossing that steps of 1e-6 still see."""
+        """Straight on, across a bifurcation that steps of 1e-6 still detect."""
         if self._jump is None:
             raise NoSolution(
                 f"{self.closure.robot.name}: the curve of poses is lost: no step of {_LEAST_STEP:g} leads on from q = "
@@ -203,12 +203,12 @@ class Curve:
         self._jump, self.size = None, step.length
         gone, length = (float(np.linalg.norm(self.closure.way(a.q, b.q))) for a, b in ((step.start, p), (p, step.end)))
         part = gone / (gone + length)
-        tangent = (1.0 - part) * step.start.tangent + part * step.end.tangent  # at the crossing J says little
+        tangent = (1.0 - part) * step.start.tangent + part * step.end.tangent  # near the crossing J is nearly singular
         here = replace(p, tangent=tangent / np.linalg.norm(tangent), singular=True)
         end = self.ahead(here, length)
         if end is None or np.linalg.norm(self.closure.way(end.q, step.end.q)) > 0.2 * length:
             end = step.end
-        # The singular value goes through zero in a straight line, nearly: the crossing is that part of the way ahead, or back.
+        # The singular value is nearly linear: the crossing is at that fraction of the step ahead, or back.
         ahead = np.linalg.eigvals(_followed(step.start, p)).real.min() > 0.0
         small, large = float(p.sigma[-1]) * (1.0 if ahead else -1.0), float(end.sigma[-1])
         rest = small / (small + large) if large > abs(small) else 0.0
@@ -216,12 +216,12 @@ class Curve:
 
 
 def _followed(p: Point, end: Point) -> Array:
-    """J at `end` between the singular vectors of p over its singular values: the identity, were `end` where p is."""
+    """J at `end` between the singular vectors of p over its singular values: the identity if `end` were p."""
     return (p.rows.T @ end.at.J @ p.columns) / p.sigma
 
 
 class Drive:
-    """The driven joint among the free velocities."""
+    """Index of the driven joint among the free velocities."""
 
     def __init__(self, closure: Closure, joint: str) -> None:
         self.place = closure.robot.joints[joint]
@@ -234,18 +234,18 @@ class Drive:
         self.others = np.arange(len(closure.free)) != self.column
 
     def change(self, q: Array, to: Array) -> float:
-        """By how much the joint moves between two near poses."""
+        """Displacement of the joint between two near poses."""
         return float(self.closure.way(q, to)[self.column] * self.closure.metric[self.column])
 
     def rate(self, p: Point) -> float:
-        """How fast the joint moves along the curve."""
+        """Rate of the joint along the curve."""
         return float(p.tangent[self.column])
 
     def start(self, curve: Curve, at: ConstraintResidual) -> Point:
         """The first pose.
 
         Raises:
-            InputError: the mechanism has not one degree of freedom there, or the joint does not move with it.
+            InputError: the mechanism does not have one degree of freedom there, or the joint does not move.
         """
         name = self.closure.robot.name
         p = curve.point(at, None)
@@ -256,7 +256,7 @@ class Drive:
             if branches_meet(self.closure, at):
                 raise InputError(
                     f"at the start, {self.joint!r:.80} = {self.place.coordinate(at.q):.6g}, {name} is singular: {freedoms} "
-                    "degrees of freedom, branches meet there. Begin a little away, on the branch that is meant."
+                    "degrees of freedom, branches meet there. Start a little away, on the intended branch."
                 )
             names = self.closure.names(independent_columns(at.J, ~self.others))
             others = [x for x in names if x != self.joint]
@@ -266,7 +266,7 @@ class Drive:
             )
         if abs(self.rate(p)) < 1e-5:
             raise InputError(
-                f"at the start {self.joint!r:.80} stands still while {name} moves: it is at a limit of its motion, or no part "
-                "of what moves. Begin a little away, on the branch that is meant, or drive another joint."
+                f"at the start {self.joint!r:.80} is at rest while {name} moves: it is at a limit of its motion, or not part "
+                "of the moving chain. Start a little away, on the intended branch, or drive another joint."
             )
         return p

@@ -20,18 +20,18 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True)
 class Count:
-    """What counting gives: M = k (N - 1 - j) + sum of f - others.
+    """Mobility by Gruebler's count: M = k (N - 1 - j) + sum of f - others.
 
-    It knows no lengths and no directions, but for one: whether all moves in parallel planes.
+    It uses no lengths and no directions, except whether all motion is in parallel planes.
 
     Attributes:
         value: M.
         planar: Whether all motion is parallel to one plane; then k = 3, else k = 6.
-        bodies: N, the ground among them; links that fixed joints hold together count as one.
-        joints: j, those of the file and the closures of loops.
+        bodies: N, the ground among them; links connected by fixed joints count as one.
+        joints: j, those of the file and the loop closures.
         joint_dof: f, one entry a joint.
-        others: Rows of constraints that are no joints (couplings, functions, contacts, velocities); of a planar mechanism,
-            those that say something within it.
+        others: Rows of constraints that are not joints (couplings, functions, contacts, velocities); of a planar mechanism,
+            only those that restrict motion within it.
     """
 
     value: int
@@ -77,17 +77,17 @@ class Mobility:
         velocities: n.
         rows: m, of the constraints.
         rank: Of J.
-        singular_values: Of J without units (see `rbd.constraints.manifold`), shape (min(m, n),).
-        zero: At which fraction of the largest they count as zero.
+        singular_values: Of J, dimensionless (see `rbd.constraints.manifold`), shape (min(m, n),).
+        zero: The fraction of the largest below which they count as zero.
         finite: Degrees of freedom of the motions that pass through here; the largest number, where branches differ.
-        branches: The dimension of each branch of motion that was found; above one, those of equal dimension are not told apart.
-        motion: What was found, point by point.
+        branches: The dimension of each branch of motion that was found; above one, equal ones are not distinguished.
+        motion: The finite motions found, point by point.
         redundant: Rows that follow from others here.
         self_stresses: Row forces with J^T f = 0, shape (m, m - rank), each with 1 as its largest entry: forces that the
-            constraints can hold against each other and no motion shows.
-        velocity_only: Whether some rows constrain velocity alone; `finite` is then of velocities, and
-            `rbd.mechanism.integrability` tells how many configurations it leads to.
-        seed: Of the directions that were looked in.
+            constraints can exert on each other without motion.
+        velocity_only: Whether some rows constrain only velocity; `finite` then refers to velocities, and
+            `rbd.mechanism.integrability` gives the dimension of the reachable configurations.
+        seed: Of the directions that were tried.
     """
 
     count: Count
@@ -119,12 +119,12 @@ class Mobility:
 
     @property
     def moves(self) -> bool:
-        """Whether it moves at all, by more than a velocity."""
+        """Whether it has a finite motion."""
         return self.finite > 0
 
     @property
     def over_constrained(self) -> bool:
-        """Whether it moves more freely than its bodies and joints, counted, let expect."""
+        """Whether it is over-constrained: its mobility exceeds Gruebler's count."""
         return self.finite > self.count.value
 
     @property
@@ -139,7 +139,7 @@ class Mobility:
 
     @property
     def verdict(self) -> str:
-        """What the three numbers say together, in words."""
+        """Message: the conclusion from the three numbers."""
         if self.velocity_only:
             return f"{self.finite} degrees of freedom of velocity; some rows constrain velocity alone (see integrability)"
         if not self.instantaneous:
@@ -170,7 +170,7 @@ class Mobility:
             self.verdict,
         ]
         if self.over_constrained:
-            lines.append(f"over-constrained: it moves although the count says {self.count.value}")
+            lines.append(f"over-constrained: it moves although the count gives {self.count.value}")
         if len(s):
             lines.append("singular values " + np.array2string(s, precision=3, max_line_width=110, threshold=12))
         if self.redundant:
@@ -190,18 +190,18 @@ def mobility(
         instantaneous   n - rank J(q)
         finite          dimension of the configurations that satisfy the constraints, near q
 
-    The second is at least the third. They differ where a velocity leads nowhere, and at singular configurations, where
-    velocities begin different motions. The first knows no geometry: it is too small for loops that move by it.
+    The second is at least the third. They differ where a velocity extends to no motion, and at singular configurations, where
+    velocities begin different motions. The first ignores geometry: it is too small for over-constrained loops.
 
-    Finite motion is looked for with steps of 0.1 (radians, or parts of the robot's length) in directions of the kernel of J,
-    brought back onto the constraints by Newton, and 0.02 from what is found. Where J has full rank the implicit function
-    theorem answers at once. It is numerical, not a proof: motions that are shorter are not seen, nor those that leave so
-    slowly that steps of this length break the constraints by less than the tolerance. Joint limits are left out.
+    Finite motion is searched with steps of 0.1 (radians, or parts of the robot's length) in directions of the kernel of J,
+    projected onto the constraints by Newton's method, and 0.02 from points found. Where J has full rank the implicit function
+    theorem is sufficient. It is numerical, not a proof: shorter motions are not detected, nor those that leave so
+    slowly that steps of this length break the constraints by less than the tolerance. Joint limits are ignored.
 
     Args:
-        state: A robot at a configuration that satisfies the constraints; its velocity plays no part.
-        constraints: Those that hold; None for the loops and wheels of its file.
-        tolerance: How far the configuration may be from the constraints [m, rad, over the rows' lengths]: for files whose
+        state: A robot at a configuration that satisfies the constraints; its velocity is not used.
+        constraints: Bilateral constraints; None for the loops and wheels of its file.
+        tolerance: Largest constraint violation [m, rad, over the rows' lengths]: for files whose
             lengths are rounded. Singular values of J below ten times that, over the largest, count as zero.
         seed: Of the directions.
 
@@ -252,8 +252,8 @@ def count(held: ConstraintManifold, state: State, seed: int) -> Count:
 
     Args:
         held: The constraints.
-        state: Where axes are compared; what is parallel to a plane once is so always.
-        seed: Of the configurations where rows of other constraints are compared.
+        state: Configuration at which axes are compared; parallel motion remains parallel.
+        seed: Of the configurations at which rows of other constraints are compared.
     """
     model = held.robot.model
     normal = plane_normal(state)
@@ -275,9 +275,9 @@ def count(held: ConstraintManifold, state: State, seed: int) -> Count:
 
 
 def plane_normal(state: State) -> Array | None:
-    """Unit normal, in W, of the plane that every joint's motion is parallel to; None where there is none.
+    """Unit normal, in W, of the plane to which every joint's motion is parallel; None if there is none.
 
-    Axes parallel to n stay so when all that turns turns about n.
+    Axes parallel to n stay so if all rotation is about n.
     """
     model = state.robot.model
     data = model.createData()

@@ -1,13 +1,13 @@
-"""Are velocity constraints, taken together, holonomic? Frobenius's theorem on the velocities that they leave.
+"""Integrability of velocity constraints, taken together: Frobenius's theorem on the velocities that they allow.
 
 Lie brackets are those of velocity fields on a robot's configurations, whose velocities are no derivatives of coordinates. A
 field X gives a velocity X(q), shape (nv,), at every configuration. With q' = v read as Pinocchio does (a floating base's v in
-the base's own axes), the bracket is
+the base's axes), the bracket is
 
     [X, Y] = dY . X - dX . Y + ad(X) Y ,
 
 ad the structure constants of these velocities: zero for joints whose v is the derivative of q, w x u and the like for bodies
-that turn. Without the last term a skate on a planar joint, whose row is the constant (0, 1, 0), would seem to be integrable.
+that rotate. Without the last term a skate on a planar joint, whose row is the constant (0, 1, 0), would seem to be integrable.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
 
 Fields = Callable[[Array], Array]
-"""q -> velocities without units, shape (nv, k), one column a field."""
+"""q -> dimensionless velocities, shape (nv, k), one column a field."""
 
 STEP = 0.01
-"""Step of the differences, without units."""
+"""Step of the differences, dimensionless."""
 
 _NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # sixth order
 
 _DEEPEST = 5
-"""Brackets of brackets of ... this many are taken; each level costs (6 dim D) times the one before."""
+"""Largest depth of nested brackets; each level costs (6 dim D) times the one before."""
 
 _EVALUATIONS = 400_000
 
 
 @dataclass(frozen=True, eq=False)
 class PointReport:
-    """What was found at one configuration.
+    """Growth vector and ranks at one configuration.
 
     Attributes:
         q: Shape (nq,).
         rank: Of the constraints' Jacobian A.
         growth: Dimensions of D, D + [D, D], D + [D, D] + [D, [D, D]], ... until they stop growing.
         gap: (smallest singular value that counted as a new direction, None where none did; largest that did not), of brackets
-            without units.
+            in dimensionless form.
         complete: Whether it stopped growing; False where brackets deeper than were taken might add more.
         regular: Whether the rank is the same at two configurations nearby; where it is not, D is not smooth here, and what
-            brackets say is of the rows that are independent here alone.
+            brackets show concerns only the rows that are independent here.
     """
 
     q: Array
@@ -67,14 +67,14 @@ class PointReport:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Integrability:
-    """Whether constraints of velocity leave as few configurations as they leave velocities.
+    """Whether velocity constraints are holonomic, with the dimensions of velocities and configurations.
 
     Attributes:
         names: Constraints.
         velocities: n.
         reports: Point by point.
         tolerance: Singular values of brackets above it count as new directions.
-        seed: Of the points, where they were drawn.
+        seed: Of the points, if they were drawn.
     """
 
     names: tuple[str, ...]
@@ -85,7 +85,7 @@ class Integrability:
 
     @property
     def points(self) -> Array:
-        """Configurations that were looked at, shape (k, nq)."""
+        """Configurations that were examined, shape (k, nq)."""
         return np.array([r.q for r in self.reports])
 
     @property
@@ -107,7 +107,7 @@ class Integrability:
 
     @property
     def holonomic(self) -> bool:
-        """Whether brackets add nothing at any of the points: the constraints are those of configurations."""
+        """Whether brackets add no direction at any of the points: the constraints are integrable to positions."""
         return all(len(r.growth) == 1 for r in self.reports)
 
     @property
@@ -117,7 +117,7 @@ class Integrability:
 
     @property
     def complete(self) -> bool:
-        """Whether the growth vector ended by itself at all points."""
+        """Whether the growth vector stopped growing at all points."""
         return all(r.complete for r in self.reports)
 
     def __repr__(self) -> str:
@@ -159,27 +159,27 @@ def integrability(
     seed: int = 0,
     tolerance: float = 1e-6,
 ) -> Integrability:
-    """Whether velocity constraints A(q) v = 0, taken together, are holonomic, and how many configurations they leave.
+    """Whether velocity constraints A(q) v = 0, taken together, are holonomic, and the dimension that they leave.
 
     D(q) is the kernel of A(q). By Frobenius' theorem there are n - dim D functions of q that stay constant if and only if the
     bracket of any two fields in D is in D again. Where it is not, brackets are added until the dimension stops growing: its
     last value is the number of degrees of freedom of configuration (Chow's theorem), the first that of velocity.
 
-    Constraints are judged together: two that are nonholonomic each may be holonomic as a pair. Brackets hold the structure
+    Constraints are tested together: two that are nonholonomic each may be holonomic as a pair. Brackets contain the structure
     constants of v (see the module), of fields P(q) b, with P the projector onto D(q) and b constant. The
-    derivatives are sixth-order differences with steps of 0.01, so smooth constraints are told apart from others at 1e-6 with
+    derivatives are sixth-order differences with steps of 0.01, so smooth constraints are distinguished at 1e-6 with
     a margin; `PointReport.gap` shows it. Only rows that are independent at a point are used near it.
 
     Args:
-        state: Of the robot; its velocity plays no part.
-        constraints: Those that hold, of position too; None for the loops and wheels of the robot's file.
-        points: Configurations to look at, shape (k, nq); where some rows have positions, near them. By default three are
-            drawn within a unit of the state's in each velocity, and brought onto the rows that have positions.
+        state: Of the robot; its velocity is not used.
+        constraints: Bilateral constraints, of position too; None for the loops and wheels of the robot's file.
+        points: Configurations to examine, shape (k, nq); where some rows have positions, near them. By default three are
+            drawn within a unit of the state's in each velocity, and projected onto the rows that have positions.
         seed: Of the draws.
         tolerance: Singular values of brackets above it count as new directions.
 
     Raises:
-        InputError: points that are none, or off the constraints; none found where constraints meet.
+        InputError: points that are invalid, or off the constraints; none found on the constraints.
 
     >>> print(rbd.mechanism.integrability(skate.at(), [blade]))  # doctest: +SKIP
     """
@@ -279,13 +279,13 @@ def _regular(held: ConstraintManifold, at: Linearised) -> bool:
 
 
 def _projected(A: Array, B: Array) -> Array:
-    """B without what A sees of it: smooth where A has full rank."""
+    """B without its components in the row space of A: smooth where A has full rank."""
     Q, R = np.linalg.qr(A.T)
     return B - Q @ (Q.T @ B)
 
 
 def ad(robot: CheckedModel, X: Array, Y: Array) -> Array:
-    """The bracket of velocities that are constant in their own axes, shape (nv,) [velocity squared]."""
+    """The bracket of velocities that are constant in body axes, shape (nv,) [velocity squared]."""
     out = np.zeros(robot.nv)
     for piece in robot.joints.pieces:
         x, y = X[piece.v : piece.v + piece.nv], Y[piece.v : piece.v + piece.nv]

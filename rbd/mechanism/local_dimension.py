@@ -1,10 +1,10 @@
 """Whether an admissible velocity extends to a finite motion: a numerical test nearby, no proof.
 
 The configurations that satisfy the constraints form a set V. At a regular point its dimension is n - rank J. Where the rank
-of J drops there are velocities that J allows and that lead nowhere (a stretched string of bars), and velocities that begin
-different motions (a flat parallelogram). So: small steps in all directions that J allows, each brought back onto the
-constraints; at what is found, smaller steps again, brought back again. How many independent directions these leave is the
-dimension of V there. A direction that leads nowhere is brought back to where it started.
+of J drops there are velocities that J allows and no motion follows (a stretched string of bars), and velocities that begin
+different motions (a flat parallelogram). So: small steps in all directions that J allows, each projected back onto the
+constraints; from the points found, smaller steps, projected again. The number of independent directions among these is the
+dimension of V there. A direction that extends to no motion is projected back to its start.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ FAR, NEAR = 0.1, 0.02
 """Lengths of the first and of the second steps, without units (radians, or parts of the robot's length)."""
 
 _MOVED = 0.1
-"""A step has led somewhere if that much of it is left."""
+"""A step has succeeded if this fraction of it remains after projection."""
 
 _APART = 0.5
-"""Sine of the angle from which two tangent spaces at distance `FAR` belong to two branches."""
+"""Sine of the angle above which two tangent spaces at distance `FAR` belong to two branches."""
 
 _DIRECTIONS, _POINTS = 120, 24
-"""How many directions are tried from a singular configuration, and how many points are looked at in full."""
+"""Number of directions tried from a singular configuration, and of points examined in full."""
 
 _KNOWN = 0.98
 """Cosine of the angle between a chord and the tangent of a curve found before from which it leads along that curve."""
 
 ROUGH = 1e-5
-"""Singular values count as zero at this fraction of the largest, at points that Newton found: where errors grow with the square
+"""Singular values count as zero at this fraction of the largest, at points found by Newton: where errors grow with the square
 of the distance, an error of 1e-14 leaves the point 1e-7 away."""
 
 
 @dataclass(frozen=True, eq=False)
 class LocalBranch:
-    """One branch of the motions that begin at a configuration.
+    """One branch of motion through a configuration.
 
     Attributes:
         dimension: Their degrees of freedom.
         point: A configuration on it nearby, shape (nq,).
         tangent: Velocities of the constraints there, without units, orthonormal, shape (nv, dimension).
-        rank: Of J there.
+        rank: Rank of J there.
     """
 
     dimension: int
@@ -56,15 +56,15 @@ class LocalBranch:
 
 @dataclass(frozen=True, eq=False)
 class FiniteMotion:
-    """What was found near a configuration.
+    """The branches of motion found near a configuration.
 
     Attributes:
-        dimension: The largest dimension of a branch; zero where nothing moves.
-        branches: Those that were found, largest first. Curves are told apart by their tangents nearby, so
-            that the two arms of a cusp are two and curves that touch are one; of more than one degree of freedom those of equal
-            dimension are not told apart.
-        points: Configurations that were found and looked at, this one first, shape (k, nq).
-        tried: How many directions were tried from here.
+        dimension: The largest dimension of a branch; zero if nothing moves.
+        branches: The branches found, largest first. Curves are distinguished by their tangents nearby, so
+            that the two arms of a cusp are two and tangent curves are one; with more than one degree of freedom those of equal
+            dimension are not distinguished.
+        points: Configurations that were found and examined, this one first, shape (k, nq).
+        tried: Number of directions tried from here.
         regular: Whether every velocity that J allows extends to a finite motion, so that there is one branch.
     """
 
@@ -80,7 +80,7 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
 
     Args:
         held: The constraints.
-        at: Them at the configuration.
+        at: The constraints at the configuration.
         seed: Of the directions.
     """
     rng = np.random.default_rng(seed)
@@ -88,7 +88,7 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
     N, _ = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]
     here = LocalBranch(N.shape[1], at.q, N, rank)
-    if rank == held.m or N.shape[1] == 0:  # the implicit function theorem, or nothing to go on
+    if rank == held.m or N.shape[1] == 0:  # by the implicit function theorem, or without rows
         return FiniteMotion(here.dimension, (here,) if here.dimension else (), at.q[None], 0, True)
     branches: list[LocalBranch] = []
     points: list[Linearised] = []
@@ -114,14 +114,14 @@ def finite_motion(held: ConstraintManifold, at: Linearised, seed: int) -> Finite
     looked = np.array([at.q, *[p.q for p in points]])
     dimension = branches[0].dimension if branches else 0
     if dimension == here.dimension:
-        # V lies in the smooth set that its independent rows leave, and fills it. Tangents that differ nearby are those of a
-        # sharp bend, or of a branch that only comes near.
+        # V is in the smooth set of its independent rows, and fills it. Tangents that differ nearby belong to a
+        # sharp bend, or to a branch that only passes near.
         return FiniteMotion(dimension, (here,), looked, tried, True)
     return FiniteMotion(dimension, tuple(branches), looked, tried, False)
 
 
 def _around(held: ConstraintManifold, at: Linearised, rng: np.random.Generator) -> Iterator[Linearised | None]:
-    """Points to look at, at distance `FAR`; where nothing has a position every configuration will do."""
+    """Points to examine, at distance `FAR`; without position rows any configuration."""
     if held.placed.any():
         return neighbours(held, at, FAR, rng, _DIRECTIONS)
     return iter([held.at(held.move(at.q, FAR * _unit(rng, np.eye(held.n)))) for _ in range(3)])
@@ -135,10 +135,10 @@ def _unit(rng: np.random.Generator, basis: Array) -> Array:
 def neighbours(
     held: ConstraintManifold, at: Linearised, step: float, rng: np.random.Generator, directions: int
 ) -> Iterator[Linearised | None]:
-    """For each direction of the kernel that is tried, the point found about one step away; None where there is none."""
+    """For each direction of the kernel tried, the point found about one step away, or None."""
     K, _ = null_space(at.J[held.placed], held.zero)
     for _ in range(min(K.shape[1], 1) if K.shape[1] < 2 else (directions + 1) // 2):
-        # At random: along axes of a symmetric linkage lie just the points that are singular themselves.
+        # At random: on the axes of a symmetric linkage the points are singular.
         z = _unit(rng, K)
         for start in (step * z, -step * z):
             found = held.project(held.move(at.q, start))
@@ -147,7 +147,7 @@ def neighbours(
 
 
 def _regular(held: ConstraintManifold, at: Linearised, rng: np.random.Generator) -> tuple[Linearised, Array]:
-    """(point, tangent space): this point, or, where the rank is higher beside it, one beside it."""
+    """(point, tangent space): this point, or a neighbouring one if the rank is higher there."""
     step = NEAR
     for _ in range(2):
         tangent, around = _tangent(held, at, step, rng)
@@ -163,7 +163,7 @@ def _rank(held: ConstraintManifold, J: Array) -> int:
 
 
 def _tangent(held: ConstraintManifold, at: Linearised, step: float, rng: np.random.Generator) -> tuple[Array, list[Linearised]]:
-    """Orthonormal basis of the directions in which the constraints' points lie about one of them, and these points."""
+    """Orthonormal basis of the directions to the constraints' points around one of them, and these points."""
     K, _ = null_space(at.J[held.placed], held.zero)
     d = K.shape[1]
     around: list[Linearised] = []
@@ -181,7 +181,7 @@ def _tangent(held: ConstraintManifold, at: Linearised, step: float, rng: np.rand
 
 
 def _same(one: LocalBranch, other: LocalBranch) -> bool:
-    """Whether two branches are not told apart: of equal dimension, above one, or with nearly the same tangent."""
+    """Whether two branches count as the same: of equal dimension, above one, or with nearly the same tangent."""
     if one.dimension != other.dimension:
         return False
     if one.dimension > 1:  # on a cone tangent planes differ from place to place

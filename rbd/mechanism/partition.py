@@ -1,12 +1,12 @@
-"""Known and unknown velocities of a mechanism, and accelerations: J1 known + J2 unknown = what moves by itself.
+"""Known and unknown velocities of a mechanism, and accelerations: J1 known + J2 unknown = prescribed motion.
 
 With the columns of J parted into those of the known velocities and the others,
 
-    J1 v1 + J2 v2 = u                       u: velocity of surfaces and guides that move by themselves, zero of loops
+    J1 v1 + J2 v2 = u                       u: prescribed velocity of surfaces and guides, zero for loops
     J1 a1 + J2 a2 + J_dot v = 0             (J_dot v less their acceleration)
 
-v2 = J2^+ (u - J1 v1) is unique where J2 has full column rank; of a planar four-bar driven by its crank det J2 = L2 L3
-sin(th3 - th2), zero where coupler and rocker lie on one line. Rows may repeat each other: J2 is not square then.
+v2 = J2^+ (u - J1 v1) is unique where J2 has full column rank; for a planar four-bar driven by its crank det J2 = L2 L3
+sin(th3 - th2), zero where coupler and rocker are collinear. Rows may be redundant: J2 is then not square.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rbd.problem.cones import Box, Free, NonNegative
 Rates = Mapping[str, "float | Sequence[float] | Array"]
 
 _CONSISTENT = 1e-9
-"""How well rows must be met, over the largest sum of terms in a row."""
+"""Tolerance of the rows, over the largest sum of terms in a row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,26 +61,26 @@ class Columns:
 
     @property
     def condition(self) -> float:
-        """Largest singular value of J2 over its least; one where nothing is unknown."""
+        """Largest singular value of J2 over its least; one if nothing is unknown."""
         if not self.unknown:
             return 1.0
         return float(self.singular_values[0] / self.sigma_min) if self.sigma_min > 0.0 else np.inf
 
     @lazy
     def volume(self) -> float:
-        """sqrt(det(J2^T J2)): |det J2| where it is square, or has besides rows of zeros only."""
+        """sqrt(det(J2^T J2)): |det J2| if it is square, apart from zero rows."""
         gram = self.J_unknown.T @ self.J_unknown
         return float(np.sqrt(max(0.0, np.linalg.det(gram)))) if self.unknown else 1.0
 
     @lazy
     def influence(self) -> Array:
-        """-J2^+ J1, shape (unknown, known): how each unknown velocity follows each known one."""
+        """-J2^+ J1, shape (unknown, known): derivative of each unknown velocity by each known one."""
         return -np.linalg.lstsq(self.J_unknown, self.J_known, rcond=None)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class VelocityPartition:
-    """All velocities of a mechanism from some.
+    """All velocities of a mechanism, from some of them.
 
     Attributes:
         v: Velocity, shape (nv,): for `state.with_velocity(v)`.
@@ -96,7 +96,7 @@ class VelocityPartition:
 
     @property
     def condition(self) -> float:
-        """Condition number of J2: by how much small errors of lengths and angles grow in the rates."""
+        """Condition number of J2: amplification of small errors of lengths and angles in the rates."""
         return self.columns.condition
 
     @property
@@ -110,7 +110,7 @@ class VelocityPartition:
 
 @dataclass(frozen=True, eq=False)
 class AccelerationPartition:
-    """All accelerations of a mechanism from some.
+    """All accelerations of a mechanism, from some of them.
 
     Attributes:
         a: Acceleration, shape (nv,).
@@ -147,9 +147,9 @@ def velocity_partition(
     from the crank, not from the ground.
 
     Args:
-        state: The robot, assembled; its own velocity plays no part.
-        constraints: Those that hold, also of velocities alone (rolling); None for the loops and wheels of the robot's
-            file. Stops and dry friction decide no velocity and are passed over.
+        state: The robot, assembled; its velocity is not used.
+        constraints: Bilateral constraints, also on velocity only (rolling); None for the loops and wheels of the robot's
+            file. Joint limits and dry friction determine no velocity and are ignored.
         known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base.wz" is one of them alone;
             None for none.
 
@@ -157,8 +157,8 @@ def velocity_partition(
         v, the unknown rates by name, J1 and J2 with rank and condition number.
 
     Raises:
-        SingularPose: J2 is singular: names the velocities that the known ones do not decide here.
-        InputError: too few rates (says which would do), rates that contradict each other, a state that is not assembled, a
+        SingularPose: J2 is singular: names the velocities that the known ones do not determine here.
+        InputError: too few rates (names a sufficient set), rates that contradict each other, a state that is not assembled, a
             contact that can slip.
         JointNotFound: with the nearest names.
 
@@ -177,11 +177,11 @@ def acceleration_partition(
     Args:
         state: The robot, assembled, with a velocity that the constraints allow: `velocity_partition(...).v`.
         constraints: As for `velocity_partition`.
-        known: {joint: acceleration} [rad/s2, m/s2], written as rates are there.
+        known: {joint: acceleration} [rad/s2, m/s2], in the format of rates there.
 
     Raises:
         SingularPose: As `velocity_partition`.
-        InputError: Likewise, and where the state's velocity breaks a constraint.
+        InputError: As `velocity_partition`, and if the state's velocity violates a constraint.
         JointNotFound: with the nearest names.
     """
     held = BilateralVelocities(state, constraints)
@@ -200,8 +200,8 @@ def _solved(held: BilateralVelocities, known: Rates, rhs: Array, what: str) -> t
     """(all values, columns, residual) of J x = rhs with some of x known.
 
     Raises:
-        SingularPose: they do not decide the others.
-        InputError: they contradict each other, or are too few.
+        SingularPose: the known values do not determine the others.
+        InputError: the known values contradict each other, or are too few.
     """
     mask, x = held.values(known, what)
     names = np.array([c.name for c in held.joints.velocities], dtype=object)
@@ -216,7 +216,7 @@ def _solved(held: BilateralVelocities, known: Rates, rhs: Array, what: str) -> t
 
 
 def _filled(held: BilateralVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
-    """J2's singular values and right vectors; x, in place, is the least squares' of J x = rhs where J2 decides it."""
+    """J2's singular values and right vectors; x, in place, solves J x = rhs by least squares where J2 determines it."""
     metric = held.joints.scale[~mask]
     U, s, Vt = np.linalg.svd(held.J[:, ~mask] * metric)
     if rank_of(s) == len(metric):
@@ -247,11 +247,11 @@ def _undecided(held: BilateralVelocities, columns: Columns, null: Array, what: s
 
 
 def _singular_here(held: BilateralVelocities) -> bool:
-    """Whether branches meet at the state, as far as positions say."""
+    """Whether branches meet at the state, by its position constraints."""
     try:
         closure = Closure(held.state.robot, held.given)
         return branches_meet(closure, closure.start(held.state.q))
-    except InputError:  # constraints of velocities alone: there are no poses to look at
+    except InputError:  # only velocity constraints: no poses to test
         return False
 
 
@@ -296,13 +296,13 @@ def independent_velocities(
 ) -> tuple[str, ...]:
     """Names of velocities that, once known, decide all others: as many as there are degrees of freedom here.
 
-    The others are chosen one after the other, each the column of J that is farthest from those chosen before (pivoted QR
+    The others are chosen one after the other, each the column of J farthest from those chosen before (pivoted QR
     [GolubVanLoan2013]); the independent ones are left over. At a singular pose there are more than elsewhere.
 
     Args:
         state: The robot, assembled.
         constraints: As for `velocity_partition`.
-        prefer: Joints that shall be independent where that is possible, as those with motors.
+        prefer: Joints to be independent if possible, e.g. those with motors.
 
     Raises:
         InputError: As `velocity_partition`.
@@ -319,7 +319,7 @@ def independent_velocities(
 
 
 def independent_columns(J: Array, last: Array | None = None) -> list[int]:
-    """Columns left when the best conditioned basis is taken out one by one; those marked `last` are taken last."""
+    """Columns left after selecting the best conditioned basis one by one; those marked `last` are selected last."""
     n = J.shape[1]
     last = np.zeros(n, bool) if last is None else last
     left, R = list(range(n)), J.copy()
@@ -352,12 +352,12 @@ class BilateralVelocities:
         """The bilateral rows.
 
         Raises:
-            InputError: something can slip or break, or is not assembled.
+            InputError: a constraint can slip or break, or is not assembled.
         """
         out = []
         for r in rows_of(state, self.given):
             if not len(r) or isinstance(r.cone, Box | NonNegative):
-                continue  # a stop pushes when the forces say so; friction in a joint resists
+                continue  # joint limits and friction depend on forces
             if not isinstance(r.cone, Free):
                 raise InputError(
                     f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): forces decide whether it sticks (rbd.solve). "

@@ -1,4 +1,4 @@
-"""Poses of a mechanism: which are the same, how far apart two are, which are beyond limits, how to draw one at random."""
+"""Poses of a mechanism: equality, distance, joint limits, random draws."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object]) -> 
     """A copy of q with some joints at the values given: an angle, a displacement, or the joint's part of q.
 
     Raises:
-        InputError: something other than a mapping, values of a wrong size or not finite.
+        InputError: not a mapping, or values of a wrong size or not finite.
         JointNotFound: with the nearest names.
     """
     if not isinstance(values, Mapping):
@@ -56,7 +56,7 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object]) -> 
 
 
 def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:
-    """The velocity that leads from one pose to another in unit time, by the short way round, shape (nv,)."""
+    """The velocity that leads from one pose to another in unit time, by the shorter way round, shape (nv,)."""
     d = np.asarray(pin.difference(robot.model, q, to))
     periodic = robot.joints.periodic
     if periodic.any():
@@ -65,17 +65,17 @@ def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:
 
 
 def distance(robot: CheckedModel, q: Array, to: Array) -> float:
-    """Largest entry of `displacement`: zero for one pose written in two ways [rad, m]."""
+    """Largest entry of `displacement`: zero for two representations of one pose [rad, m]."""
     return max_abs(displacement(robot, q, to))
 
 
 def canonical(robot: CheckedModel, q: Array, keep: Array) -> Array:
-    """The same pose with its plain angles in (-pi, pi], or a turn beside it where only that is within the limits.
+    """The same pose with its plain angles in (-pi, pi], or a turn off where only that is within the limits.
 
     Args:
         robot: The robot.
         q: Configuration, shape (nq,).
-        keep: Velocities whose coordinates stay as they are, shape (nv,), bool.
+        keep: Velocities whose coordinates are not changed, shape (nv,), bool.
     """
     out, low, high = q.copy(), robot.model.lowerPositionLimit, robot.model.upperPositionLimit
     for piece in robot.joints.pieces:
@@ -102,7 +102,7 @@ def beyond_limits(robot: CheckedModel, q: Array, margin: float = 1e-9) -> tuple[
 
 
 def draw(robot: CheckedModel, rng: np.random.Generator) -> Array:
-    """A configuration at random, shape (nq,): angles over their limits or one turn, ways over theirs or the reach."""
+    """A configuration at random, shape (nq,): angles over their limits or one turn, displacements over theirs or the reach."""
     q = np.asarray(pin.neutral(robot.model))
     for piece in robot.joints.pieces:
         q[piece.q : piece.q + piece.nq] = _drawn(robot, piece, rng)
@@ -120,7 +120,7 @@ def _drawn(robot: CheckedModel, piece: Piece, rng: np.random.Generator) -> Array
         low = float(robot.model.lowerPositionLimit[piece.q])
         high = float(robot.model.upperPositionLimit[piece.q])
         if not robot.joints.angular[piece.v] and low < reach and high > -reach:
-            low, high = max(low, -reach), min(high, reach)  # files state kilometres for no limit
+            low, high = max(low, -reach), min(high, reach)  # files write kilometres for unlimited
         if not (math.isfinite(high - low) and high - low < 1e100):
             return np.array([angle])
         return np.array([rng.uniform(low, high)])

@@ -1,20 +1,20 @@
 """Projection onto constraints: position and velocity, by the least motion in the inertia metric.
 
-What a motion has drifted off bilateral constraints is undone by
+Drift off bilateral constraints is corrected by
 
     q+ = q (+) d        d  = - M^-1 J^T (J M^-1 J^T)^+ error(q)        repeated: Newton's steps
-    v+ = v + w          w  = - M^-1 J^T (J M^-1 J^T)^+ (J v - u)       u: the velocity of what is touched
+    v+ = v + w          w  = - M^-1 J^T (J M^-1 J^T)^+ (J v - u)       u: the surfaces' velocity
 
-Both are the least in |.|_M of all that close the rows. So the velocity's loses no energy beyond what the error carried: w is
-perpendicular, in M, to all motions that the constraints leave free. Source: `docs/simulation.md`.
+Both are the least in |.|_M that satisfy the rows. So the correction removes only the error's energy: w is
+perpendicular, in M, to all motions that the constraints allow. Source: `docs/simulation.md`.
 
-Rows may repeat each other, and rank may drop at singular poses. In W = L^-1 J^T (M = L L^T) the steps are those of least
+Rows may be redundant, and rank may drop at singular poses. In W = L^-1 J^T (M = L L^T) the steps are those of least
 squares, by Cholesky where the rows are well independent and by singular values s where not. There
 
     d = - L^-T U diag(s / (s^2 + (s_1 |error|)^2)) V^T error        over s > zero s_1
 
-A pose that is off by `error` knows its singular values to s_1 |error| and no better (a redundant row shows that much, not
-zero), hence the damping: it fades faster than Newton's steps converge [YamashitaFukushima2001].
+A pose that is off by `error` has singular values uncertain by s_1 |error| (a redundant row has that, not
+zero); therefore the damping, which vanishes faster than Newton's steps converge [YamashitaFukushima2001].
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from rbd.solvers.kkt import independent_factor
 ZERO = 1e-9
 """Singular values below this fraction of the largest count as zero."""
 MET = 1e-9
-"""How well the rows must be met by a projected velocity, over the largest sum of terms in a row."""
+"""Tolerance of the rows at a projected velocity, over the largest sum of terms in a row."""
 FARTHEST = 0.5
-"""Longest entry of one step [m, rad]: farther away, the linearised rows tell nothing."""
+"""Largest entry of one step [m, rad]: farther away the linearised rows are not valid."""
 HALVINGS = 4
 
 Equations: TypeAlias = Callable[[State], tuple[Array, Array]]
@@ -49,14 +49,14 @@ Equations: TypeAlias = Callable[[State], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Projection:
-    """Constraints that hold are kept by projection after every step: q goes to the nearest configuration on them, v along them.
+    """Stabilisation by projection after every step: q to the nearest configuration on the bilateral constraints, v likewise.
 
     Attributes:
-        tolerance: Largest position error that is left [m, rad].
-        iterations: Newton steps at most.
+        tolerance: Largest remaining position error [m, rad].
+        iterations: Largest number of Newton steps.
 
     Raises:
-        InputError: a tolerance that is not in (0, 1e-3], iterations that are no whole number from 1.
+        InputError: a tolerance that is not in (0, 1e-3], iterations that are not a whole number from 1.
     """
 
     tolerance: float = 1e-12
@@ -71,14 +71,14 @@ class Projection:
 
 
 def project_position(state: State, equations: Equations, projection: Projection) -> State:
-    """The state whose configuration is the nearest, in the inertia metric, that meets the equations; its v is kept.
+    """The state whose configuration is the nearest, in the inertia metric, that satisfies the equations, with the same v.
 
-    It stops where no step comes nearer; look at the errors of the state it returns. Rows may repeat each other.
+    It stops when no step reduces the error; check the errors of the returned state. Rows may be redundant.
 
     Args:
-        state: Start.
+        state: The initial state.
         equations: J (m, nv) and error (m,) [m, rad] of a state; m may change from state to state.
-        projection: How near, and how many steps.
+        projection: Tolerance and number of steps.
     """
     robot = state.robot
     J, error = equations(state)
@@ -100,13 +100,13 @@ def project_position(state: State, equations: Equations, projection: Projection)
 
 
 def correction(L: Array, J: Array, error: Array, *, damping: float = 0.0, zero: float = ZERO) -> Array:
-    """The least x in |.|_M with J x = error, as nearly as can be: M^-1 J^T (J M^-1 J^T)^+ error, shape (nv,).
+    """The least x in |.|_M that solves J x = error by least squares: M^-1 J^T (J M^-1 J^T)^+ error, shape (nv,).
 
     Args:
-        L: Lower factor of M, shape (nv, nv).
+        L: Lower Cholesky factor of M, shape (nv, nv).
         J: Shape (m, nv).
         error: Shape (m,).
-        damping: How much of the largest singular value a small one may owe to the pose being off.
+        damping: Uncertainty of small singular values by the pose error, over the largest.
         zero: Singular values below this fraction of the largest are left out.
     """
     if not len(error) or not error.any():
@@ -124,34 +124,34 @@ def correction(L: Array, J: Array, error: Array, *, damping: float = 0.0, zero: 
 
 
 def shortened(step: Array) -> Array:
-    """The step, no entry of it longer than `FARTHEST`."""
+    """The step, no entry above `FARTHEST`."""
     longest = max_abs(step)
     return step if longest <= FARTHEST else step * (FARTHEST / longest)
 
 
 def project_velocity(state: State, constraints: Sequence[Constraint] | None = None) -> State:
-    """The same configuration with the nearest velocity, in the metric of inertia, under which constraints keep their places.
+    """The same configuration with the nearest velocity, in the metric of inertia, that satisfies the constraints.
 
         minimise 1/2 |v+ - v|_M^2     subject to     J v+ = u ,       v+ = v - M^-1 J^T (J M^-1 J^T)^+ (J v - u)
 
-    u is the velocity of what is touched, zero of a ground at rest. Contacts are taken as ones that hold, whatever their
-    friction: they neither slip nor leave. Contacts without friction (and stops of joints) keep their normal velocity at zero
-    and may slide. Leave out those that shall slide, open or strike. It is what a plastic impact on all of them does to v, with
-    forces of either sign. Rows may repeat each other.
+    u is the surfaces' velocity, zero for ground at rest. Contacts count as bilateral, whatever their
+    friction: they neither slip nor separate. Frictionless contacts (and joint limits) have zero normal velocity
+    and may slide. Leave out those that are to slide, open or impact. It is the effect of a plastic impact on all, with
+    forces of either sign. Rows may be redundant.
 
-    Measured or recorded velocities are off the contacts by noise; above `rest_speed`, `rbd.solve` takes that for a contact
-    that leaves or strikes.
+    Measured or recorded velocities violate contacts by noise; above `rest_speed`, `rbd.solve` takes that for a contact
+    that separates or impacts.
 
     Args:
         state: The robot at (q, v).
         constraints: Contacts, loops, rolling wheels, locks; None for the loops and wheels of the robot's file. Dry friction in
-            joints says nothing of velocities and is passed over.
+            joints does not restrict velocities and is ignored.
 
     Returns:
         A state with the same q.
 
     Raises:
-        InputError: something is no constraint, or no velocity keeps all of them: two belts that pull apart.
+        InputError: an object is not a constraint, or no velocity satisfies all, e.g. on two belts that diverge.
         SingularInertia: M is not positive definite.
 
     >>> rbd.solve(rbd.mechanism.project_velocity(state, robot.soles()), tau, robot.soles())
@@ -165,14 +165,14 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
     if info != 0:
         raise SingularInertia(f"M of {state.robot.name} is not positive definite (leading minor {abs(info)}) at this state.")
     W, v = blas.dtrsm(1.0, L, J.T, lower=1), state.v
-    for _ in range(3):  # once is exact but for rounding, which an ill-conditioned M or J makes large
+    for _ in range(3):  # once is exact except for rounding, which is large for ill-conditioned M or J
         y = np.linalg.lstsq(W.T, J @ v - u, rcond=ZERO)[0]  # of least norm: of least |v+ - v| in M
         v = v - blas.dtrsv(L, y, lower=1, trans=1)
     off = np.abs(J @ v - u) / max(1e-300, max_abs(np.abs(J) @ np.abs(v)), max_abs(np.abs(J) @ np.abs(state.v)), max_abs(u))
     if max_abs(off) > MET:
         worst = int(np.argmax(off))
         raise InputError(
-            f"no velocity of {state.robot.name} keeps these constraints together: {stack.name_of(worst)!r:.80} is missed by "
+            f"no velocity of {state.robot.name} satisfies all constraints: {stack.name_of(worst)!r:.80} is missed by "
             f"{abs(float((J @ v - u)[worst])):.3g} m/s (rad/s) at least. Leave out one of those that move against each other."
         )
     return state.with_velocity(v)

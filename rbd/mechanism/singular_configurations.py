@@ -1,12 +1,12 @@
-"""Singularities of a mechanism: where its velocities gain or lose a degree of freedom, and where along a motion that happens.
+"""Singularities of a mechanism: configurations at which velocities gain or lose a degree of freedom, also along a motion.
 
-Three matrices tell them, each by its rank compared with the rank nearby:
+Three matrices define them, each by its rank compared with the rank nearby:
 
-    configuration   J                      velocities that J allows nearby do not cover those here; motions may part
-    output          J, columns of all that is no input       the rest can move with the inputs locked (type 2)
-    input           J, columns of all that is no output      the inputs can move while the output is at rest (type 1)
+    configuration   J                      J allows more velocities here than nearby; motions may branch
+    output          J, columns of all but the inputs         the others can move with the inputs locked (type 2)
+    input           J, columns of all but the outputs        the inputs can move while the output is at rest (type 1)
 
-Types are those of [GosselinAngeles1990]; both at once is their type 3. [ParkKim1999] keep the first apart from the others.
+Types are those of [GosselinAngeles1990]; both at once is their type 3. [ParkKim1999] distinguish the first from the others.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ SINGULAR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Singularity:
-    """One kind of singularity at one configuration, or how far from it that is.
+    """One kind of singularity at one configuration, or the distance from it.
 
     Attributes:
         kind: "configuration", "output" or "input".
         q: The configuration, shape (nq,).
-        distance: Smallest singular value that is not zero nearby, over the largest one; without units.
-        singular: Whether it is zero.
-        lost: By how much the rank is lower than nearby.
-        velocities: A basis of the velocities that the kind speaks of, shape (k, nv), largest entry 1: allowed by J
+        distance: Smallest singular value that is not zero nearby, over the largest one; dimensionless.
+        singular: Whether the distance is zero.
+        lost: Loss of rank compared with configurations nearby.
+        velocities: A basis of the velocities that define the kind, shape (k, nv), largest entry 1: allowed by J
             ("configuration"), and with the inputs ("output") or the outputs ("input") at rest. Empty where there are none.
         joints: The joints that move in them.
-        at: Where along a motion: its number in the list, fractions between two; 0 of a single configuration.
+        at: Position along a motion: index in the list, fractions between two; 0 for a single configuration.
     """
 
     kind: str
@@ -68,11 +68,11 @@ class Singularity:
 
 @dataclass(frozen=True, eq=False)
 class Singularities:
-    """What is singular at one configuration.
+    """The kinds of singularity at one configuration.
 
     Attributes:
-        kinds: {kind: what was found}; "output" only with inputs named, "input" only with outputs named.
-        points: How many configurations were looked at to tell the ranks nearby.
+        kinds: {kind: its singularity}; "output" only with inputs named, "input" only with outputs named.
+        points: Number of configurations examined for the ranks nearby.
     """
 
     kinds: dict[str, Singularity]
@@ -89,7 +89,7 @@ class Singularities:
 
 @dataclass(frozen=True, eq=False)
 class SingularitiesAlong:
-    """What was found along a motion.
+    """The singularities along a motion.
 
     Attributes:
         found: The singularities, in the order of the motion.
@@ -114,22 +114,22 @@ def singularities(
     tolerance: float = SINGULAR,
     seed: int = 0,
 ) -> Singularities:
-    """The kinds of singularity that a configuration is at, with the velocities that tell them.
+    """The kinds of singularity of a configuration, with the velocities that define them.
 
-    A rank is low where it is lower than at configurations about 0.1 away that satisfy the constraints; there must be some.
+    A rank is low if it is lower than at configurations about 0.1 away that satisfy the constraints; there must be some.
 
     Args:
-        state: A robot at a configuration that satisfies the constraints; its velocity plays no part.
-        constraints: Those that hold; None for the loops and wheels of its file.
-        inputs: Joints that are driven; none: kind "output" is not asked.
-        outputs: What the mechanism is to move: joints, or the name of one frame (all its six velocities); none: kind "input"
-            is not asked.
+        state: A robot at a configuration that satisfies the constraints; its velocity is not used.
+        constraints: Bilateral constraints; None for the loops and wheels of its file.
+        inputs: Joints that are driven; none: kind "output" is not examined.
+        outputs: The driven output: joints, or the name of one frame (all its six velocities); none: kind "input"
+            is not examined.
         tolerance: Distances below count as zero.
-        seed: Of the directions in which configurations nearby are looked for.
+        seed: Of the directions of the configurations nearby.
 
     Raises:
         JointNotFound, FrameNotFound: with the nearest names.
-        InputError: the state is off the constraints, or nothing is left beside inputs or outputs.
+        InputError: the state is off the constraints, or all joints are inputs or outputs.
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
     held = ConstraintManifold(state, constraints)
@@ -154,18 +154,18 @@ def singularities_along(
 ) -> SingularitiesAlong:
     """The singularities that a motion passes, each refined between the configurations given.
 
-    Where a distance is smallest among its neighbours it is made smaller still by golden sections, on the straight way from
-    one configuration to the next, brought back onto the constraints. Two singularities of one kind between the same
+    Where a distance is smallest among its neighbours it is minimised by golden sections, on the straight line from
+    one configuration to the next, projected onto the constraints. Two singularities of one kind between the same
     configurations count as one; so does one that is only touched there.
 
     Args:
-        state: Where contacts without an anchor are anchored and rows are measured, e.g. at the path's beginning.
-        constraints: As `singularities`; likewise the other arguments. The usual ranks are the largest along the path.
-        path: Configurations in order, shape (k, nq), near enough to the constraints to be brought onto them; or anything with
+        state: Where contacts without an anchor are anchored and rows are scaled, e.g. at the path's beginning.
+        constraints: As for `singularities`. The ranks for comparison are the largest along the path.
+        path: Configurations in order, shape (k, nq), near enough to the constraints to be projected; or an object with
             such an array as its `q`.
-        inputs: See there.
-        outputs: See there.
-        tolerance: See there.
+        inputs: As for `singularities`.
+        outputs: As for `singularities`.
+        tolerance: As for `singularities`.
     """
     tolerance = check_positive("tolerance", tolerance, 0.1)
     robot = check_state(state).robot
@@ -196,7 +196,7 @@ def singularities_along(
 
 
 class _Matrices:
-    """The matrices whose ranks tell the kinds, as functions of a configuration."""
+    """The matrices whose ranks define the kinds, as functions of a configuration."""
 
     def __init__(self, held: ConstraintManifold, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
         self.held = held
@@ -225,7 +225,7 @@ class _Matrices:
         self.of[kind] = lambda p: p.J[:, rest]
 
     def judge(self, kind: str, point: Linearised, rank: int, tolerance: float, at: float = 0.0) -> Singularity:
-        """What a configuration is, where the rank is usually this."""
+        """The singularity of one kind at a configuration, given the usual rank."""
         A, held = self.of[kind](point), self.held
         _, s, Vt = np.linalg.svd(A)
         zero = max(tolerance, RANK) * (s[0] if len(s) and s[0] > 0.0 else 1.0)
@@ -264,12 +264,12 @@ def _values(A: Array) -> Array:
 
 
 def _distance(s: Array, rank: int) -> float:
-    """The singular value that is usually the last one not zero, over the largest."""
+    """The smallest singular value that is usually not zero, over the largest."""
     return float(s[rank - 1] / s[0]) if rank and s[0] > 0.0 else 1.0
 
 
 def _minima(d: Array) -> list[int]:
-    """Where a sequence is not above its neighbours; of equal ones in a row, the first."""
+    """Indices of a sequence's local minima; of equal neighbours, the first."""
     out = []
     for k in range(len(d)):
         left = d[k - 1] if k else np.inf
@@ -282,7 +282,7 @@ def _minima(d: Array) -> list[int]:
 def _refined(
     held: ConstraintManifold, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
 ) -> tuple[float, Linearised]:
-    """(where, what) is nearest to singular between the neighbours of configuration k."""
+    """(position, singularity) nearest to singular between the neighbours of configuration k."""
 
     def distance(p: Linearised) -> float:
         return _distance(_values(of(p)), rank)
@@ -293,7 +293,7 @@ def _refined(
         i = min(int(t), len(along) - 2)
         if i < 0 or t == int(t):
             return along[int(t)]
-        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.scale  # an angle by the short way round
+        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.scale  # an angle by the shorter way round
         return held.project(held.move(along[i].q, (t - i) * z))
 
     ratio = 0.5 * (np.sqrt(5.0) - 1.0)

@@ -1,32 +1,32 @@
 """Accelerations, forces and corrections on bilateral rows, also through a singular pose.
 
 In y = L^T a, where M = L L^T, Gauss's principle is least squares: y nearest to L^-1 rhs with W^T y + offset = 0, W = L^-1 J^T.
-Rows that are well independent are solved by Cholesky's factor of W^T W; its error is rounding over s^2, s the least singular
-value of W over the largest, so below s = 1e-2 W itself is taken apart by singular values, whose error is rounding over s.
+Well-conditioned rows are solved by Cholesky's factor of W^T W; its error is rounding over s^2, s the least singular
+value of W over the largest, so below s = 1e-2 the SVD of W is used, whose error is rounding over s.
 
-Rows are divided by the largest norm that they had in this run, in |.|_M^-1, so that ranks know no units. (By their norm at this
-state would not do: at a singular pose rows may vanish, and divided by rounding they would count.)
+Rows are divided by the largest norm that they had in this run, in |.|_M^-1, so that ranks have no units. (Their norm at this
+state is not suitable: at a singular pose rows can vanish, and normalised rounding would count.)
 
 Along a motion on constraints c(q) = 0, J a + J_dot v = 0 at every time. At a singular pose some combination u of rows has
-u . J = 0, and says nothing of a; just beside it u . J = O(t), and its equation holds divided by t. That limit is the
+u . J = 0, which does not restrict a; close to it u . J = O(t), and its equation holds divided by t. That limit is the
 derivative along the motion,
 
     u . [J_dot a + (d/dt J_dot v)(a)] = 0,        d/dt J_dot v = dq (J_dot v) . v + dv (J_dot v) . a ,
 
-linear in a (it is c''' with u . J = 0, so that the unknown jerk drops out). The force that these rows make lies along the
+linear in a (it is c''' with u . J = 0, so that the unknown jerk drops out). The force of these rows is along the
 limit of u . J / t, which is u . J_dot: a finite force on the motion, of multipliers that grow without bound.
 
-Directly, near the pose, rounding e leaves the place known to e / s, the velocity across the branch to e / s^2, and a to e /
-s^3, s the least singular value over the largest. So below s = 2e-3 (`NEAR`: 1e-7 of a at the edge) neither places
-nor velocities are brought back along what is small, and a is the limit above, which is wrong by O(s). That is a first
-guess: with it neighbours on the branch are found at 3, 6 and 9 times that distance, ahead and behind, where a is known
-well, and a here is theirs interpolated to order 6 (`SmoothMotion._across`). Measured on an antiparallelogram, a kite and
-N-four-bars, wherever steps fall: energy changes by 1e-8 to 1e-13 a crossing at 1 ms, 16 times less or better at half the
+Directly, near the pose, rounding e limits position to e / s, the velocity across the branch to e / s^2, and a to e /
+s^3, s the least singular value over the largest. So below s = 2e-3 (`NEAR`: 1e-7 of a at the edge) neither positions
+nor velocities are projected along small singular values, and a is the limit above, with error O(s). It is a first
+guess: from it neighbours on the branch are computed at 3, 6 and 9 times that distance, ahead and behind, where a is
+accurate, and a is interpolated from theirs to order 6 (`SmoothMotion._across`). Measured on an antiparallelogram, a kite and
+N-four-bars, for any step times: energy changes by 1e-8 to 1e-13 a crossing at 1 ms, 16 times less or better at half the
 step. A cut of the singular values alone, from 1e-8 to 1e-5, leaves the branch or changes it by 1e-6 to 1e-3.
 
-Constraints that only nearly cross (s does not reach zero) turn the motion away: rows then ask for more than s |a|, or
-neighbours lie off the way, and the rows are used as they are. With v = 0 at the pose, or where the derivatives depend on
-each other too, the branches are not told apart and Gauss's principle without those rows is all there is.
+Constraints that only nearly cross (s does not reach zero) deflect the motion: rows then require more than s |a|, or
+neighbours are off the path, and the rows are used as given. With v = 0 at the pose, or linearly dependent
+derivatives, the branches are not distinguished, and Gauss's principle without those rows is used.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import ZERO, correction
 
 INDEPENDENT = 1e-2
-"""Pivots of Cholesky's factor above this, over the rows' norms: well independent."""
+"""Pivots of Cholesky's factor above this, over the rows' norms: well conditioned."""
 NEAR = 2e-3
-"""Singular values below this fraction of the largest: the rows depend on each other, or nearly so; see above."""
+"""Singular values below this fraction of the largest: dependent rows, or nearly so; see above."""
 OWED = 30.0
-"""What a pose that is off by 1 may add to the singular values of redundant rows, over the largest, at most."""
+"""Largest singular value of redundant rows, over the largest, for a pose error of 1."""
 SILENT = 1e-11
-"""Rows whose length, over the longest's, is at most this say nothing: they are rounding."""
+"""Rows whose norm, over the largest, is at most this are rounding."""
 CONTRADICTION = 1e-3
-"""A part of J_dot v that no acceleration meets, over its size, above which there is no motion."""
+"""Relative infeasible part of J_dot v above which there is no motion."""
 ASIDE = 1e-4
-"""How far rows are compared on both sides of the pose, in the largest entry of v times the time [rad, m]."""
+"""Distance at which rows are compared on both sides of the pose, in the largest entry of v times the time [rad, m]."""
 COUNTS = 1e-4
-"""Singular values of u . J_dot below this, over |J_dot|, count as zero: rows that repeat each other everywhere."""
+"""Singular values of u . J_dot below this, over |J_dot|, count as zero: rows that are redundant everywhere."""
 
 ROUNDED = 1e-11
-"""Of the largest singular value, over the time between the two sides: what a difference of rounded rows may be."""
+"""Error of differences of rounded rows: this times the largest singular value, over the time between the two sides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +67,12 @@ class SingularCrossing:
 
     Attributes:
         held: The rows.
-        u: Combinations of scaled rows that say nothing of a here, shape (rank, m).
+        u: Combinations of scaled rows that do not restrict a here, shape (rank, m).
         J_dot: Of all scaled rows, shape (m, nv).
-        turning: Rates of the scaled rows' J_dot v along the motion while v stays, shape (m,).
-        F: Orthonormal directions of y that the forces push along, across all that the rows still say, shape (nv, rank).
-        norms: What rows are divided by, shape (m,).
-        rate: How fast the least of the singular values changes, over the largest [1/s].
+        turning: Rates of the scaled rows' J_dot v along the motion at constant v, shape (m,).
+        F: Orthonormal directions of the forces on y, orthogonal to the regular rows, shape (nv, rank).
+        norms: Divisors of the rows, shape (m,).
+        rate: Rate of the least singular value, over the largest [1/s].
     """
 
     held: StackedRows
@@ -85,20 +85,20 @@ class SingularCrossing:
 
     @property
     def rank(self) -> int:
-        """How many conditions."""
+        """Number of conditions."""
         return len(self.u)
 
     @classmethod
     def of(cls, held: StackedRows, U: Array, Vt: Array, first: float, k: int, norms: Array) -> SingularCrossing | None:
-        """What the derivatives say, or None where they say nothing.
+        """The conditions from derivatives, or None if there are none.
 
         Args:
             held: The rows.
             U: Singular vectors of the scaled W, shape (nv, nv).
-            Vt: Likewise, shape (m, m).
+            Vt: Right singular vectors, shape (m, m).
             first: The largest singular value.
-            k: How many of them the rows still say.
-            norms: What rows are divided by.
+            k: Number of regular singular values.
+            norms: Divisors of the rows.
         """
         q, v, model = held.state.q, held.state.v, held.state.robot.model
         speed = max_abs(v)
@@ -116,12 +116,12 @@ class SingularCrossing:
         return cls(held, Pt[:rank] @ Vt[k:], J_dot, turning, U[:, k:] @ Q[:, :rank], norms, float(s[rank - 1]) / first)
 
     def through(self, y: Array) -> Array:
-        """The y of the branch that the motion is on, from the one that the rows alone allow."""
+        """The y on the motion's branch, from the y by the rows alone."""
         told = np.column_stack([self._rate(column) for column in self.F.T])
         return y - self.F @ np.linalg.solve(told, self._rate(y) + self.u @ self.turning)
 
     def _rate(self, y: Array) -> Array:
-        """What is linear in a of the conditions: u . [J_dot a + dv (J_dot v) . a], shape (rank,)."""
+        """The conditions' terms linear in a: u . [J_dot a + dv (J_dot v) . a], shape (rank,)."""
         held, v = self.held, self.held.state.v
         a = blas.dtrsv(held.L, y, lower=1, trans=1)
         size = max_abs(a)
@@ -136,11 +136,11 @@ class SingularCrossing:
 
 @dataclass(frozen=True, eq=False)
 class _Decomposed:
-    """What rows look like beside the norms that they are divided by: of one `StackedRows` and one array of norms.
+    """Factorisations of rows divided by their norms: for one `StackedRows` and one array of norms.
 
     Attributes:
         held: The rows.
-        norms: What each row is divided by, shape (m,); never changed in place.
+        norms: Divisor of each row, shape (m,); never changed in place.
     """
 
     held: StackedRows
@@ -148,7 +148,7 @@ class _Decomposed:
 
     @lazy
     def factor(self) -> Array | None:
-        """Upper R with R^T R = W^T W, or None where the rows are not well independent."""
+        """Upper R with R^T R = W^T W, or None if the rows are not well conditioned."""
         R = self.held.cholesky
         return R if R is not None and (R.diagonal() > INDEPENDENT * self.norms).all() else None
 
@@ -164,8 +164,8 @@ class StageAcceleration:
 
     Attributes:
         a: Shape (nv,).
-        f: Row forces, shape (m,), where rows are well independent; else None.
-        crossing: What took the place of rows that say nothing here, or None.
+        f: Row forces, shape (m,), if rows are well conditioned; else None.
+        crossing: Replacement of the rows that do not restrict a here, or None.
     """
 
     a: Array
@@ -174,7 +174,7 @@ class StageAcceleration:
 
 
 class StageSolver:
-    """Accelerations, forces and corrections on held rows; it remembers the rows' norms and their rank."""
+    """Accelerations, forces and corrections on bilateral rows; it stores the rows' norms and their rank."""
 
     def __init__(self) -> None:
         self._norms = np.zeros(0)
@@ -182,19 +182,19 @@ class StageSolver:
         self._last: _Decomposed | None = None
 
     def survey(self, held: StackedRows) -> None:
-        """Look at the rows' norms at the start, and half a radian around it: it may be a singular pose itself."""
+        """Record the rows' norms at the start, and half a radian around it: the start can be singular."""
         self.learn(held)
         robot = held.state.robot
         for q in poses_nearby(robot, held.state.q) if len(held.J) else ():
             try:
                 there = held.elsewhere(q, robot.zero_v)
-            except InputError:  # a constraint that is not defined there
+            except InputError:  # a constraint may be undefined there
                 continue
             if len(there.J) == len(held.J):
                 self.learn(there)
 
     def learn(self, held: StackedRows) -> None:
-        """Look at the rows' norms here."""
+        """Record the rows' norms here."""
         if not len(held.J):
             return
         norms = np.sqrt(held.delassus.diagonal())
@@ -206,21 +206,21 @@ class StageSolver:
         if most == 0.0:
             self._norms = np.ones(len(norms))
         else:
-            # Rows out of the plane of a planar loop are zero but for rounding: dividing by their length would make them count.
+            # Out-of-plane rows of a planar loop are zero except for rounding: normalised they would count.
             # Rows that are zero exactly cannot; at 1e-6 a start at a singular pose is closer, 1e-13 rad in place of 1e-10.
             self._norms = np.where((norms > SILENT * most) | (norms == 0.0), np.maximum(norms, 1e-6 * most), most)
 
     def acceleration(self, held: StackedRows, rhs: Array, t: float, *, directly: bool = False) -> StageAcceleration:
         """The acceleration nearest to the free one that the rows allow.
 
-        Where fewer singular values are above `NEAR` than there once were, the motion crosses a singular pose; what the rows no
-        longer say there their derivatives do, see `SingularCrossing`.
+        If fewer singular values than before are above `NEAR`, the motion crosses a singular pose: derivatives replace
+        the degenerate rows, see `SingularCrossing`.
 
         Args:
             held: The rows.
             rhs: S^T tau + tau_ext - h, shape (nv,).
-            t: For messages.
-            directly: From the rows as they are, also near a singular pose.
+            t: Time, for messages.
+            directly: Use the rows as given, also near a singular pose.
 
         Raises:
             NoSolution: rows that contradict each other, by name.
@@ -238,7 +238,7 @@ class StageSolver:
         return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), f, crossing)
 
     def forces(self, held: StackedRows, a: Array, rhs: Array) -> tuple[Array, bool]:
-        """(row forces (m,) that make a, whether they are the only ones); of minimum norm in scaled rows where not."""
+        """(row forces (m,) that cause a, whether they are unique); if not, of minimum norm in scaled rows."""
         if not len(held.J):
             return np.zeros(0), True
         R = self._factor(held)
@@ -246,12 +246,12 @@ class StageSolver:
         if R is not None:
             return lapack.dpotrs(R, held.W.T @ y)[0], True
         U, s, Vt = self._taken_apart(held)
-        s = s[s > 1e-13 * s[0]]  # at a crossing forces are large: what there is of s carries them
+        s = s[s > 1e-13 * s[0]]  # at a crossing forces are large and act through small s
         f = Vt[: len(s)].T @ ((U[:, : len(s)].T @ y) / s) / self._norms
         return f, bool(len(s) == len(f) and s[-1] > ZERO * s[0])
 
     def law(self, held: StackedRows, a: Array, rhs: Array, f: Array | None) -> float:
-        """The largest residual of the equations of motion and of the rows, each over its own terms: `rbd.problem.scales`."""
+        """Largest residual of the equations of motion and of the rows, each over its terms: `rbd.problem.scales`."""
         if f is None:
             f, _ = self.forces(held, a, rhs)
         M, J = held.state.M, held.J
@@ -274,7 +274,7 @@ class StageSolver:
         return blas.dtrsv(held.L, y, lower=1, trans=1)
 
     def spread(self, held: StackedRows) -> float:
-        """Least of the singular values that count, over the largest; of independent rows an upper bound of it."""
+        """Least nonzero singular value over the largest; for independent rows an upper bound."""
         R = self._factor(held)
         if R is not None:
             return float((R.diagonal() / self._norms).min())
@@ -283,7 +283,7 @@ class StageSolver:
         return float(kept[-1] / kept[0]) if len(kept) else 1.0
 
     def _factor(self, held: StackedRows) -> Array | None:
-        """Upper R with R^T R = W^T W, or None where the rows are not well independent."""
+        """Upper R with R^T R = W^T W, or None if the rows are not well conditioned."""
         return self._decomposed(held).factor
 
     def _taken_apart(self, held: StackedRows) -> tuple[Array, Array, Array]:
@@ -291,7 +291,7 @@ class StageSolver:
         return self._decomposed(held).apart
 
     def _decomposed(self, held: StackedRows) -> _Decomposed:
-        """Made once for a state and the norms of now; made anew where the norms have changed since."""
+        """Cached for a state and the present norms; recomputed when the norms change."""
         if len(self._norms) != len(held.J):
             self.learn(held)
         known = self._last
@@ -302,7 +302,7 @@ class StageSolver:
     def _by_singular_values(
         self, held: StackedRows, free: Array, t: float, *, directly: bool
     ) -> tuple[Array, SingularCrossing | None]:
-        """(y, what took the place of rows that say nothing)."""
+        """(y, replacement of degenerate rows or None)."""
         U, s, Vt = self._taken_apart(held)
         offset = held.offset / self._norms
         size, owed = max(1.0, max_abs(offset)), OWED * held.drift
@@ -310,7 +310,7 @@ class StageSolver:
         if (near < self._rank or self._rank < 0) and not directly:
             crossing = SingularCrossing.of(held, U, Vt, float(s[0]), near, self._norms)
             y, missed = _nearest(U[:, :near], s[:near], Vt[:near], free, offset)
-            # Rows of size s cannot ask for more than s |y| on the branch; where they do they turn it away, and do not cross.
+            # Rows of size s require at most s |y| on the branch; if they require more, they deflect it and do not cross.
             if crossing is not None and max_abs(missed) <= 3.0 * max(NEAR, owed) * max(size, float(s[0]) * max_abs(y)):
                 self._rank = max(self._rank, near + crossing.rank)
                 return crossing.through(y), crossing
@@ -326,16 +326,16 @@ class StageSolver:
         return y, None
 
     def _near(self, s: Array, held: StackedRows) -> int:
-        """How many singular values say something, and not nearly nothing."""
+        """Number of singular values that are not nearly zero."""
         return int((s > max(NEAR, OWED * held.drift) * s[0]).sum()) if s[0] > 0.0 else 0
 
     def _kept(self, s: Array, held: StackedRows) -> int:
-        """How many singular values count where positions and velocities are brought back; at a crossing not the small ones."""
+        """Number of singular values used in projections; at a crossing without the small ones."""
         k = self._near(s, held)
         return k if k < self._rank else int((s > max(ZERO, OWED * held.drift) * s[0]).sum())
 
 
 def _nearest(U: Array, s: Array, Vt: Array, free: Array, offset: Array) -> tuple[Array, Array]:
-    """(the y nearest to the free one with s U^T y + Vt offset = 0, what of the offset is out of reach)."""
+    """(the y nearest to the free one with s U^T y + Vt offset = 0, the infeasible part of the offset)."""
     told = Vt @ offset
     return free - U @ (U.T @ free + told / s), offset - Vt.T @ told

@@ -21,16 +21,16 @@ GROUND = "the ground"
 
 @dataclass(frozen=True)
 class EndPoint:
-    """An end point: how freely it moves, and what is left over.
+    """An end point: its degrees of freedom, and its redundancy.
 
     Attributes:
         frame: Its frame.
         position_dof: Degrees of freedom of its position, generically.
         pose_dof: Degrees of freedom of its position and orientation together.
-        mobility: Degrees of freedom of the joints that lead to it from the root of the file's tree, under the constraints; the
-            other arm and the fingers do not count.
-        position_redundancy: That less `position_dof`: motions of its chain that leave the position where it is.
-        pose_redundancy: Likewise, of the pose.
+        mobility: Degrees of freedom of the joints between it and the root of the file's tree, under the constraints; the
+            other arm and the fingers are not counted.
+        position_redundancy: That less `position_dof`: motions of its chain that do not change its position.
+        pose_redundancy: Mobility less `pose_dof`: motions of its chain that do not change its pose.
         legs: Chains from the base to its body that share no body in between.
         singular: Whether it has fewer degrees of freedom at the configuration looked at than nearby.
     """
@@ -44,12 +44,12 @@ class EndPoint:
 
     @property
     def position_redundancy(self) -> int:
-        """See the class."""
+        """`mobility` less `position_dof`."""
         return self.mobility - self.position_dof
 
     @property
     def pose_redundancy(self) -> int:
-        """See the class."""
+        """`mobility` less `pose_dof`."""
         return self.mobility - self.pose_dof
 
     def __str__(self) -> str:
@@ -64,23 +64,23 @@ class EndPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MechanismClass:
-    """What a mechanism is, in the words of the literature.
+    """Classification of a mechanism, in standard terms.
 
     Attributes:
-        name: The robot's.
+        name: The robot's name.
         kind: "serial": an open chain without branches, from the base to one end. "branched": open, with branches.
             "parallel": closed, and every moving body is joined to the base by two chains or more. "hybrid": closed, with
-            bodies that one chain alone joins to the base.
+            bodies joined to the base by only one chain.
         loops: Independent loops; open chains have none.
-        base: What the chain hangs from: "the ground", or the root link of a floating robot that touches nothing.
+        base: Base of the chain: "the ground", or the root link of a floating robot without contacts.
         ends: Links at the ends of the tree of the file.
         bodies: Bodies that move, fixed joints merged.
         degrees_of_freedom: Degrees of freedom of the joints, a floating base among them: n.
         mobility: n - rank J, generically: at configurations nearby that satisfy the constraints. None where no
             configuration was found that does.
         floating: Whether the file's robot floats.
-        end_points: Those asked for.
-        q: The configuration that was looked at, or None.
+        end_points: The end points requested.
+        q: The configuration that was examined, or None.
     """
 
     name: str
@@ -129,26 +129,26 @@ def classify(
     end: str | Sequence[str] = (),
     seed: int = 0,
 ) -> MechanismClass:
-    """What a robot is, in words: serial, branched, parallel or hybrid; its mobility; redundancy of its end points.
+    """Class of a robot (serial, branched, parallel or hybrid), its mobility, and redundancy of its end points.
 
     Bodies are joined by the joints of the file and by constraints between two bodies or with the ground: closures of loops,
-    bilateral contacts, and not by what rolls or slides. A floating base is no joint in this sense: a humanoid on two soles is
-    closed through the ground, and in the air it is a branched chain on its root link. Other constraints take degrees of
-    freedom and close no loop.
+    bilateral contacts, but not by rolling or sliding contacts. A floating base is not a joint here: a humanoid on two soles is
+    closed through the ground, and in the air it is a branched chain from its root link. Other constraints remove degrees of
+    freedom without closing a loop.
 
-    Mobility is the total number of degrees of freedom; redundancy of an end point is the mobility of the chain that leads to it
-    less its own degrees of freedom. Both are generic: the largest ranks at the configuration, and at others nearby (drawn
-    freely where nothing is closed).
+    Mobility is the total number of degrees of freedom; redundancy of an end point is the mobility of its chain
+    less its degrees of freedom. Both are generic: the largest ranks at the configuration, and at others nearby (drawn
+    freely if there are no loops).
 
     Args:
-        state: Where to look; brought onto the constraints where it is off them. Its velocity plays no part.
-        constraints: Those that hold; None for the loops and wheels of the robot's file.
+        state: The configuration, projected onto the constraints if it is off them. Its velocity is not used.
+        constraints: Bilateral constraints; None for the loops and wheels of the robot's file.
         end: Frames of end points, one or several.
-        seed: Of the configurations looked at.
+        seed: Of the configurations examined.
 
     Raises:
         FrameNotFound: with the nearest names.
-        InputError: no state.
+        InputError: not a state.
     """
     seed = check_seed(seed)
     robot = check_state(state).robot
@@ -171,7 +171,7 @@ def classify(
 
 
 class Graph:
-    """Bodies (0 the ground, else the joint that carries them) and what joins them.
+    """Graph of bodies (0 the ground, else the index of their joint) and connections.
 
     Args:
         robot: The robot.
@@ -179,7 +179,7 @@ class Graph:
 
     Attributes:
         edges: Pairs of bodies.
-        base: The body that chains are counted from: the ground if anything touches it, else the root of a floating robot.
+        base: The body from which chains are counted: the ground if there is contact with it, else the root of a floating robot.
     """
 
     def __init__(self, robot: CheckedModel, constraints: Sequence[Constraint]) -> None:
@@ -214,14 +214,14 @@ class Graph:
 
     @property
     def kind(self) -> str:
-        """See `MechanismClass`."""
+        """Kind of the mechanism, see `MechanismClass`."""
         if not self.loops:
             degree = np.bincount(np.array(self.edges, dtype=int).ravel(), minlength=2) if self.edges else np.zeros(2, int)
             return "serial" if degree[self.base] <= 1 and degree.max(initial=0) <= 2 else "branched"
         return "parallel" if all(self.legs(body) > 1 for body in self.bodies) else "hybrid"
 
     def legs(self, body: int) -> int:
-        """How many chains join another body to the base without a body in common: by Menger's theorem a greatest flow."""
+        """Number of chains to the base without common bodies: a maximum flow, by Menger's theorem."""
         room: dict[tuple[int, int], dict[tuple[int, int], int]] = {}
 
         def pipe(a: tuple[int, int], b: tuple[int, int], capacity: int) -> None:
@@ -247,7 +247,7 @@ class Graph:
 def _way(
     room: dict[tuple[int, int], dict[tuple[int, int], int]], source: tuple[int, int], sink: tuple[int, int]
 ) -> list[tuple[int, int]]:
-    """A way with room left from source to sink; empty where there is none."""
+    """An augmenting path from source to sink; empty if there is none."""
     came = {source: source}
     waiting = [source]
     while waiting:
@@ -265,7 +265,7 @@ def _way(
 
 
 def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] | None:
-    """The two bodies that a constraint joins, 0 the ground; None of constraints on joints and functions."""
+    """The two bodies that a constraint connects, 0 the ground; None for constraints on joints and functions."""
     bodies = [robot.site(frame)[0] for frame in frames_of(constraint)]
     return (bodies[0], bodies[1] if len(bodies) > 1 else 0) if bodies else None
 
@@ -299,7 +299,7 @@ def _end_point(held: ConstraintManifold, looked: list[Linearised], frame: str, g
 
 
 def _links(robot: CheckedModel) -> list[str]:
-    """A name for each joint's body: the first link on it, or the joint's own."""
+    """A name for each joint's body: the first link on it, or the joint."""
     out = list(robot.model.names)
     for frame in reversed(list(robot.model.frames)):
         if frame.type == pin.FrameType.BODY:

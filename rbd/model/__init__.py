@@ -1,6 +1,6 @@
 """Robot files to a checked model; states; terms of the equations of motion. Knows Pinocchio, and no problem or solver.
 
-Its names are loaded when they are asked for: the command line checks paths before it loads Pinocchio.
+Names are loaded on first use: the command line checks paths before it loads Pinocchio.
 """
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING

@@ -4,12 +4,12 @@
 
 xi has the size of v. Of joints whose v is the derivative of their coordinates T is the identity; of planar, spherical and
 floating joints it is the right Jacobian of the group's exponential. An integrator of any order on (xi, v) has the same order on
-(q, v) [MuntheKaas1999], and unit quaternions stay on their sphere, as q0 (+) xi never leaves it.
+(q, v) [MuntheKaas1999], and unit quaternions stay on their sphere, as q0 (+) xi is always on it.
 
 Pinocchio has the velocity of a floating base in the base's axes: that of a body that spins and flies turns with it, and has
-w x v in its accelerations. Integrated as it stands, the way of a step is an arc, off by O(h^2) of what is a straight line. With
+w x v in its accelerations. Integrated directly, the path of a step is an arc, with error O(h^2) from the straight line. With
 `Bases` a step's velocities are those in axes frozen where the step looks at them, at its beginning or in its middle: a free
-body keeps to its parabola at any step. For other joints nothing changes.
+body follows its parabola at any step. Other joints are not affected.
 """
 
 from __future__ import annotations

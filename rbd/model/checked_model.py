@@ -23,7 +23,7 @@ from rbd.model.forks import renewed_after_fork
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.joints import Coordinate, Joints
 
-check_whole()  # of the Pinocchio that all models are made of: its version
+check_whole()  # the version of the installed Pinocchio
 
 FARTHEST = 1e5
 """Largest entry of q and of v: at 100 km from the origin M is right to 3e-11 of its largest entry, beyond it gets worse."""
@@ -36,20 +36,20 @@ class CheckedModel:
 
     Args:
         model: The Pinocchio model; it is not to be changed afterwards.
-        passive: Names of joints that carry no motor. A floating base never does.
+        passive: Names of joints without a motor. A floating base never has one.
         name: Name for messages; the model's own by default.
 
     Attributes:
         name: The robot's name.
         model: The pin.Model.
-        joints: Where each joint's coordinates stand in q and v, their units and limits, by name: `robot.joints["knee"].v`.
+        joints: Joint table: indices in q and v, units and limits, by name: `robot.joints["knee"].v`.
         actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
         actuated: Indices in v of the actuated coordinates, shape (nu,).
         motors: The same as a slice where they follow each other, which is faster.
         unactuated: The other indices in v, of bases and passive joints, ascending.
         actuated_names: Their joints' names, in the order of tau.
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
-        bases: Indices of the free-flyers that all bodies hang from, one a robot; empty if anything is fixed to the world.
+        bases: Indices of the free-flyers at the roots of all bodies, one a robot; empty if any body is fixed to the world.
         floating: Whether all bodies hang from one free-flyer joint.
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
@@ -90,7 +90,7 @@ class CheckedModel:
     @property
     def mass(self) -> float:
         """Total mass of the moving bodies [kg]."""
-        return float(pin.computeTotalMass(self.model))  # asked anew: the equations of motion, too, read the model as it is now
+        return float(pin.computeTotalMass(self.model))  # not cached: the equations of motion, too, read the present model
 
     @property
     def gravity(self) -> Array:
@@ -100,12 +100,12 @@ class CheckedModel:
     @property
     def weight(self) -> Array:
         """Wrench of gravity about the centre of mass, in W, shape (6,) [N, N m]."""
-        wrench = np.zeros(6)  # on the way of each answer: two microseconds less than joined arrays
+        wrench = np.zeros(6)  # used by each answer: two microseconds less than joined arrays
         wrench[:3] = self.mass * self.model.gravity.linear
         return wrench
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copies are made anew from the Pinocchio model, in another process too."""
+        """Copies are constructed from the Pinocchio model, in another process too."""
         return _remade, (self.model, sorted(self.passive), self.name), {"sound": self.sound}
 
     def frames(self) -> list[str]:
@@ -126,7 +126,7 @@ class CheckedModel:
         return tuple(self.joints.velocities[i] for i in self.actuated)
 
     def frame(self, name: str) -> pin.Frame:
-        """The Pinocchio frame of this name; a link goes before a joint of the same name.
+        """The Pinocchio frame of this name; a link takes precedence over a joint of the same name.
 
         Raises:
             FrameNotFound: with the nearest names.
@@ -233,7 +233,7 @@ class CheckedModel:
 
 
 class Slot:
-    """One pin.Data and the ticket of the state whose kinematics it holds."""
+    """One pin.Data and the ticket of the state whose kinematics it contains."""
 
     __slots__ = ("data", "ticket")
 
@@ -245,7 +245,7 @@ class Slot:
 class DataPool:
     """A few `pin.Data`, lent to states by ticket.
 
-    Making one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
+    Creating one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
     else needs it, and runs its kinematics again when it was taken away. All use is under `lock`, but for `give_back`.
     """
 
@@ -274,9 +274,9 @@ class DataPool:
         return slot, slot.ticket
 
     def give_back(self, slot: Slot, ticket: int) -> None:
-        """End a loan; nothing happens if the slot has gone to another ticket meanwhile.
+        """End a loan; no effect if the slot has been given to another ticket.
 
-        It waits for no lock: the garbage collector calls it at any moment, in a thread that may hold another robot's lock.
+        It takes no lock: the garbage collector can call it at any time, in a thread that may hold another robot's lock.
         While the lock is taken the slot is only noted, for the next `take`.
         """
         self._returned.append((slot, ticket))

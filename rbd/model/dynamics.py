@@ -1,6 +1,6 @@
 """Terms of the equations of motion: M(q) a + v^T C(q) v = S^T tau + tau_g(q) + tau_ext + J^T f.
 
-tau_ext is of what the world applies beside the constraints: a push, a load, a wind. Source: `docs/theory.md`, which names the
+tau_ext is the force of the surroundings except constraints: a push, a load, wind. Source: `docs/theory.md`, which names the
 equation for each function here.
 """
 
@@ -26,7 +26,7 @@ class ExternalForce:
     Attributes:
         frame: Frame of the robot.
         force: Shape (3,) [N], world axes.
-        moment: Shape (3,) [N m], world axes, beside the force's own moment arm.
+        moment: Shape (3,) [N m], world axes, in addition to that of the force's lever arm.
         offset: Where the force acts, from the frame's origin in the frame's axes, shape (3,) [m].
 
     Raises:
@@ -55,7 +55,7 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
 
     Returns:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
-        in world axes, shape (6,). Of a generalised force, the wrench is its bases' part; it means nothing on a fixed base.
+        in world axes, shape (6,). For a generalised force, the wrench is its part on the bases, undefined on a fixed base.
     """
     robot = checked(state).robot
     if external is None:
@@ -97,7 +97,7 @@ def _generalised_force(state: State, external: Array | Sequence[float] | Sequenc
 
 
 class HasRows(Protocol):
-    """Anything that gives rows at a state."""
+    """Protocol: gives rows at a state."""
 
     @property
     def name(self) -> str:

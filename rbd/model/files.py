@@ -22,7 +22,7 @@ from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check
 MOST_MESHES = 5_000
 """So many names of meshes are looked up; no robot has more."""
 _ROTORS = ("motorInertia", "rotorInertia", "rotor_inertia")
-"""Elements in which some URDFs state what their motors' rotors weigh, each with its own idea of the gear."""
+"""Elements in which some URDFs state their motors' rotor inertias, with different conventions of the gear ratio."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class RobotFile:
         mjcf: Its bodies, joints and motors; None for a URDF.
         bodies: Names of its links or bodies.
         mass: That of the moving links [kg].
-        remarks: (kind, where, text) of what the file says and the model leaves out.
+        remarks: (kind, where, text) of contents of the file that the model ignores.
         meshes: (as named, where it may be relative to a folder) of each mesh, once.
         equalities: Loops of an MJCF, between its bodies, sites and joints.
     """
@@ -73,14 +73,14 @@ def read(
     Args:
         path: A URDF or MJCF file.
         limits: How large it may be.
-        base: Freedoms of the joint that a URDF's root link is to get: 6 for a floating base, 3 for one that slides and turns
+        base: Degrees of freedom of the URDF's root joint: 6 for a floating base, 3 for one that slides and turns
             on the ground, 0 where it is welded to the world.
-        known: A file of the robot data: a mimic of nothing is passed over, as the dynamics mimic nothing anyway.
-        folders: Where an MJCF's meshes and included files may lie, beside its own folder.
-        leave_out: Of `rbd.model.mjcf.LEAVABLE`: what of an MJCF the dynamics may pass over.
+        known: A file of the robot data: a mimic of an unknown joint is ignored, as the dynamics use no mimics.
+        folders: Folders of an MJCF's meshes and included files, besides its own.
+        leave_out: Of `rbd.model.mjcf.LEAVABLE`: parts of an MJCF that the dynamics may ignore.
 
     Raises:
-        ModelError: naming what is wrong.
+        ModelError: naming the fault.
     """
     limits = FileLimits() if limits is None else limits
     element = read_xml(path, limits)

@@ -1,4 +1,4 @@
-"""What a child process made by `fork` must renew: locks that a thread of the parent may have held at that moment.
+"""Objects that a child process renews after `fork`: locks that a thread of the parent may have held then.
 
 A fork copies the memory and only the thread that forks. A lock that another thread holds stays locked in the child.
 """
@@ -11,10 +11,10 @@ from typing import Protocol
 
 
 class Forked(Protocol):
-    """Something with a lock, or with a thread or a file of its own."""
+    """Protocol: an object with a lock, a thread or a file."""
 
     def renew_after_fork(self) -> None:
-        """Called in the child, before anything else runs there: make new locks, forget what other threads left half done."""
+        """Called first in the child: create new locks, discard unfinished work of other threads."""
 
 
 _known: weakref.WeakSet[Forked] = weakref.WeakSet()
@@ -30,5 +30,5 @@ def _renew() -> None:
         owner.renew_after_fork()
 
 
-if hasattr(os, "register_at_fork"):  # not on Windows, where nothing forks
+if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
     os.register_at_fork(after_in_child=_renew)

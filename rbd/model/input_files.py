@@ -37,7 +37,7 @@ _MAYBE_NO_NUMBER = tuple(word.encode() for word in ("nan", "NaN", "NAN", "Nan", 
 
 @dataclass(frozen=True, kw_only=True)
 class FileLimits:
-    """How large a robot's file may be; raise what is in the way: `load_robot(path, limits=FileLimits(max_dof=400))`.
+    """Limits of the size of a robot's file; raise the one in question: `load_robot(path, limits=FileLimits(max_dof=400))`.
 
     Attributes:
         max_bytes: Size of the file.
@@ -148,7 +148,7 @@ def find_mesh(name: str, base: Path, folders: Iterable[Path]) -> Path:
         folders: Where `package://` starts from, and where the file must lie.
 
     Raises:
-        ModelError: why not, to be put behind the name: `OUTSIDE`, `MISSING`, or words about its scheme.
+        ModelError: the reason, to follow the name: `OUTSIDE`, `MISSING`, or a message about its scheme.
     """
     scheme, separator, rest = name.partition("://")
     folders = list(folders)
@@ -175,7 +175,7 @@ def find_mesh(name: str, base: Path, folders: Iterable[Path]) -> Path:
 
 
 def _inside(path: Path, real_folders: Iterable[Path]) -> bool:
-    """Whether a path lies in one of the folders, links and dots resolved as far as it exists."""
+    """Whether a path is in one of the folders, links and dots resolved as far as it exists."""
     try:
         real = path.resolve()
     except (OSError, RuntimeError, ValueError):
@@ -222,7 +222,7 @@ def check_mesh(path: Path, folders: Iterable[Path]) -> None:
 
 
 def _check_stl(data: bytes) -> None:
-    """A binary STL says how many triangles follow, 50 bytes each; a text one begins with 'solid' and has facets."""
+    """A binary STL states the number of triangles, 50 bytes each; a text one begins with 'solid' and has facets."""
     count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
     if count and 84 + 50 * count <= len(data):
         corners = np.frombuffer(data, _STL_TRIANGLE, count, offset=84)["corners"]

@@ -1,4 +1,4 @@
-"""How far a joint is from a position of its own, with the Jacobian of that error and its bias."""
+"""Error of a joint's position from a target, with its Jacobian and bias."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The joint table: where each joint's coordinates stand in q and v, their names, units and limits."""
+"""The joint table: indices of each joint's coordinates in q and v, their names, units and limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rbd.model.joint_errors import UNIT_TOLERANCE, position_error
 
 LENGTH, ANGLE, PURE = "m", "rad", "1"
 FORCE_OF = {LENGTH: "N", ANGLE: "N m"}
-"""Unit of the force that goes with a velocity."""
+"""Unit of the force conjugate to a velocity."""
 
 UNLIMITED = 1e100
 """Files that state no limit read as +-DBL_MAX."""
@@ -54,7 +54,7 @@ class Piece:
             quaternion).
         q: Where they begin in q.
         v: Where they begin in v.
-        periodic: Whether it is an angle kept as a plain number: q and q + 2 pi are one pose.
+        periodic: Whether it is an angle stored as a number: q and q + 2 pi are the same pose.
     """
 
     kind: str
@@ -81,17 +81,17 @@ class Piece:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Joint:
-    """A joint of a robot: where its coordinates stand, in what units, within what limits.
+    """A joint of a robot: indices of its coordinates, units, limits.
 
     Attributes:
         name: Its name.
         id: Its number in the Pinocchio model.
-        kind: Pinocchio's word for it: "RZ", "PX", "RevoluteUnaligned", "FreeFlyer", ...
+        kind: Pinocchio's name for it: "RZ", "PX", "RevoluteUnaligned", "FreeFlyer", ...
         q: Its part of q.
         v: Its part of v, and of accelerations and generalised forces.
-        pieces: What it is made of; more than one for joints in series at one place.
+        pieces: Its elementary joints; several for a composite joint.
         positions: A name and a unit for each of its entries in q.
-        velocities: Likewise in v.
+        velocities: Names of its entries in v.
     """
 
     name: str
@@ -126,7 +126,7 @@ class Joint:
 
     @property
     def is_continuous(self) -> bool:
-        """Whether it is an angle without end, known up to full turns; in q it stands as (cos, sin)."""
+        """Whether it is a continuous angle, known up to full turns; in q it is (cos, sin)."""
         return self.pieces[0].kind == "circle"
 
     @property
@@ -191,7 +191,7 @@ class Joint:
         return np.array(turns) if any(turns) else None
 
     def difference(self, target: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """(error, J, J_dot v) of the joint at q from its target, J with respect to its own velocities, shape (nv, nv)."""
+        """(error, J, J_dot v) of the joint at q from its target, J with respect to its velocities, shape (nv, nv)."""
         errors, blocks, biases, at = [], [], [], 0
         for piece in self.pieces:
             own_q, own_v = q[piece.q : piece.q + piece.nq], v[piece.v : piece.v + piece.nv]
@@ -217,7 +217,7 @@ class Joint:
         return f"Joint({self.name!r}, {', '.join(filter(None, self._cells()[1:]))})"
 
     def _cells(self) -> tuple[str, ...]:
-        """What is printed of it: name, kind, places, unit, limits."""
+        """Row of the printed table: name, kind, places, unit, limits."""
         places = [f"{what}[{p.start}]" if n == 1 else f"{what}[{p.start}:{p.stop}]" for what, p, n in (
             ("q", self.q, self.nq), ("v", self.v, self.nv)
         )]  # fmt: skip
@@ -260,7 +260,7 @@ class Joints(Mapping[str, Joint]):
         return isinstance(name, str) and name in self._joints
 
     def get(self, name: str, default: Any = None) -> Any:
-        """The joint of this name, or what is given in its place."""
+        """The joint of this name, or the default given."""
         return self[name] if name in self else default
 
     def __repr__(self) -> str:
@@ -274,7 +274,7 @@ class Joints(Mapping[str, Joint]):
 
         Raises:
             JointNotFound: with the nearest names.
-            InputError: it has several; names who asked.
+            InputError: it has several; with the caller's name.
         """
         joint = self[name]
         if joint.nv != 1:
@@ -304,7 +304,7 @@ class Joints(Mapping[str, Joint]):
 
     @lazy
     def periodic(self) -> Array:
-        """Which velocities belong to an angle kept as a plain number, shape (nv,), bool: q and q + 2 pi are one pose."""
+        """Which velocities belong to an angle stored as a number, shape (nv,), bool: q and q + 2 pi are the same pose."""
         return np.array([p.periodic for p in self.pieces for _ in range(p.nv)], bool)
 
     @lazy
@@ -331,7 +331,7 @@ class Joints(Mapping[str, Joint]):
         return np.where(self.angular, 1.0, self.length)
 
     def velocity(self, name: str) -> slice:
-        """Where a velocity stands in v: all of a joint, by its name, or one of its entries, by that of `velocities`.
+        """Indices of a velocity in v: all of a joint, by its name, or one of its entries, by that of `velocities`.
 
         Raises:
             JointNotFound: with the nearest names.

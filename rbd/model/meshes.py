@@ -1,7 +1,7 @@
 """The shapes of a robot's file as a Pinocchio geometry, with boxes in place of the meshes that cannot be had.
 
 Every mesh is found and looked at here; what Pinocchio is given names only files that passed, by their resolved paths.
-So nothing outside the package folders is opened, whatever `..`, links or the environment say.
+So no file outside the package folders is opened, regardless of `..`, links or the environment.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rbd.model.mjcf.bodies import WORLD
 
 Element = ElementTree.Element
 STAND_IN_M = 0.05
-"""Side of the box that stands in for a mesh where the link's inertia does not say better."""
+"""Side of the box that replaces a mesh if the link's inertia does not determine it."""
 MOST_NAMES = 12
 
 
@@ -34,7 +34,7 @@ class Geometry:
 
     Attributes:
         model: Pinocchio's geometry.
-        stand_ins: Names in `model` of the boxes that stand in for meshes.
+        stand_ins: Names in `model` of the boxes that replace meshes.
         complaint: What could not be had, and what to do; empty when all is well.
     """
 
@@ -119,7 +119,7 @@ class _Meshes:
             ModelError: why not.
         """
         path = find_mesh(place, self._base, self._folders)
-        if path.suffix.lower() != ".msh":  # whose size says all
+        if path.suffix.lower() != ".msh":  # whose size determines it
             check_mesh(path, self._folders)
 
     def read_each(self) -> bool:
@@ -149,7 +149,7 @@ class _Meshes:
         return not wrong
 
     def complaint(self) -> str:
-        """What is drawn as a box, and what to do about it; empty if nothing is."""
+        """Message: which meshes are drawn as boxes, and what to do about it; empty if none."""
         if not self.refused:
             return ""
         names = [f"{name!r:.200} {reason}" for name, reason in list(self.refused.items())[:MOST_NAMES]]
@@ -163,7 +163,7 @@ class _Meshes:
 
 
 def _replaced(robot: Element, tag: str, meshes: _Meshes) -> Iterator[str]:
-    """Names the links' meshes by their resolved paths, or puts boxes in their places; yields the names of those boxes."""
+    """Replaces the links' meshes by their resolved paths, or by boxes; yields the names of those boxes."""
     for link in robot.findall("link"):
         shapes = link.findall(tag)
         lost = []
@@ -181,7 +181,7 @@ def _replaced(robot: Element, tag: str, meshes: _Meshes) -> Iterator[str]:
 
 
 def _put_box(link: Element, shape: Element, mesh: Element, alone: bool) -> None:
-    """A box with the link's mass and inertia where nothing else is drawn of the link; a small one in place otherwise."""
+    """A box with the link's mass and inertia if the link has no other shape; else a small one."""
     sides = _equivalent_box(link.find("inertial")) if alone else None
     mesh.tag = "box"
     mesh.attrib.clear()
@@ -214,7 +214,7 @@ def _equivalent_box(inertial: Element | None) -> Array | None:
 def _mjcf(
     model: pin.Model, element: Element, path: Path, kind: pin.GeometryType, folders: tuple[Path, ...], limits: FileLimits
 ) -> Geometry:
-    """As for URDF; what is missing is drawn as small boxes."""
+    """As for URDF; missing meshes are drawn as small boxes."""
     meshes = _Meshes(path.parent, folders)
     try:
         carry_out_includes(path, element, limits, folders)
@@ -239,9 +239,9 @@ _PRIMITIVES: dict[str, Callable[..., coal.CollisionGeometry]] = {
 def mjcf_geometry(
     model: pin.Model, mjcf: Mjcf, kind: pin.GeometryType, usable: Callable[[str, str], None], stand_in_m: float
 ) -> tuple[pin.GeometryModel, frozenset[str], dict[str, str]]:
-    """(geometry, names in it of boxes that stand in for meshes, {file or mesh: why it cannot be had}).
+    """(geometry, names in it of boxes that replace meshes, {file or mesh: why it cannot be loaded}).
 
-    Drawn is what MuJoCo's viewer shows at first, and what touches nothing; in contact is what can touch anything.
+    Visual shapes are those that MuJoCo's viewer shows at first or that cannot collide; collision shapes those that can.
 
     Args:
         model: With the bodies of the file as frames.
@@ -314,7 +314,7 @@ def _triangles(surface: Surface) -> coal.CollisionGeometry:
 
 
 def _colour(mjcf: Mjcf, shape: Shape) -> Array | tuple[float, ...]:
-    """Its own, its material's, or MuJoCo's grey."""
+    """Its colour, its material's, or MuJoCo's grey."""
     name = shape.element.get("material")
     if shape.element.get("rgba") is not None or not name:
         return shape.rgba

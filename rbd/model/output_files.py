@@ -30,7 +30,7 @@ def new_folder() -> Path:
 
 @cache
 def _temporary(process: int) -> Path:
-    """The folder of a process. A forked child gets its own, and leaves its parent's where it is when it ends."""
+    """The folder of a process. A forked child gets a separate one, and does not remove its parent's."""
     folder = tempfile.mkdtemp(prefix="rbd-robots-")
     atexit.register(_remove, folder, process)
     return Path(folder)
@@ -42,12 +42,12 @@ def _remove(folder: str, process: int) -> None:
 
 
 def check_place(path: Path, error: type[RbdError] = InputError, *, what: str = "") -> None:
-    """Refuse a place where no file could be written, before anything is computed for it.
+    """Refuse a path where no file could be written, before its contents are computed.
 
     Args:
         path: Where the file is to go.
-        error: What is raised.
-        what: Named before the path, such as the option it came with.
+        error: Exception to raise.
+        what: Prefix of the path in messages, e.g. its option.
 
     Raises:
         RbdError: `error`, if the folder is missing or no folder, if the place is a folder, or if writing is not permitted.
@@ -59,7 +59,7 @@ def check_place(path: Path, error: type[RbdError] = InputError, *, what: str = "
 
 
 def write_file(path: Path, write: Callable[[BinaryIO], object], error: type[RbdError] = InputError) -> None:
-    """Write a file beside its place, then move it there: what was there stays until the new one is whole.
+    """Write a file atomically: to a temporary one in its folder, which then replaces the old one.
 
     The new file has the permissions of the old one, else those that new files have here. Where the path is a symbolic link,
     the file that it leads to is replaced. A device or a pipe (/dev/stdout) is written directly.
@@ -67,7 +67,7 @@ def write_file(path: Path, write: Callable[[BinaryIO], object], error: type[RbdE
     Args:
         path: Where the file is to go.
         write: Is given the open file.
-        error: What is raised.
+        error: Exception to raise.
 
     Raises:
         RbdError: `error`, if it cannot be written; the old file is still there then.
@@ -88,19 +88,19 @@ def write_file(path: Path, write: Callable[[BinaryIO], object], error: type[RbdE
                 os.fsync(file.fileno())
             os.replace(part, place)
         finally:
-            with suppress(OSError):  # so that the reason why it could not be written is told, and not this
+            with suppress(OSError):  # so that the reason of the failure is reported, and not this
                 part.unlink(missing_ok=True)
     except OSError as reason:
         raise error(_complaint(path, reason)) from reason
 
 
 def write_text(path: Path, text: str, error: type[RbdError] = InputError) -> None:
-    """Write text in UTF-8, as `write_file` does; what is no character of Unicode is written as a question mark."""
+    """Write text in UTF-8, as `write_file` does; invalid characters are written as question marks."""
     write_file(path, lambda file: file.write(text.encode("utf-8", errors="replace")), error)
 
 
 def _place(path: Path) -> tuple[Path, os.stat_result | None]:
-    """Where the bytes of a path go, links followed, and what is there now.
+    """The real path behind links, and what exists there now.
 
     Raises:
         OSError: what opening it for writing would raise.

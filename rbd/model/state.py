@@ -18,7 +18,7 @@ class FrameKinematics:
     """Where a frame is and how it moves: world axes, linear then angular.
 
     Attributes:
-        X_WF: Pose in W; its origin is the point asked for.
+        X_WF: Pose in W; its origin is the requested point.
         J: Jacobian, shape (6, nv): J v is the velocity of the point and the angular velocity.
         v: Velocity J v, shape (6,) [m/s, rad/s].
         bias: J_dot v, shape (6,): the classical acceleration of the point, and the angular one, when v_dot = 0
@@ -34,7 +34,7 @@ class FrameKinematics:
 class State:
     """A robot at configuration q with velocity v; complete when it exists.
 
-    Its terms are computed at once and never change. It makes no pin.Data of its own: it borrows one of the robot's, and any
+    Its terms are computed at once and never change. It creates no pin.Data: it borrows one of the robot's, and any
     number of states of one robot may live side by side.
 
     Args:
@@ -74,7 +74,7 @@ class State:
             self._pool.give_back(slot, self._ticket)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its own terms."""
+        """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its terms itself."""
         return _again, (self.robot, self.q, self.v)
 
     def __repr__(self) -> str:
@@ -110,7 +110,7 @@ class State:
             J = pin.getFrameJacobian(model, data, joint, X_JP, axes)
             return (
                 data.oMi[joint] * X_JP,
-                J if J.ndim == 2 else J.reshape(6, 1),  # of a robot with one degree of freedom it comes as (6,)
+                J if J.ndim == 2 else J.reshape(6, 1),  # for a robot with one degree of freedom its shape is (6,)
                 pin.getFrameVelocity(model, data, joint, X_JP, axes).vector,
                 pin.getFrameClassicalAcceleration(model, data, joint, X_JP, axes).vector,
             )
@@ -156,7 +156,7 @@ class State:
             return *self.joint_places(joints), np.concatenate([data.J.reshape(6, nv), rate.reshape(6, nv)])
 
     def centroidal(self) -> tuple[Array, Array, float]:
-        """(A_g (6, nv), A_g_dot v (6,), mass): the centroidal momentum matrix and the rest of the momentum's rate.
+        """(A_g (6, nv), A_g_dot v (6,), mass): the centroidal momentum matrix and the bias of the momentum's rate.
 
         Linear then angular, about the centre of mass, in world axes; the rate of momentum is A_g v_dot + A_g_dot v.
         """
@@ -179,7 +179,7 @@ def check_state(state: State) -> State:
 
 
 def _again(robot: CheckedModel, q: Array, v: Array) -> State:
-    """A state from what another one had: q is taken as it is, because normalising it once more may change its last bit."""
+    """A state from another one's data: q is not normalised again, which could change its last bit."""
     state = State.__new__(State)
     state._begin(robot, q.copy(), v.copy())
     return state

@@ -1,8 +1,8 @@
 """URDF files: every number and every name checked, and only what was checked is handed to Pinocchio.
 
-urdfdom and Pinocchio take many broken files without a word for another robot, drop what they cannot read, and crash on
-some. Here a file is read once, told by name what is wrong with it, and written anew: the text that Pinocchio then parses
-holds the links' inertias and the joints, each number as it was read, and nothing else.
+urdfdom and Pinocchio read many broken files as another robot without a message, drop what they cannot read, and crash on
+some. Here a file is read once, its faults are reported by name, and it is rewritten: the text that Pinocchio then parses
+contains only the links' inertias and the joints, each number as it was read.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool, known:
 
 @dataclass(frozen=True)
 class Complaints:
-    """What is wrong with a file, in words, as it is found."""
+    """Collects messages about the faults of a file."""
 
     file: str
     found: list[str] = field(default_factory=list)
@@ -126,7 +126,7 @@ class Complaints:
         self.found.append(text)
 
     def refuse(self) -> None:
-        """Raise if there are any: the first in words, the others counted."""
+        """Raise if there are any: the first in full, the others counted."""
         if self.found:
             more = f" ({len(self.found) - 1} more of this file.)" if len(self.found) > 1 else ""
             raise ModelError(f"{self.file}: {self.found[0]}{more}")
@@ -138,7 +138,7 @@ class Complaints:
         raise AssertionError("unreachable")
 
     def by_name(self, what: str, things: Iterable[Link] | Iterable[Joint]) -> dict:
-        """{name: thing}, a name that is missing or comes twice complained of."""
+        """{name: element}; missing and repeated names are reported."""
         found: dict = {}
         for thing in things:
             if not thing.name.strip():
@@ -165,7 +165,7 @@ class Complaints:
         text = None if element is None else element.get(attribute)
         if text is None and default is not None:
             return [default] * count
-        # urdfdom drops the whole inertial of a link, without a word, for a blank beside a lone number
+        # urdfdom silently drops the whole inertial of a link for a blank next to a single number
         words = _words(text or "") if count > 1 else [text or ""]
         values = [float(word) for word in words if _NUMBER.fullmatch(word)]
         if len(values) == len(words) == count and all(-most <= x <= most for x in values):
@@ -180,7 +180,7 @@ class Complaints:
 
 
 def _words(text: str) -> list[str]:
-    """Words between the white space of XML; other readers take no other, and would read another number or none."""
+    """Text split at XML's white space only, as other readers do; else numbers would be read differently."""
     return [word for word in _SPACE.split(text) if word]
 
 
@@ -273,7 +273,7 @@ def _joined(values: Sequence[float]) -> str:
 
 
 def _check_tree(wrong: Complaints, links: dict[str, Link], joints: dict[str, Joint]) -> None:
-    """One root, one parent a link, no circle, no link that hangs from nothing."""
+    """One root, one parent a link, no circle, no link without a parent but the root."""
     above: dict[str, str] = {}
     below: dict[str, list[str]] = {}
     for joint in joints.values():

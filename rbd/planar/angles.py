@@ -3,7 +3,7 @@
 Every way is affine in the absolute angles: phi = A q + b, where phi_k is the angle of segment k from x, counterclockwise.
 
 ====================  =======================================================  ======================  ============
-word                  theta_i is measured                                      A                       b
+name                  theta_i is measured                                      A                       b
 ====================  =======================================================  ======================  ============
 "joint"               from the previous link (the first one from x)            lower triangle of ones  0
 "segment"             from x                                                   identity                0
@@ -56,11 +56,11 @@ def _from_segments(n: int, angles: str) -> Symbols:
 
 @dataclass(frozen=True)
 class AngleMap:
-    """q_to = matrix q_from + offset. Nothing is wrapped: turns are kept, so that motions stay continuous.
+    """q_to = matrix q_from + offset. Angles are not wrapped, so that motions stay continuous.
 
     Attributes:
-        source: The convention of what goes in.
-        to: The convention of what comes out.
+        source: The convention of the input.
+        to: The convention of the output.
         matrix: Shape (n, n), whole numbers.
         offset: Shape (n, 1) [rad], multiples of pi/2.
     """
@@ -71,26 +71,26 @@ class AngleMap:
     offset: Symbols
 
     def __call__(self, values: Any) -> Any:
-        """The angles in the other convention [rad], in the shape that came.
+        """The angles in the other convention [rad], in the shape given.
 
         Args:
             values: Angles, shape (n,) or (samples, n) [rad]; or n expressions in a SymPy matrix.
 
         Raises:
-            InputError: on another shape, or what is not finite.
+            InputError: on another shape, or numbers that are not finite.
         """
         if isinstance(values, sympy.MatrixBase):
             return self.matrix * self._column(values) + self.offset
         return self.rates(values) + self.floats[1]
 
     def rates(self, values: Any) -> Any:
-        """Angular velocities in the other convention, or accelerations, or jerks: the offset falls out.
+        """Angular velocities in the other convention, or accelerations, or jerks: the offset drops out.
 
         Args:
             values: Rates, shape (n,) or (samples, n); or n expressions in a SymPy matrix.
 
         Raises:
-            InputError: on another shape, or what is not finite.
+            InputError: on another shape, or numbers that are not finite.
         """
         if isinstance(values, sympy.MatrixBase):
             return self.matrix * self._column(values)
@@ -127,10 +127,10 @@ def angle_map(n: int, source: str, to: str) -> AngleMap:
 
 
 def samples(what: str, values: object, n: int) -> Array:
-    """Finite numbers of shape (n,) or (samples, n), as floats; not copied where they are already.
+    """Finite numbers of shape (n,) or (samples, n), as floats; not copied if they are already.
 
     Raises:
-        InputError: on anything else.
+        InputError: on other input.
     """
     given = values if type(values) is np.ndarray and values.dtype == float else as_array(what, values)
     if given.ndim not in (1, 2) or given.shape[-1] != n:
@@ -145,7 +145,7 @@ def units(angle: Array) -> Array:
 
 
 def wrapped(q: Array) -> Array:
-    """Angles brought to (-pi, pi] by full turns [rad]; those that are there already are not touched."""
+    """Angles brought to (-pi, pi] by full turns [rad]; those in it are unchanged."""
     turns = np.ceil((q - np.pi) / (2.0 * np.pi))
     return np.where((q > -np.pi) & (q <= np.pi), q, q - 2.0 * np.pi * turns)
 
@@ -159,7 +159,7 @@ def plain(what: str, value: object) -> Array:
     """Finite numbers as a new float array; exact numbers of SymPy, alone, in lists or as a column, are numbers too.
 
     Raises:
-        InputError: on anything else.
+        InputError: on other input.
     """
     if isinstance(value, sympy.MatrixBase) and 1 in value.shape:
         value = list(value)

@@ -17,12 +17,12 @@ from rbd.planar.expressions import exact
 
 Shapes = Literal["points", "rods"]
 MOST = 1e12
-"""Masses, lengths and inertias above this are mistakes, as in URDF files."""
+"""Masses, lengths and inertias above this are refused as mistakes, as in URDF files."""
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """What the links of a chain weigh, and where; one entry a link, from the base outward.
+    """Masses, centres of mass and inertias of a chain's links; one entry a link, from the base outward.
 
     Attributes:
         lengths: ell_i, from joint i to the next one [m].
@@ -38,13 +38,13 @@ class Bodies:
 
     @property
     def beyond(self) -> tuple[sp.Expr, ...]:
-        """Mass of all links that hang from each link [kg]; zero for the last."""
+        """Mass of all links beyond each link [kg]; zero for the last."""
         n = len(self.masses)
         return tuple(sp.Add(*self.masses[i + 1 :]) for i in range(n))
 
     @property
     def first_moments(self) -> tuple[sp.Expr, ...]:
-        """nu_i = m_i d_i + ell_i (m_{i+1} + ... + m_n): what each link and all that it carries weigh about its joint [kg m]."""
+        """nu_i = m_i d_i + ell_i (m_{i+1} + ... + m_n): mass moment of a link and those beyond it about its joint [kg m]."""
         every = zip(self.masses, self.centres, self.lengths, self.beyond, strict=True)
         return tuple(m * d + ell * more for m, d, ell, more in every)
 
@@ -101,12 +101,12 @@ def bodies_of(
 ) -> Bodies:
     """The bodies of a chain's links.
 
-    What is not given is a symbol: m_i, d_i and I_i, positive.
+    Values not given are symbols: m_i, d_i and I_i, positive.
 
     Args:
         chain: The chain.
         bodies: "points": all mass at each link's end, d_i = ell_i and I_i = 0; "rods": thin and uniform, d_i = ell_i / 2 and
-            I_i = m_i ell_i^2 / 12. None: as centres and inertias say.
+            I_i = m_i ell_i^2 / 12. None: from centres and inertias.
         lengths: In place of the chain's own [m].
         masses: m_i [kg], n numbers or expressions.
         centres: d_i [m].
@@ -114,7 +114,7 @@ def bodies_of(
 
     Raises:
         InputError: wrong counts, masses or lengths not above zero, inertias below it, numbers that are not finite, what
-            depends on time; points or rods with centres or inertias of their own.
+            depends on time; points or rods with separate centres or inertias.
     """
     n = check_chain(chain).n
     if bodies is not None and (not isinstance(bodies, str) or bodies not in ("points", "rods")):
@@ -135,7 +135,7 @@ def constant(what: str, value: Any, t: sp.Symbol | None = None) -> sp.Expr:
     """A real, finite number or an expression that does not depend on time, for SymPy.
 
     Raises:
-        InputError: anything else.
+        InputError: other input.
     """
     out = value if isinstance(value, sp.Expr) else exact(value)
     if out is None:
@@ -150,7 +150,7 @@ def constant(what: str, value: Any, t: sp.Symbol | None = None) -> sp.Expr:
 
 
 def _float(number: sp.Expr) -> float:
-    """As a float; NaN of what is none, such as an interval."""
+    """As a float; NaN if it is not one, such as an interval."""
     try:
         return float(number)
     except (TypeError, ValueError, OverflowError):

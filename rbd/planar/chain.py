@@ -1,7 +1,7 @@
 """A chain of n links in a plane, in symbols: its lengths, its angles and its kinematics.
 
 The links have lengths ell_1..ell_n and are hinged end to end at the origin; x points to the right, y up, angles are
-counterclockwise. A chain keeps the symbols and knows its kinematics; dynamics, inverse kinematics, relations of its angles
+counterclockwise. A chain contains the symbols and its kinematics; dynamics, inverse kinematics, relations of its angles
 and its URDF file are functions of a chain: `rbd.planar.dynamics(chain)`. Source: [Duarte2021].
 """
 
@@ -25,7 +25,7 @@ from rbd.planar.kinematics import Links, Split
 from rbd.planar.numeric import ChainNumbers, Ellipse
 
 MOST_LINKS = 50
-"""A chain of more links is a rope; its expressions fill pages."""
+"""Largest number of links; expressions of longer chains fill pages."""
 SHORTEST, LONGEST = 1e-30, 1e30
 """Lengths whose fourth powers, as in det(J J^T), are still floats [m]."""
 
@@ -34,14 +34,14 @@ SHORTEST, LONGEST = 1e-30, 1e30
 class Chain:
     """n links in a plane, hinged end to end, the base at the origin.
 
-    Joint 0 is the base, joint i the far end of link i, joint n the end point P. Wherever a method takes `i`, None is the
-    end point, and what is none of 0..n raises InputError. Two chains are equal if they have the same links and measure
-    angles alike.
+    Joint 0 is the base, joint i the far end of link i, joint n the end point P. In all methods with `i`, None is the
+    end point, and values outside 0..n raise InputError. Two chains are equal if they have the same links and the same
+    convention of angles.
 
     Args:
         n: How many links, 1 to 50.
         lengths: Their lengths [m]: None for symbols ell_1..ell_n; or n numbers or positive SymPy expressions, as
-            `(ell, ell)`. Decimal numbers are kept exactly: 0.1 is 1/10.
+            `(ell, ell)`. Decimal numbers are exact: 0.1 is 1/10.
         angles: How theta_i is measured: "joint" from the previous link, "segment" from x, "vertical" from the downward
             vertical (the pendulum's; zero hangs).
 
@@ -72,7 +72,7 @@ class Chain:
 
     @lazy
     def q(self) -> Symbols:
-        """Angles theta_1(t)..theta_n(t) [rad], shape (n, 1), measured as `angles` says."""
+        """Angles theta_1(t)..theta_n(t) [rad], shape (n, 1), measured by the convention `angles`."""
         return sympy.ImmutableMatrix([dynamicsymbols(f"theta_{k + 1}", real=True) for k in range(self.n)])
 
     @lazy
@@ -113,7 +113,7 @@ class Chain:
         return Chain(self.n, lengths=lengths, angles=self.angles)
 
     def with_angles(self, angles: str) -> Chain:
-        """The same chain with its angles measured in another way; values are carried over by `convert`.
+        """The same chain with its angles measured in another way; values are converted by `convert`.
 
         Raises:
             InputError: on a convention that is none of the three.
@@ -129,7 +129,7 @@ class Chain:
         return angle_map(self.n, self.angles, to)
 
     def convert(self, values: Any, to: str = "segment") -> Any:
-        """Angles of this chain in another convention [rad], nothing wrapped; rates go through `angle_map(to).rates`.
+        """Angles of this chain in another convention [rad], not wrapped; rates by `angle_map(to).rates`.
 
         Args:
             values: Shape (n,) or (samples, n) [rad]; or n expressions in a SymPy matrix.
@@ -179,7 +179,7 @@ class Chain:
         return self._links.by_jacobian(i, 3)
 
     def determinant(self) -> sympy.Expr:
-        """How the end-point Jacobian fills space; zero where it is singular.
+        """Determinant of the end-point Jacobian, or of J J^T; zero where it is singular.
 
         Two links: det J = ell_1 ell_2 sin theta_2 [m^2]. More: det(J J^T) [m^4], the sum of its squared 2 x 2 minors. One
         link: det(J^T J) = ell_1^2 [m^2], since J J^T of a column is always singular.
@@ -190,7 +190,7 @@ class Chain:
         """Conditions that make the end-point Jacobian lose rank, all of them at once: every link on one line.
 
         sin(phi_{k+1} - phi_k) = 0 for k = 1..n-1: each link continues the one before it or folds back on it. A single link
-        has none: its end point always moves along the circle, and never off it.
+        has none: its end point always moves along the circle.
         """
         return self._links.singular_configurations()
 
@@ -209,7 +209,7 @@ class Chain:
 
         Returns:
             Function of arrays of shape (n,) or (samples, n); rates that do not occur may be left out. A column (r, 1) gives
-            (r,) or (samples, r); other matrices keep their two axes.
+            (r,) or (samples, r); other matrices have two axes.
 
         Raises:
             InputError: if symbols are left without a number, or a number is not finite.
@@ -245,7 +245,7 @@ class Chain:
             expr: A SymPy expression, matrix or equation, a `Split`, or several in a tuple.
 
         Raises:
-            InputError: on what is none of these.
+            InputError: on other input.
         """
         return expressions.latex(expr)
 
@@ -258,7 +258,7 @@ class Chain:
         return expressions.Formula(expr)
 
     def _repr_latex_(self) -> str:
-        """Where the end point is, for notebooks."""
+        """LaTeX of the end point's position, for notebooks."""
         return expressions.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
 
 
@@ -277,7 +277,7 @@ def _check_count(n: object) -> int:
     """A whole number of links.
 
     Raises:
-        InputError: on anything else, as 0, 2.5, True or 51.
+        InputError: on other input, as 0, 2.5, True or 51.
     """
     whole = isinstance(n, int | np.integer | sympy.Integer) and not isinstance(n, bool)
     if not whole or not 1 <= int(n) <= MOST_LINKS:  # type: ignore[call-overload]
@@ -303,7 +303,7 @@ def _check_lengths(n: int, lengths: object) -> tuple[sympy.Expr, ...]:
 
 
 def _check_length(k: int, length: object) -> sympy.Expr:
-    """A positive number, kept exactly as it is written; or an expression that is not known to be anything else."""
+    """A positive number, exactly as written; or an expression not known to be otherwise."""
     what = f"the length of link {k + 1}"
     if isinstance(length, sympy.Expr) and not length.is_number:
         moving = length.has(dynamicsymbols._t) or length.has(AppliedUndef)

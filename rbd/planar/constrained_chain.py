@@ -1,6 +1,6 @@
-"""A planar chain under relations of its angles: a joint held, the polar manipulator, any other equation.
+"""A planar chain under relations of its angles: a locked joint, the polar manipulator, any other equation.
 
-q = q(s) with fewer coordinates s, of which f move freely; rates q' = B s_free'. Then, of the end point,
+q = q(s) with fewer coordinates s, of which f move freely; rates q' = B s_free'. Then, for the end point,
 
     r' = J_c s_free',   J_c = J B,   r'' = J_c s_free'' + J_c' s_free',
 
@@ -29,7 +29,7 @@ from rbd.planar.relations import Reduced, Relation, newton, read, reduce
 
 
 class ConstrainedSplit(Split[Symbols]):
-    """The three parts in the angles that are free."""
+    """The acceleration's three parts in the free angles."""
 
     @property
     def note(self) -> str:
@@ -56,7 +56,7 @@ class ConstrainedChain:
 
     @property
     def mobility(self) -> int:
-        """How many angles move freely: n less the relations."""
+        """Number of free angles: n less the relations."""
         return self.reduced.free.rows
 
     @property
@@ -66,7 +66,7 @@ class ConstrainedChain:
 
     @property
     def coordinates(self) -> Symbols:
-        """The angles that were not solved for, shape (m, 1) [rad]; the free ones if all relations were solved."""
+        """The angles that are not eliminated, shape (m, 1) [rad]; the free ones if all relations were solved."""
         return self.reduced.coordinates
 
     @property
@@ -99,7 +99,7 @@ class ConstrainedChain:
         return expr.diff(t).xreplace({old: new for old, new in known.items() if old != new})
 
     def on(self, expr: Any) -> Any:
-        """An expression of the chain with the relations put in: angles and their derivatives become those of the free ones."""
+        """An expression of the chain with relations inserted: angles and their derivatives become those of the free ones."""
         old = (self.chain.q, self.chain.qd, self.chain.qdd, self.chain.qddd)
         known = {a: b for olds, news in zip(old, self._motion, strict=True) for a, b in zip(olds, news, strict=True)}
         return expr.xreplace(known)
@@ -110,7 +110,7 @@ class ConstrainedChain:
         """Position of joint i (None: the end point) [m], shape (2, 1).
 
         Raises:
-            InputError: if i is none of 0..n; likewise below.
+            InputError: if i is not in 0..n; also below.
         """
         return self.on(self.chain.position(i))
 
@@ -162,7 +162,7 @@ class ConstrainedChain:
         )
 
     def agreement(self, i: int | None = None) -> dict[str, Symbols]:
-        """What is left of the full chain's motion with the relations put in, less this one's: zeros, shape (2, 1) each."""
+        """Residuals of the full chain's motion with the relations inserted, less this one's: zeros, shape (2, 1) each."""
         pairs = {
             "velocity": (self.chain.velocity(i), self.velocity(i)),
             "acceleration": (self.chain.acceleration(i), self.acceleration(i)),
@@ -210,7 +210,7 @@ class ConstrainedChain:
             parameters: {symbol: number} for symbols in the relations.
 
         Raises:
-            InputError: on another shape, or what is not finite.
+            InputError: on another shape, or numbers that are not finite.
             NoSolution: if it does not get there.
         """
         start = plain("q", q)
@@ -237,7 +237,7 @@ class ConstrainedChain:
         return expressions.latex([sympy.Eq(r, 0) for r in self.relations] if expr is None else expr)
 
     def _repr_latex_(self) -> str:
-        """Where the end point is, for notebooks."""
+        """LaTeX of the end point's position, for notebooks."""
         return expressions.in_dollars(rf"\mathbf{{r}}_P = {self.latex(self.position())}")
 
     def __repr__(self) -> str:
@@ -250,15 +250,15 @@ def constrained(chain: Chain, relation: Any, *, branch: int | None = None) -> Co
 
     Args:
         chain: The chain.
-        relation: {joint: angle} for joints held, where joint is a number from 1 (theta_1, at the base) to n, or an angle of
+        relation: {joint: angle} for locked joints, where joint is a number from 1 (theta_1, at the base) to n, or an angle of
             `chain.q`; `sympy.Eq(2*th1 + th2, sympy.pi)`; an expression that is zero; or a list of these. Angles are those of
-            the chain, in its own convention [rad]; other symbols are constants.
-        branch: Relations that are linear in no angle are carried by their derivative, whichever of their solutions holds; a
+            the chain, in its convention [rad]; other symbols are constants.
+        branch: Relations not linear in any angle are used by their derivative, for any of their solutions; a
             number, 0, 1, ..., solves them for an angle instead, by that one of the solutions that SymPy finds.
 
     Raises:
-        InputError: on relations that contradict each other or say nothing new, naming them; on rates, time or other varying
-            things in a relation; on what is no relation.
+        InputError: on contradictory or redundant relations, naming them; on rates, time or other varying
+            quantities in a relation; on objects that are not relations.
 
     >>> arm = Chain(2, lengths=sympy.symbols("ell ell", positive=True))
     >>> th1, th2 = arm.q

@@ -7,7 +7,7 @@ links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:
 
 so the moment that moves link i is E_i = sum_j mu_ij (cos(phi_i - phi_j) dw_j/dt + sin(phi_i - phi_j) w_j^2) + g nu_i cos phi_i.
 Other angles are phi = S q + s with constant S: M, the Christoffel symbols and the forces transform with S as tensors, and
-nothing is differentiated or simplified. Two links meet in one cosine whose angle is the sum of the joint angles between them.
+without differentiation or simplification. Two links share one cosine whose angle is the sum of the joint angles between them.
 A test derives the same by differentiation.
 
 Sources: [Duarte2021], problem 4; docs/theory.md for the form M a + C v + g = tau.
@@ -32,7 +32,7 @@ from rbd.planar.small_motion import Linearised, linearise
 GRAVITY = sp.Symbol("g", positive=True)
 """The symbol of gravity [m/s2]."""
 SINGULAR = 1e-12
-"""A chain is singular where a joint feels less of its inertia, the joints beyond it free, than this part of M_ii."""
+"""A chain is singular if a joint's articulated inertia, with the joints beyond it free, is below this fraction of M_ii."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Dynamics:
 
     @lazy
     def C(self) -> Symbols:  # noqa: N802
-        """C_ab = sum_c G_abc qd_c, the rates of each pair kept together, shape (n, n) [kg m2/s]; Mdot - 2 C is skew."""
+        """C_ab = sum_c G_abc qd_c, grouped by pairs of rates, shape (n, n) [kg m2/s]; Mdot - 2 C is skew."""
         n, S, w = self.chain.n, self._S, self._rates
 
         def entry(a: int, b: int) -> sp.Expr:
@@ -110,7 +110,7 @@ class Dynamics:
 
     @lazy
     def bias(self) -> Symbols:
-        """C qd + g, grouped likewise, shape (n, 1) [N m]: tau where qdd = 0, as `rbd.dynamics.bias_force` of a robot."""
+        """C qd + g, grouped in the same way, shape (n, 1) [N m]: tau where qdd = 0, as `rbd.dynamics.bias_force` of a robot."""
         return sp.ImmutableMatrix([sp.Add(*self._turning(a), *self._weights(a)) for a in range(self.chain.n)])
 
     @lazy
@@ -166,7 +166,7 @@ class Dynamics:
             values: {symbol or its name: number}, as {"m_1": 2.0}; lengths, masses, centres, inertias and "g".
 
         Raises:
-            InputError: what is no symbol of it, numbers that no chain has.
+            InputError: unknown symbols, invalid numbers.
         """
         known = replacements(values, self.unknowns, "these dynamics")
         own = {symbol: value for symbol, value in known.items() if symbol in self.bodies.unknowns}
@@ -174,7 +174,7 @@ class Dynamics:
         return Dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
     def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
-        """Small motion about a posture held at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
+        """Small motion about a posture at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
 
         Args:
             at: q, n angles [rad], numbers or expressions; by default the chain hanging down.
@@ -204,7 +204,7 @@ class Dynamics:
         """Inverse dynamics: tau that a motion needs [N m], M qdd + C qd + g.
 
         Args:
-            q: Angles [rad], shape (n,) or (samples, n); rates and accelerations likewise [rad/s], [rad/s2].
+            q: Angles [rad], shape (n,) or (samples, n); rates and accelerations of the same shape [rad/s], [rad/s2].
             qd: Rates.
             qdd: Accelerations.
 
@@ -218,7 +218,7 @@ class Dynamics:
         """Forward dynamics: qdd = M^-1 (tau - C qd - g) [rad/s2].
 
         Args:
-            q: Angles [rad], shape (n,) or (samples, n); rates likewise [rad/s].
+            q: Angles [rad], shape (n,) or (samples, n); rates of the same shape [rad/s].
             qd: Rates.
             tau: Forces of the coordinates [N m]; None for none.
 
@@ -284,7 +284,7 @@ class Dynamics:
         return {(i, j): mu(i, j) * function(phi[i] - phi[j]) for i in range(n) for j in range(i + 1, n)}
 
     def _turning(self, a: int) -> list[sp.Expr]:
-        """What the turning of the links does to coordinate a: mu_ij sin(phi_i - phi_j) (S_ia w_j^2 - S_ja w_i^2) of a pair."""
+        """Centripetal and Coriolis term of coordinate a: mu_ij sin(phi_i - phi_j) (S_ia w_j^2 - S_ja w_i^2) of a pair."""
         S, w, out = self._S, self._rates, []
         for (i, j), s in self._sines.items():
             if S[i, a] == S[j, a]:  # both links are moved: only their relative turning is felt
@@ -309,15 +309,15 @@ def dynamics(
 ) -> Dynamics:
     """Lagrange's equations of a chain.
 
-    What is not given is a positive symbol: m_i, d_i, I_i, g.
+    Values not given are positive symbols: m_i, d_i, I_i, g.
 
     Args:
         chain: The chain; the equations are in its angles.
-        bodies: "points" (all mass at each link's end), "rods" (thin and uniform), or None: as centres and inertias say.
+        bodies: "points" (all mass at each link's end), "rods" (thin and uniform), or None: from centres and inertias.
         masses: m_i [kg], n numbers or expressions above zero.
         centres: d_i, from each joint along its link to the link's centre of mass [m]; may lie beyond the ends.
         inertias: I_i about the centres of mass [kg m2], zero or more.
-        gravity: g, along -y [m/s2]; 0 for a chain that lies flat.
+        gravity: g, along -y [m/s2]; 0 for a horizontal chain.
 
     Raises:
         InputError: wrong counts, numbers that no body has, gravity below zero.
@@ -338,7 +338,7 @@ def _gravity(given: Any, t: sp.Symbol) -> sp.Expr:
 
 
 def _refuse_singular(M: Array) -> None:
-    """M = L L^T, eliminated from the base outward; the last pivots are what tips feel.
+    """M = L L^T, eliminated from the base outward; the last pivots are the tips' inertias.
 
     Raises:
         SingularInertia: naming the joint.

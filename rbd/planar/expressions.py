@@ -1,4 +1,4 @@
-r"""What is made of a chain's expressions: LaTeX with Newton's dots, and fast NumPy functions.
+r"""Output of a chain's expressions: LaTeX with Newton's dots, and fast NumPy functions.
 
 SymPy's own printer writes d/dt theta_1(t); mechanics writes \dot{\theta}_1, and leaves the time out. In functions common
 subexpressions are computed once, so that a sine occurs once however often it is printed; samples are taken in blocks that
@@ -38,7 +38,7 @@ def latex(expr: Any) -> str:
             of these in a list or tuple, separated by semicolons.
 
     Raises:
-        InputError: on anything else.
+        InputError: on other input.
     """
     if all(hasattr(expr, part) for part in PARTS):
         lines = [rf"\text{{{part.capitalize()}:}}\quad & {latex(getattr(expr, part))}" for part in PARTS]
@@ -66,7 +66,7 @@ class Formula:
     expr: Any
 
     def __post_init__(self) -> None:
-        """Refuse early what could not be shown later."""
+        """Refuse expressions that could not be displayed."""
         latex(self.expr)
 
     def __str__(self) -> str:
@@ -217,7 +217,7 @@ def _entries(expr: Any) -> tuple[tuple[int, ...], list[sympy.Expr]]:
 
 
 def _numbers(free: set[sympy.Symbol], parameters: Mapping[Any, float]) -> dict[sympy.Symbol, float]:
-    """{symbol: number} of what was given by symbol or by name; what the expression has not is passed over.
+    """{symbol: number} of what was given by symbol or by name; symbols not in the expression are ignored.
 
     Raises:
         InputError: on keys that are no symbols, or values that are not finite real numbers.
@@ -237,7 +237,7 @@ def _numbers(free: set[sympy.Symbol], parameters: Mapping[Any, float]) -> dict[s
 
 
 def as_expression(value: Any) -> sympy.Expr | None:
-    """A number or an expression, for SymPy; None of anything else, as text or a truth value."""
+    """A number or an expression, for SymPy; None for other input, as text or a truth value."""
     try:
         out = None if isinstance(value, bool | str) else sympy.sympify(value, strict=True)
     except (sympy.SympifyError, TypeError, ValueError, AttributeError):
@@ -246,7 +246,7 @@ def as_expression(value: Any) -> sympy.Expr | None:
 
 
 def exact(value: Any) -> sympy.Expr | None:
-    """A number as it is written, 0.1 as 1/10, so that identities hold exactly; None if it is no finite number."""
+    """A number as written, 0.1 as 1/10, so that identities hold exactly; None if it is not finite."""
     if isinstance(value, int) and not isinstance(value, bool):
         return sympy.Integer(value)
     number = as_float(value)

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a planar chain: which angles bring the end point to a target.
+"""Inverse kinematics of a planar chain: angles that bring the end point to a target.
 
 One link: theta = atan2(y, x), if the target is on its circle. Two links, with r = |target|: by the half-angle formulas of the
 triangle with sides ell_1, ell_2, r, which lose no digits near the stretched and the folded pose, as arccos does there:
@@ -10,14 +10,14 @@ More links: of all poses with the end point at the target the one nearest to a s
 
     minimise |q - q_start|^2 / 2   subject to   r(q) = target.
 
-A pose on the target is found first (Levenberg's damped least squares from the start; and, since that stands still where the
-start is in line with the target, two poses made of three straight pieces, which exist for every target within reach). Then
+A pose on the target is found first (Levenberg's damped least squares from the start; and, since that does not move if the
+start is in line with the target, two poses of three straight pieces, which exist for every target within reach). Then
 Newton's method on the family of poses: in the null space N of J, with the curvature of the constraint,
 
     N^T (I + sum_a lambda_a d2 r_a / dq^2) N z = -N^T (q - q_start),   lambda = -(J J^T)^-1 J (q - q_start),
 
-and back onto the target after each step. The nearest of what was found is returned: a minimum, and the note says so where its
-curvature does, though nothing proves that no other pose is nearer still. Pieces: the polygon of the links closes as
+and back onto the target after each step. The nearest pose found is returned: a minimum, stated in the note if its
+curvature shows it, without proof that no other pose is nearer. Pieces: the polygon of the links closes as
 long as no side is longer than all others together.
 Source of one and two links: [Duarte2021], "Inverse kinematics".
 """
@@ -51,17 +51,17 @@ class Inverse:
     """Angles that bring the end point to a target, or how far the target is out of reach.
 
     Attributes:
-        target: The point asked for [m], shape (2,).
+        target: The target point [m], shape (2,).
         branches: Angles, as the chain measures them [rad], shape (k, n): none if unreachable; two links have two, the one
             that bends counterclockwise first (theta_2 in (0, pi): the elbow is to the right of the line from the base to the
             target), or one where they meet; more than two links have families, of which one member is given. With a start,
-            the nearest comes first, and angles are within half a turn of it; else they are in (-pi, pi].
+            the nearest is first, and angles are within half a turn of it; else they are in (-pi, pi].
         reachable: Whether the chain reaches it.
         distance: From the target to the nearest point within reach [m]; zero within it.
         nearest: That point [m], shape (2,): the target itself if it is within reach.
         singular: Whether the chain is in line at `nearest`: stretched or folded, where the end point cannot move outwards or
-            inwards. A single link never is.
-        note: What is special; empty if nothing is.
+            inwards. Always False for a single link.
+        note: Remark on special cases; else empty.
     """
 
     target: Array
@@ -105,7 +105,7 @@ def inverse(
             bring the end point to `nearest`.
 
     Raises:
-        InputError: on lengths that are symbols, a target or start of another shape, or what is not finite.
+        InputError: on lengths that are symbols, a target or start of another shape, or numbers that are not finite.
     """
     arm = check_chain(chain).numeric
     point = plain("target", target)
@@ -130,7 +130,7 @@ def _unreachable(arm: ChainNumbers, point: Array, distance: float) -> str:
 
 
 def _solve(arm: ChainNumbers, point: Array, near: Array | None, direction: float) -> tuple[Array, bool, str]:
-    """Branches, whether they are singular, and what is special, for a point within reach."""
+    """Branches, whether they are singular, and a remark, for a point within reach."""
     if arm.n == 1:
         q = arm.from_segment(np.arctan2(point[1:], point[:1]))[None]
         return wrapped(q) if near is None else nearest_turn(q, near), False, ""
@@ -197,7 +197,7 @@ def inverse_formulas(chain: Chain, x: Any = None, y: Any = None) -> tuple[sympy.
     Args:
         chain: One link or two; lengths may be symbols.
         x: Horizontal position of the end point, a real expression [m]; by default a symbol x.
-        y: Vertical position, likewise.
+        y: Vertical position, number or symbol.
 
     Returns:
         Angles as the chain measures them, shape (n, 1) each; of two links the branch with theta_2 > 0 first.
@@ -249,7 +249,7 @@ def check_start(start: Sequence[float] | Array | None, n: int) -> Array | None:
 
 
 def nearest_pose(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Array, str]:
-    """The pose with the end point at a target that is nearest to a start, of three links or more; and what is special about it.
+    """The pose with the end point at a target that is nearest to a start, of three links or more; and a remark.
 
     Args:
         arm: The chain.
@@ -300,7 +300,7 @@ def _in_line(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Arr
     """The only pose at the edges of the reach: all links on one line. Its direction is free if it ends at the base."""
     r, slack = float(np.hypot(*target)), ROUND_OFF * arm.outer
     longest = int(np.argmax(arm.ell))
-    collinear = 2.0 * arm.ell[longest] >= arm.outer - slack  # no triangle can be made of the links
+    collinear = 2.0 * arm.ell[longest] >= arm.outer - slack  # the links form no triangle
     if r >= arm.outer - slack:
         turned, note = np.zeros(arm.n), "stretched out, the only pose"
     elif r <= arm.inner + slack and collinear:
@@ -337,14 +337,14 @@ def _pieces(arm: ChainNumbers, target: Array, side: float) -> Array:
 
 
 def _corner(a: float, b: float, opposite: float) -> float:
-    """Angle of a triangle between sides a and b [rad]; 0 where one of them is none."""
+    """Angle of a triangle between sides a and b [rad]; 0 if one of them is zero."""
     if a * b == 0.0:
         return 0.0
     return float(np.arccos(np.clip((a * a + b * b - opposite * opposite) / (2.0 * a * b), -1.0, 1.0)))
 
 
 def _reach(arm: ChainNumbers, target: Array, q: Array, most: int = 100) -> Array | None:
-    """Levenberg's method from q onto the target; None where it does not get there."""
+    """Levenberg's method from q onto the target; None if it does not converge."""
     damping, error = 1e-3, arm.position(q) - target
     for _ in range(most):
         size = float(np.hypot(*error))

@@ -1,7 +1,7 @@
 """Kinematics in symbols: position to jerk of the joints of a row of links, Jacobians, the acceleration in three parts.
 
-Everything is a sum over segments, r = sum_k ell_k (cos phi_k, sin phi_k), so one segment is differentiated and the others
-are like it: a term never grows with the number of links, and every power of a rate stays around its own bracket,
+All quantities are sums over segments, r = sum_k ell_k (cos phi_k, sin phi_k), so one segment is differentiated and the others
+are analogous: a term does not grow with the number of links, and every power of a rate multiplies one bracket,
 
     a = -sum_k ell_k [ phi_k'' (sin, -cos)(phi_k) + phi_k'^2 (cos, sin)(phi_k) ].
 
@@ -13,7 +13,7 @@ derivative of r:
 - Coriolis: 2 sum_{i<j} r_ij qd_i qd_j. In joint angles r_ij = -(P - joint j - 1), the later joint of the two.
 
 The parts depend on how angles are measured, their sum does not. In segment angles, and from the vertical, every link's
-direction is a function of its own angle alone: r_ij = 0 for i != j, and there is no Coriolis part; what it was in joint angles
+direction depends only on its angle: r_ij = 0 for i != j, and there is no Coriolis part; what it was in joint angles
 is then in the centripetal one, (th1' + th2')^2 being the square of one segment's rate.
 
 Source: [Duarte2021], "Differential kinematics", and two links after "Linear acceleration"; here for n. Its printed acceleration
@@ -110,7 +110,7 @@ class Links:
 
     @property
     def n(self) -> int:
-        """How many."""
+        """Number of links."""
         return len(self.lengths)
 
     @lazy
@@ -144,7 +144,7 @@ class Links:
         """Position of joint i (order 0), velocity (1), acceleration (2) or jerk (3), shape (2, 1) [m, m/s, ...].
 
         Raises:
-            InputError: if i is none of 0..n; likewise below.
+            InputError: if i is not in 0..n; also below.
         """
         return _total(self.segment_vectors(order)[: check_joint(self.n, i)])
 
@@ -218,7 +218,7 @@ class Links:
 def _unit(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
     """Derivative of the unit vector of a segment, or of that vector turned by 90 degrees, in symbols to be replaced.
 
-    (cos, sin)(phi(t)) is differentiated `order` times and its rates collected beside the sine and the cosine.
+    (cos, sin)(phi(t)) is differentiated `order` times and its rates collected as factors of the sine and the cosine.
     """
     t = sympy.Symbol("t")
     phi = sympy.Function("phi")(t)
@@ -230,7 +230,7 @@ def _unit(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
 
 
 def _total(vectors: list[Symbols]) -> Symbols:
-    """Sum of vectors (2, 1), the zero vector of none: sums are made at once, as SymPy's `+` copies what it has."""
+    """Sum of vectors (2, 1), the zero vector if there are none: summed at once, as SymPy's `+` copies what it has."""
     return sympy.ImmutableMatrix([sympy.Add(*(vector[axis] for vector in vectors)) for axis in range(2)])
 
 
@@ -243,10 +243,10 @@ def jacobian(f: Any, x: Any) -> Symbols:
         x: One variable, or several: symbols, functions of time (dynamicsymbols) or their derivatives. Time itself may be one.
 
     Returns:
-        Shape (number of functions, number of variables), nothing simplified.
+        Shape (number of functions, number of variables), not simplified.
 
     Raises:
-        InputError: on variables that are none or come twice, on what is no expression, or a function that fails on symbols.
+        InputError: on invalid or repeated variables, on objects that are not expressions, or a function that fails on symbols.
 
     Source: [Duarte2021], "Jacobian matrix" and problem 6.
 
@@ -298,7 +298,7 @@ def _expressions(f: Any) -> list[sympy.Expr]:
 
 
 def _listed(what: str, value: Any) -> list[Any]:
-    """One thing, or several in an order."""
+    """One item, or several in order."""
     if isinstance(value, sympy.MatrixBase):
         if 1 not in value.shape:
             raise InputError(f"{what} is a matrix of shape {value.shape}; expected a row, a column, or a list.")

@@ -28,11 +28,11 @@ IN_LINE = 1e-4
 """Sine of the bend (or its like of more links) below which a sample is left out: round-off of the end point, 1e-16, is 1e-8 of
 the distance to the edge of reach there, and the angles' derivatives keep six digits."""
 FINE = 400
-"""Steps along a path at which angles are followed between the samples that were asked for."""
+"""Steps along a path at which angles are computed between the requested samples."""
 RELATIVE, ABSOLUTE = 1e-11, 1e-12
 """Tolerances of the integration of more than two links [rad]."""
 MOST_RATES = 10_000
-"""Evaluations of their rates at most, some seconds: 4,000 do; from 1e-6 rad off a line 30,000 lead a millisecond far."""
+"""Largest number of evaluations, some seconds: 4,000 suffice; 1e-6 rad off a line 30,000 cover only a millisecond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class PlanarMotion:
         qddd: [rad/s^3].
         split: The tangential, centripetal and Coriolis parts of a, shape (samples, 2) each [m/s^2].
         unbounded: Times towards which joint accelerations grow without bound [s]: a singular beginning or end; else empty.
-        note: What is special; empty if nothing is.
+        note: Remark on special cases; else empty.
     """
 
     chain: Chain
@@ -108,8 +108,8 @@ def endpoint_motion(
 
     Of two links one branch is followed. Of more the joint rates are the least ones, q' = J^+ v, integrated to 1e-11, so that q
     and its derivatives belong to one smooth motion. At a pose in line J loses rank: joint rates are undetermined, or
-    unbounded as the pose is approached. Such samples are left out, and `note` says so: the text's own motion, (1, 0) m to
-    (0.5, 0.5) m with links of 0.5 m, begins stretched out, its joint accelerations grow like 1/sqrt(t) as t goes to 0, and
+    unbounded as the pose is approached. Such samples are omitted, with a remark in `note`: the literature's motion, (1, 0) m to
+    (0.5, 0.5) m with links of 0.5 m, starts stretched out, its joint accelerations grow like 1/sqrt(t) as t goes to 0, and
     with the usual 101 times it begins at 0.01 s.
 
     Args:
@@ -120,8 +120,8 @@ def endpoint_motion(
         start: Angles to begin near to, shape (n,) [rad]; instead of `branch`.
 
     Raises:
-        NoSolution: the straight path leaves the reach of the chain; says where, and by how much.
-        SingularPose: no sample is left, or a chain of more than two links comes into line along the path.
+        NoSolution: the straight path leaves the reach of the chain, with place and distance.
+        SingularPose: all samples are singular, or a chain of more than two links comes into line along the path.
         InputError: no such path, times that do not increase, lengths that are symbols.
     """
     arm = check_chain(chain).numeric
@@ -148,7 +148,7 @@ def endpoint_motion(
 def joint_motion(chain: Chain, path: MinimumJerk, *, times: Sequence[float] | Array | None = None) -> PlanarMotion:
     """The motion of a chain whose angles follow a minimum-jerk path: straight in joint space, bent in the plane.
 
-    Singular poses are no trouble: nothing is inverted.
+    Singular poses are allowed, as no matrix is inverted.
 
     Args:
         chain: The chain, its lengths numbers.
@@ -271,7 +271,7 @@ def _inside(arm: ChainNumbers, points: Array) -> Array:
 
 
 def _singular_notes(arm: ChainNumbers, path: MinimumJerk, times: Array, regular: Array) -> tuple[tuple[float, ...], str]:
-    """Times towards which joint accelerations have no bound, and what was left out and why."""
+    """Times towards which joint accelerations have no bound, and a remark on omitted samples."""
     if arm.n == 1:
         return (), ""
     step, notes, unbounded = path.stop - path.start, [], []

@@ -28,7 +28,7 @@ from rbd.planar.kinematics import Split, check_joint
 
 VELOCITY, FORCE = "velocity", "force"
 ROUND_OFF = 8 * float(np.finfo(float).eps)
-"""A point this near an edge of what the chain can reach, relative to its length, is on it: the point itself is no better."""
+"""A point this near an edge of what the chain can reach, relative to its length, is on it: the point is no more accurate."""
 CELLS = 8192
 """Numbers per array of a block: a dozen of them stay in the cache."""
 Block = Callable[..., Array]
@@ -77,9 +77,9 @@ class Ellipse:
 
 @dataclass(frozen=True, eq=False)
 class ChainNumbers:
-    """Numeric kinematics of a chain whose lengths are numbers; angles are measured as the chain does.
+    """Numeric kinematics of a chain whose lengths are numbers; angles follow the chain's convention.
 
-    Every function takes arrays of shape (n,) or (samples, n), all alike, and returns one value or (samples, ...); `i` is the
+    Every function takes arrays of shape (n,) or (samples, n), of one shape, and returns one value or (samples, ...); `i` is the
     joint, 0 the base, None the end point. All raise `InputError` on other shapes, numbers that are not finite, and joints
     that are not there.
 
@@ -114,7 +114,7 @@ class ChainNumbers:
 
     @property
     def n(self) -> int:
-        """How many links."""
+        """Number of links."""
         return len(self.ell)
 
     @lazy
@@ -252,7 +252,7 @@ class ChainNumbers:
     # What the end point reaches
 
     def distance(self, points: Array) -> Array:
-        """How far points are from the nearest that the end point can get to [m], shape (...)."""
+        """Distances of points to the set that the end point can reach [m], shape (...)."""
         r = np.hypot(points[..., 0], points[..., 1])
         return np.maximum(np.maximum(r - self.outer, self.inner - r), 0.0)
 
@@ -261,14 +261,14 @@ class ChainNumbers:
         return distance <= max(tolerance, ROUND_OFF) * self.outer
 
     def nearest(self, points: Array, direction: Array) -> Array:
-        """The nearest points within reach [m], shape (..., 2); of the base itself, the one in a direction [rad]."""
+        """The nearest points within reach [m], shape (..., 2); for the base itself, the one in a direction [rad]."""
         r = np.hypot(points[..., 0], points[..., 1])
         inside = (r >= self.inner) & (r <= self.outer)
         away = np.where(r > 0.0, np.arctan2(points[..., 1], points[..., 0]), direction)
         return np.where(inside[..., None], points, np.clip(r, self.inner, self.outer)[..., None] * units(away))
 
     def beyond(self, target: Array) -> str:
-        """Where an unreachable target lies, for a message."""
+        """Position of an unreachable target, for a message."""
         r = float(np.hypot(*target))
         if self.n == 1:
             side = "outside" if r > self.outer else "inside"
@@ -301,9 +301,9 @@ class ChainNumbers:
         return _running(segments[::-1])[::-1] if self.angles == JOINT else segments
 
     def _squares(self, qd: Array) -> tuple[Array, Array]:
-        """Each segment's squared rate in its own squares and its mixed products, (n, samples) each.
+        """Each segment's squared rate as its squares and its mixed products, (n, samples) each.
 
-        (qd_1 + .. + qd_k)^2 = sum_j qd_j^2 + 2 sum_j qd_j (qd_1 + .. + qd_{j-1}): nothing is subtracted.
+        (qd_1 + .. + qd_k)^2 = sum_j qd_j^2 + 2 sum_j qd_j (qd_1 + .. + qd_{j-1}): without subtraction.
         """
         if self.angles != JOINT:
             return qd**2, np.zeros_like(qd)

@@ -1,8 +1,8 @@
 """Joint angles, rates, accelerations and jerks along a path of the end point.
 
-One branch of the inverse kinematics is followed continuously, with angles that never jump by a turn. One and two links are
-computed for all samples at once. Two links keep their branch, except where the path runs through a singular pose: there both
-branches meet, and the chain goes on in the one that continues the motion without a kink, as a path through the base or along
+One branch of the inverse kinematics is followed continuously, with angles without jumps by a turn. One and two links are
+computed for all samples at once. Two links stay on their branch, except where the path runs through a singular pose: there both
+branches meet, and the chain continues in the one without a kink in its motion, as a path through the base or along
 a tangent of the outer circle demands. More links follow the path of least motion: each step is perpendicular to the null
 space of J half-way, so that q' = J^+ r' as samples become dense.
 
@@ -11,13 +11,13 @@ Joint rates, accelerations and jerks follow from those of the end point:
     J q' = v,   J q'' = a - J' q',   J q''' = j - 2 J' q'' - J'' q'.
 
 Two links solve these. More links have many solutions for q'; taken is the least one, q' = J^T l with J J^T l = v (the
-pseudo-inverse), and its own time derivatives,
+pseudo-inverse), and its time derivatives,
 
     q'' = J^T l' + J'^T l,   q''' = J^T l'' + 2 J'^T l' + J''^T l,
 
 so that q'' is the derivative of q' along the motion: J^+ (a - J' q') alone is not, it leaves out how the null space turns.
 One link has one angle for two components: a velocity that is not along its circle contradicts it.
-At a singular pose the rates are undetermined, or without bound as the pose is approached, and are never made up.
+At a singular pose the rates are undetermined, or without bound as the pose is approached, and are reported as NaN.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_start, chec
 from rbd.planar.numeric import ROUND_OFF, ChainNumbers
 
 KINK = 0.1
-"""A branch is changed at a singular pose only if that leaves less than this part of the kink that staying would make."""
+"""A branch is changed at a singular pose only if that reduces the kink below this fraction of the one without change."""
 WIDE = 0.5 * np.pi
 """A step of an angle between samples beyond which the path counts as sampled too coarsely [rad]."""
 CONTRADICTS = 1e-6
-"""Part of a single link's end-point motion that may be off its circle: round-off of whoever computed it, and no more."""
+"""Part of a single link's end-point motion that may be off its circle: round-off of its computation, and no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +47,14 @@ class InversePath:
     """Angles along a path of the end point.
 
     Attributes:
-        points: The path asked for, shape (samples, 2) [m].
+        points: The given path, shape (samples, 2) [m].
         q: Angles, as the chain measures them, shape (samples, n) [rad]; where a point is out of reach (`check=False`), those
             of the nearest point within it.
         reachable: Whether each point is within reach, shape (samples,).
         distance: How far it is out of reach, shape (samples,) [m].
         singular: Whether the chain is in line there, shape (samples,): joint rates are then undetermined or without bound.
         switches: Samples at which two links go over to the other branch, through a singular pose.
-        note: What is special; empty if nothing is.
+        note: Remark on special cases; else empty.
     """
 
     points: Array
@@ -154,7 +154,7 @@ def _one_branch(arm: ChainNumbers, points: Array, near: Array | None, branch: in
     bend, lean, toward = triangle(arm, points)
     r = np.hypot(points[:, 0], points[:, 1])
     somewhere = r > ROUND_OFF * arm.outer
-    if not somewhere.all():  # at the base the line to the target has no direction: the last one's is kept, or the next one's
+    if not somewhere.all():  # at the base the line to the target has no direction: the last one's is used, or the next one's
         last = np.maximum.accumulate(np.where(somewhere, np.arange(len(r)), -1))
         following = int(np.argmax(somewhere)) if somewhere.any() else 0
         toward = toward[np.where(last < 0, following, last)]
@@ -207,7 +207,7 @@ def _kink_less(pose, sign: float, before: int, after: int) -> bool:  # type: ign
 
 
 def _least_motion(arm: ChainNumbers, points: Array, near: Array | None) -> tuple[Array, list[int]]:
-    """Least motion from sample to sample; and the samples where it lost the path and began anew."""
+    """Least motion from sample to sample; and the samples at which it lost the path and restarted."""
     q = np.empty((len(points), arm.n))
     q[0] = nearest_pose(arm, points[0], near)[0]
     stuck = []
@@ -222,7 +222,7 @@ def _least_motion(arm: ChainNumbers, points: Array, near: Array | None) -> tuple
 
 
 def _step(arm: ChainNumbers, target: Array, q0: Array) -> Array | None:
-    """The pose at a target whose way from q0 is perpendicular to the null space half-way; None if Newton does not find it."""
+    """The pose at a target whose displacement from q0 is perpendicular to the null space half-way; None if not found."""
     q = q0
     for _ in range(20):
         error = arm.position(q) - target
@@ -236,14 +236,14 @@ def _step(arm: ChainNumbers, target: Array, q0: Array) -> Array | None:
         if size > 1.0:
             return None
         q = q + step
-        # The null space half-way is taken anew in every round: it converges linearly, at a rate of the step's size.
+        # The null space half-way is recomputed in every round: it converges linearly, at a rate of the step's size.
         if size <= 1e-12 and np.hypot(*(arm.position(q) - target)) <= ROUND_OFF * arm.outer:
             return q
     return None
 
 
 def check_branch(branch: object) -> None:
-    """Refuse what is neither 0 nor 1.
+    """Refuse a value that is neither 0 nor 1.
 
     Raises:
         InputError: saying which is which.
@@ -254,13 +254,13 @@ def check_branch(branch: object) -> None:
 
 @dataclass(frozen=True, eq=False)
 class JointRates:
-    """Motion of the joints; what was not asked for is empty, shape (0, n), or (0,) of one sample.
+    """Motion of the joints; parts not requested are empty, shape (0, n), or (0,) for one sample.
 
     Attributes:
         qd: Angular velocities, as the chain measures its angles, shape (samples, n) or (n,) [rad/s].
         qdd: Angular accelerations [rad/s^2].
         qddd: Angular jerks [rad/s^3].
-        singular: Whether the pose is singular, shape (samples,) or (): rates are NaN there, if that was asked for.
+        singular: Whether the pose is singular, shape (samples,) or (): rates are NaN there, if requested.
     """
 
     qd: Array
@@ -284,8 +284,8 @@ def joint_rates(
         chain: The chain, its lengths numbers.
         q: Angles, as the chain measures them, shape (n,) or (samples, n) [rad].
         velocity: Of the end point, shape (2,) or (samples, 2) [m/s].
-        acceleration: Likewise [m/s^2]; None if it is not known.
-        jerk: Likewise [m/s^3]; needs the acceleration.
+        acceleration: Acceleration, of the same shape [m/s^2]; None if not known.
+        jerk: Jerk, of the same shape [m/s^3]; needs the acceleration.
         at_singular: "raise", or "nan" for NaN in the samples that are singular.
 
     Returns:
@@ -363,7 +363,7 @@ def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]
 def _lower(
     arm: ChainNumbers, q: Array, rates: list[Array], terms: list[Array], order: int, *, transposed: bool = False
 ) -> Array:
-    """What lower rates contribute: nothing, J' x, or 2 J' x' + J'' x of x = q' (transposed: J^T, of x = l)."""
+    """Terms of the lower rates: zero, J' x, or 2 J' x' + J'' x of x = q' (transposed: J^T, of x = l)."""
     if order == 0:
         return np.zeros((len(q), arm.n if transposed else 2))
     Js = [arm.jacobian_rate(q, rates[0])] + ([arm.jacobian_second_rate(q, rates[0], rates[1])] if order > 1 else [])

@@ -65,7 +65,7 @@ class MinimumJerk:
         if not 0.0 < duration < math.inf:
             raise InputError(f"duration is {self.duration!r:.80}; expected seconds above zero.")
         step = np.asarray(stop - start)  # of two numbers without a shape the difference is no array
-        # The jerk divides by the cube of the duration: say so before it overflows.
+        # The jerk divides by the cube of the duration: refuse before it overflows.
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             steepest = 60.0 * step / duration / duration / duration
         if not is_finite(steepest):
@@ -80,7 +80,7 @@ class MinimumJerk:
         object.__setattr__(self, "_step", step)
 
     def displacement(self, t: float | Sequence[float] | Array) -> Array:
-        """Where it is at times t, shape (*t.shape, *start.shape); exactly `start` before it and `stop` after."""
+        """Position at times t, shape (*t.shape, *start.shape); exactly `start` before it and `stop` after."""
         share = self._shape(t, 0)
         return (1.0 - share) * self.start + share * self.stop
 

@@ -1,12 +1,12 @@
 """Relations between the angles of a chain: read, solved where an angle occurs linearly, and checked against each other.
 
 A relation that some angle occurs in linearly, with a coefficient free of angles, is solved for that angle (the last such one);
-it is then substituted in the others. What remains, phi(s) = 0, is kept as it is: its derivative's null space carries the rates,
+it is then substituted in the others. The others, phi(s) = 0, are not solved: rates are in their derivative's null space,
 
     phi_d s_d' + phi_f s_f' = 0,   s_d' = -phi_d^-1 phi_f s_f',
 
 with as many angles s_d dependent as relations remain. Points on them are looked for numerically, to distinguish relations that
-contradict each other, or say nothing new where they hold, from relations that do their part.
+contradict each other, or are redundant where they hold, from independent ones.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rbd.planar.chain import Chain
 from rbd.planar.expressions import as_expression
 
 STARTS = 60
-"""Random configurations from which points on the relations are looked for."""
+"""Random configurations from which points on the relations are searched."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Relation:
 
     Attributes:
         label: As it was given, for messages.
-        expr: What is zero.
+        expr: Expression that is zero.
     """
 
     label: str
@@ -52,7 +52,7 @@ class Reduced:
         coordinates: Angles that were not solved for, shape (m, 1).
         free: Those of them that move freely, shape (f, 1).
         rates: d coordinates = rates d free, shape (m, f).
-        remaining: What is zero and was not solved, in the coordinates.
+        remaining: Expressions that are zero and were not solved, in the coordinates.
         regular: Where this is zero, other angles must be taken as free; 1 if all relations were solved.
         points: Numbers of the symbols and the coordinates at configurations that satisfy the relations.
     """
@@ -70,7 +70,7 @@ def read(chain: Chain, relation: Any) -> tuple[Relation, ...]:
     """Relations as they come: {angle or its number: value}, an equation, an expression that is zero, or a list of these.
 
     Raises:
-        InputError: on anything else, saying what.
+        InputError: on other input, naming it.
     """
     several = list(relation) if isinstance(relation, list | tuple | sympy.MatrixBase) else [relation]
     out: list[Relation] = []
@@ -153,10 +153,10 @@ def _checked(chain: Chain, label: str, expr: sympy.Expr) -> sympy.Expr:
 
 
 def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None) -> Reduced:
-    """Solve what can be solved, and carry the rest along.
+    """Solve relations for angles where possible, and store the others.
 
     Raises:
-        InputError: on relations that contradict each other or say nothing new, naming them.
+        InputError: on contradictory or redundant relations, naming them.
     """
     solved: dict[sympy.Expr, sympy.Expr] = {}
     pending, used = list(relations), list[Relation]()
@@ -180,7 +180,7 @@ def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None) ->
 
 
 def _substituted(relation: Relation, solved: Mapping[Any, Any], chain: Chain, used: list[Relation]) -> sympy.Expr:
-    """The relation in the angles that are left, or an error if nothing of it is left."""
+    """The relation in the remaining angles, or an error if it contains none."""
     expr = sympy.expand(relation.expr.xreplace(solved))
     if expr.has(*chain.q) and not all(_vanishes(expr.diff(angle), chain) for angle in chain.q):
         return expr
@@ -194,7 +194,7 @@ def _substituted(relation: Relation, solved: Mapping[Any, Any], chain: Chain, us
 
 
 def _vanishes(expr: sympy.Expr, chain: Chain) -> bool:
-    """Whether an expression is zero: by what is known of it, else by its value at points drawn at random."""
+    """Whether an expression is zero: by simplification, else by its value at random points."""
     if expr.is_zero is not None:
         return bool(expr.is_zero)
     names = sorted(expr.atoms(AppliedUndef) | expr.free_symbols - {chain.t}, key=str)
@@ -223,7 +223,7 @@ def _linear(chain: Chain, expr: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr] | N
 
 
 def _nonlinear(chain: Chain, relation: Relation, expr: sympy.Expr, branch: int) -> tuple[sympy.Expr, sympy.Expr] | None:
-    """One of the solutions of a relation that is linear in no angle, where SymPy finds some."""
+    """One of the solutions of a relation that is linear in no angle, if SymPy finds some."""
     unknown = sympy.Dummy("angle", real=True)
     for angle in reversed([a for a in chain.q if expr.has(a)]):
         try:
@@ -327,7 +327,7 @@ def newton(function: Any, s: Array) -> tuple[Array, float]:
 
 
 def _check_rank(pending: list[Relation], jacobians: list[Array], scale: float) -> None:
-    """Refuse relations that add nothing to the ones before them, wherever they hold."""
+    """Refuse relations that follow from the ones before them, wherever they hold."""
     for k in range(len(pending)):
         ranks = [int(np.sum(np.linalg.svd(J[: k + 1], compute_uv=False) > 1e-4 * scale)) for J in jacobians]
         if max(ranks, default=k + 1) > k:

@@ -45,13 +45,13 @@ class Modes:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """M x'' + K x = 0 for small x = q - at, with the forces that hold the posture kept as they are.
+    """M x'' + K x = 0 for small x = q - at, with constant forces that keep the posture.
 
     Attributes:
         at: The posture q, shape (n, 1) [rad].
         M: Inertia there, shape (n, n) [kg m2].
         K: Stiffness d2V/dq2 there, shape (n, n) [N m/rad].
-        holding: g(at), the forces that hold it, shape (n, 1) [N m]; zero where it rests by itself.
+        holding: g(at), the static forces, shape (n, 1) [N m]; zero at an equilibrium.
     """
 
     at: sp.MatrixBase
@@ -100,7 +100,7 @@ class Linearised:
         return Modes(squared, sp.ImmutableMatrix(sp.Matrix.hstack(*shapes)))
 
     def _shape(self, half: sp.Expr, inside: sp.Expr, root: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-        """What K - w^2 M does not move, where w^2 = half + root and root^2 = inside; its first entry that is not zero is 1."""
+        """The null vector of K - w^2 M, where w^2 = half + root and root^2 = inside; its first entry that is not zero is 1."""
         for k in (0, 1):
             # x + y ratio = 0, both of them (u + v root): no root is left below the line.
             (u, v), (c, d) = ((self.K[k, j] - half * self.M[k, j], -self.M[k, j]) for j in (0, 1))
@@ -122,7 +122,7 @@ def linearise(chain: Chain, M: sp.MatrixBase, g: sp.MatrixBase, at: Iterable[Any
     Args:
         chain: The chain.
         M: Its inertia, shape (n, n) [kg m2].
-        g: Moments against gravity, shape (n, 1) [N m].
+        g: Moments that balance gravity, shape (n, 1) [N m].
         at: q, n angles [rad], numbers or expressions; None for the chain hanging down.
 
     Raises:

@@ -1,6 +1,6 @@
-"""What a planar chain is: base, end point, open, closed, serial, parallel, mobility, redundancy.
+"""Classification of a planar chain: base, end point, open, closed, serial, parallel, mobility, redundancy.
 
-`rbd.mechanism.classify` says the same of any robot in space; on the robot that a chain is exported to, both agree.
+`rbd.mechanism.classify` gives the same for any robot in space; on the robot that a chain is exported to, both agree.
 Source: [Duarte2021], "Properties of kinematic chains".
 """
 
@@ -31,12 +31,12 @@ MEANINGS = {
     "degrees of freedom of the end point": "Independent directions in which the end point can move: at most two in a plane.",
     "redundancy": "Mobility less the degrees of freedom of the end point: motions that leave it where it is.",
 }
-"""What each term means, in one line."""
+"""Meaning of each term, in one line."""
 
 
 @dataclass(frozen=True)
 class Word:
-    """A term, what it is for this chain, and what it means.
+    """A term, its value for this chain, and its meaning.
 
     Attributes:
         word: The term.
@@ -51,17 +51,17 @@ class Word:
 
 @dataclass(frozen=True)
 class ChainClass:
-    """What a planar chain is. Ranks are generic: singular poses do not count.
+    """Classification of a planar chain. Ranks are generic: singular poses do not count.
 
     Attributes:
-        base: Where it is held.
+        base: Its base.
         end_point: Where it ends.
         kind: "serial", or "parallel" where the end point is pinned.
         closed: Whether there is a loop.
         degrees_of_freedom: Of its joints: n.
         mobility: What relations and pins leave of them.
         end_dof: Those of the end point.
-        note: What is special; empty if nothing is.
+        note: Remark on special cases; else empty.
     """
 
     base: str
@@ -101,16 +101,16 @@ class ChainClass:
 
 
 def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array | None = None) -> ChainClass:
-    """What a chain is called: open or closed, serial or parallel; its mobility and its redundancy.
+    """Classification of a chain: open or closed, serial or parallel; its mobility and its redundancy.
 
     Args:
         chain: A chain, or one under relations of its angles. A relation takes degrees of freedom and closes no loop, as a joint
             coupling does.
         pinned: Where the end point is hinged to the ground, x and y [m]: the chain is then closed. Numbers, if the lengths
-            are; else anything, and the chain is taken to reach it.
+            are; else any expressions, assumed within reach.
 
     Raises:
-        InputError: on what is no chain, a pin out of reach, or a pin of a chain under relations.
+        InputError: not a chain, a pin out of reach, or a pin of a chain under relations.
     """
     if not isinstance(chain, ConstrainedChain):
         check_chain(chain)
@@ -133,7 +133,7 @@ def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array |
 
 
 def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:
-    """Mobility with the end point pinned, and what is special: n - 2, except where the links cannot but lie on one line."""
+    """Mobility with the end point pinned, and a remark: n - 2, except where all links must be on one line."""
     structure = "Nothing moves: a structure."
     generic = max(chain.n - 2, 0)
     if not chain.is_numeric:

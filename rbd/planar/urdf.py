@@ -9,7 +9,7 @@ that angles are counter-clockwise as on paper:
 
 The robot has links `base`, `link_1` .. `link_n`, joints `joint_1` .. `joint_n` with a motor each, and the frame `end` at the
 end point. Its joints are revolute with limits far away, not continuous, so that its q are plain angles, measured from the
-previous link whatever the chain's own convention is: `robot_coordinates` goes from one to the other.
+previous link in any convention of the chain: `robot_coordinates` converts between them.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class RobotCoordinates:
     map: AngleMap
 
     def to_robot(self, q: Sequence[float] | Array) -> Array:
-        """The robot's q [rad], of the chain's, shape (n,) or (samples, n).
+        """The robot's q [rad], from the chain's, shape (n,) or (samples, n).
 
         Raises:
             InputError: another shape, numbers that are not finite.
@@ -67,24 +67,24 @@ class RobotCoordinates:
         return self.map(q)
 
     def rates_to_robot(self, qd: Sequence[float] | Array) -> Array:
-        """The robot's v [rad/s], or its accelerations, of the chain's, shape (n,) or (samples, n); raises as `to_robot`."""
+        """The robot's v [rad/s], or its accelerations, from the chain's, shape (n,) or (samples, n); raises as `to_robot`."""
         return self.map.rates(qd)
 
     def torques_to_robot(self, tau: Sequence[float] | Array) -> Array:
-        """Motor torques [N m] that are the forces tau of the chain's own angles, A^-T tau; raises as `to_robot`."""
+        """Motor torques [N m] from the forces tau of the chain's angles, A^-T tau; raises as `to_robot`."""
         return samples("tau", tau, len(self._matrix)) @ self._inverse
 
     def from_robot(self, q: Sequence[float] | Array) -> Array:
-        """Angles of the chain [rad], of the robot's q; raises as `to_robot`."""
+        """Angles of the chain [rad], from the robot's q; raises as `to_robot`."""
         offset = np.array(self.map.offset, dtype=float).ravel()
         return (samples("q", q, len(self._matrix)) - offset) @ self._inverse.T
 
     def rates_from_robot(self, v: Sequence[float] | Array) -> Array:
-        """Rates of the chain [rad/s], or its accelerations, of the robot's; raises as `to_robot`."""
+        """Rates of the chain [rad/s], or its accelerations, from the robot's; raises as `to_robot`."""
         return samples("v", v, len(self._matrix)) @ self._inverse.T
 
     def torques_from_robot(self, tau: Sequence[float] | Array) -> Array:
-        """Forces of the chain's own angles [N m] of motor torques, A^T tau; raises as `to_robot`."""
+        """Forces of the chain's angles [N m] from motor torques, A^T tau; raises as `to_robot`."""
         return samples("tau", tau, len(self._matrix)) @ self._matrix
 
     @property
@@ -100,7 +100,7 @@ def robot_coordinates(chain: Chain) -> RobotCoordinates:
     """The maps between a chain's angles and those of its robot.
 
     Raises:
-        InputError: what is no chain.
+        InputError: not a chain.
 
     >>> robot_coordinates(Chain(2, angles="vertical")).to_robot([0.0, 0.0])  # hangs down
     array([-1.57079633,  0.        ])
@@ -135,7 +135,7 @@ def to_urdf(
         inertias: I_i about the centres of mass [kg m2].
         bodies: "points" or "rods", see `rbd.planar.dynamics`; rods where neither centres nor inertias are given.
         plane: "xz" (upright) or "xy" (flat on the ground).
-        values: {symbol or its name: number} for symbols in what is given.
+        values: {symbol or its name: number} for symbols in the arguments.
         name: Of the robot: letters, digits, _ and -.
 
     Raises:
@@ -170,7 +170,7 @@ def to_robot(
 ) -> Robot:
     """A chain as a robot on a fixed base, for `rbd.solve` and `rbd.simulate`; arguments as `to_urdf`.
 
-    Its file is kept as long as the process runs: `robot.urdf`. Gravity is that of all robots, 9.81 m/s2 along -z of W.
+    Its file exists as long as the process runs: `robot.urdf`. Gravity is that of all robots, 9.81 m/s2 along -z of W.
 
     Args:
         chain: The chain; or its dynamics, which know the masses already, and the plane: flat where their gravity is zero.
@@ -206,13 +206,13 @@ def to_robot(
     file = new_folder() / f"{name}.urdf"
     _write(file, text)
     with warnings.catch_warnings():
-        # Point masses are what was asked for: that no body is one need not be said again.
+        # Point masses were requested: no warning that they are unphysical.
         warnings.filterwarnings("ignore", ".*inertias? that no body has", ModelWarning)
         return load_robot(file, root="fixed")
 
 
 def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
-    """Dynamics in numbers, with a gravity that robots know."""
+    """Dynamics in numbers, with a gravity that robots can have."""
     dyn = dyn if values is None else dyn.subs(values)
     refuse_symbols(dyn.unknowns, "a robot", how="values=")
     if dyn.gravity != 0 and abs(float(dyn.gravity) - GRAVITY) > 1e-9:
@@ -225,7 +225,7 @@ def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
 
 def _urdf(name: str, plane: str, lengths: Array, masses: Array, centres: Array, inertias: Array) -> str:
     r = 0.03 * float(lengths.mean())  # of the rods as drawn
-    effort = 100.0 * GRAVITY * float(masses.sum()) * float(lengths.sum())  # far beyond what holds it stretched out
+    effort = 100.0 * GRAVITY * float(masses.sum()) * float(lengths.sum())  # far beyond the torques that hold it stretched out
     head = f"A planar chain of {len(lengths)} links in the {plane} plane of W, its base at the origin."
     out = [f'<?xml version="1.0"?>\n<!-- {head} Written by rbd.planar. -->\n<robot name="{name}">\n']
     out += [f'  <material name="{color}"><color rgba="{COLORS[color]}"/></material>\n' for color in ("grey", "steel", *_LINKS)]
@@ -256,7 +256,7 @@ def _link(i: int, plane: str, ell: float, m: float, d: float, inertia: float, r:
         ("0 0 0", _DISCS[plane], f'<cylinder radius="{1.6 * r:.5g}" length="{2.4 * r:.5g}"/>', "steel"),
         (f"{d:.8g} 0 0", "0 0 0", f'<sphere radius="{1.8 * r:.5g}"/>', color),
     ]
-    if not 0.0 <= d <= ell:  # a counterweight is held by something
+    if not 0.0 <= d <= ell:  # a counterweight needs a support
         shapes.append(_rod(min(0.0, d), max(0.0, d), r / 2.0, "grey"))
     return (
         f'  <link name="link_{i}">\n    <inertial>\n      <origin xyz="{d!r} 0 0"/>\n      <mass value="{m!r}"/>\n'

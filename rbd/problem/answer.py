@@ -1,7 +1,7 @@
 """`Answer`: what a solver returns, with residuals, status and forces, those of a contact with friction and centre of pressure.
 
-Residuals are recomputed from the problem, never taken from the solver. What needs analysis (which forces are chosen, what is
-unique, why there is no answer, derivatives) is told by `rbd.Solution`, which is made of an answer.
+Residuals are recomputed from the problem, never taken from the solver. Analysis beyond them (force distribution,
+uniqueness, why there is no answer, derivatives) belongs to `rbd.Solution`, which holds an answer.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 from rbd.problem.rows import Patch, Rows
 
 CARRIES_NOTHING_N = 1e-6
-"""A normal force below this [N] carries nothing: no friction ratio and no centre of pressure are given."""
+"""Below this normal force [N] a contact counts as unloaded: no friction ratio and no centre of pressure are given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,12 @@ class ContactForce:
 
     Attributes:
         force: On the robot, world axes, shape (3,) [N].
-        normal: Along the contact's normal [N]; positive pushes.
-        tangential: Size of the rest [N].
-        friction_used: |f_t| / (mu f_n), of the true cone: above 1 where a circumscribed pyramid lets it; None where
-            there is no coefficient or nothing is carried. Of a surface: of its net force.
+        normal: Along the contact's normal [N]; positive when it pushes.
+        tangential: Norm of the tangential component [N].
+        friction_used: |f_t| / (mu f_n), of the true cone: may exceed 1 in a circumscribed pyramid; None where
+            there is no friction coefficient or no load. For a surface: of its net force.
         centre_of_pressure: Point of the patch's plane about which the tangential moment vanishes, in W, shape (3,) [m];
-            None where the foot carries nothing.
+            None where the foot is unloaded.
     """
 
     force: Array
@@ -65,7 +65,7 @@ class ContactForce:
 
 
 def corner_split(rows: Rows, f: Array) -> Array:
-    """Corner forces (k, 3) in world axes that make row forces f: of minimum norm, whatever their signs."""
+    """Minimum-norm corner forces (k, 3) in world axes, of either sign, that add up to row forces f."""
     assert rows.patch is not None
     k = len(rows.patch.corners)
     if not len(f):
@@ -73,7 +73,7 @@ def corner_split(rows: Rows, f: Array) -> Array:
     if k == 1:
         assert rows.resultant is not None
         return (rows.resultant @ f)[:3].reshape(1, 3)
-    if isinstance(rows.cone, Product | NonNegative):  # points side by side: the row forces are theirs
+    if isinstance(rows.cone, Product | NonNegative):  # a contact at points: its row forces are the points' forces
         local = np.zeros((k, 3))
         local[:, 3 - len(f) // k :] = f.reshape(k, -1)
     else:
@@ -82,23 +82,23 @@ def corner_split(rows: Rows, f: Array) -> Array:
 
 
 def corner_map(rows: Rows) -> Array:
-    """Row forces of corner forces in contact axes, shape (5 or 6, 3k); a line feels no moment about itself."""
+    """Row forces of corner forces in contact axes, shape (5 or 6, 3k); a line transmits no moment about its own axis."""
     assert rows.patch is not None
     C = WrenchCone(rows.patch.corners, 0.0).corner_map
     return np.delete(C, 3, axis=0) if len(rows) == 5 else C
 
 
 class Status(StrEnum):
-    """What the residuals of an answer amount to."""
+    """Status of an answer, from its residuals."""
 
     SOLVED = "solved"
     """Every scaled residual is at most 1e-9."""
     INACCURATE = "inaccurate"
-    """Every scaled residual is at most 1e-7; said aloud by a warning."""
+    """Every scaled residual is at most 1e-7; a warning is issued."""
     FAILED = "failed"
     """A scaled residual is above 1e-7, or a contact approaches, which is an impact: not an answer."""
     INFEASIBLE = "infeasible"
-    """Not an answer, and there is none: the solver found that out, or a certificate proves it (`Solution.contradiction`)."""
+    """Infeasible: reported by the solver, or proved by a certificate (`Solution.contradiction`)."""
 
 
 class Gauss(float):
@@ -128,18 +128,18 @@ class Answer:
         problem: What was solved.
         a: Acceleration, shape (nv,) [m/s2, rad/s2]; on a floating base, linear then angular in the base's axes.
         multipliers: Row forces f, stacked as the rows are, shape (m,) [N, N m], on the robot.
-        weights: What adds up to f, of the columns of `problem.force_set_of(law)`, shape (p,); None where all rows hold.
-        law: The law whose residuals are given; a solver may give it as it prints, e.g. "convex, 4 facets".
+        weights: Coefficients of the generators in `problem.force_set_of(law)`, shape (p,); None where all rows are bilateral.
+        law: The law whose residuals are given; a solver may give it as a string, e.g. "convex, 4 facets".
         solver: Name of the solver.
-        iterations: What the solver needed.
+        iterations: Number of iterations of the solver.
         seconds: Time in the solver [s].
-        infeasible: Whether the solver knows that no acceleration satisfies the rows; see `Solution.contradiction` for the
+        infeasible: Whether the solver reports that no acceleration satisfies the rows; see `Solution.contradiction` for the
             proof.
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox, jammed
             points).
-        reason: Why there is no answer, or what the several are, in the solver's words; else empty.
-        redundant: Whether rows depend on each other, so that the solver's f is one of many; a `Solution` takes the shortest.
-        method: Which of the solver's ways found it, e.g. "closed form", "QP" or "cones: Newton"; empty where it has but one.
+        reason: The solver's message: why there is no answer, or which several motions there are; else empty.
+        redundant: Whether rows depend on each other, so that f is not unique; a `Solution` takes the one of minimum norm.
+        method: Which of its methods found it, e.g. "closed form", "QP" or "cones: Newton"; empty if it has only one.
     """
 
     problem: GaussProblem
@@ -172,7 +172,7 @@ class Answer:
 
     @property
     def status(self) -> Status:
-        """What the residuals amount to."""
+        """`Status` that the residuals give."""
         if self.impact:
             return Status.FAILED
         if self.residuals.within(SOLVED):
@@ -183,7 +183,7 @@ class Answer:
 
     @property
     def worst(self) -> str:
-        """The constraint that misses its equations most, and by how much, in words."""
+        """Message: the constraint with the largest residual, and how large it is."""
         return blame(self.problem, self.a, self.multipliers, self.weights, self.law)
 
     @lazy
@@ -205,13 +205,13 @@ class Answer:
 
     @lazy
     def accelerations(self) -> dict[str, Array]:
-        """J a + J_dot v of each constraint, shape (m,), in its own axes, feedback left out [m/s2, rad/s2]."""
+        """J a + J_dot v of each constraint, shape (m,), in the constraint's axes, without feedback [m/s2, rad/s2]."""
         c = self.problem.J @ self.a + self.problem.bias
         return {name: c[part] for name, part in self.problem.slices.items()}
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """Names of the contacts, and stops, that carry nothing as they, or some of their points, already move away.
+        """Names of the contacts and joint limits that are inactive, in whole or at some points, because they already separate.
 
         Faster than `GaussProblem.rest_speed`; `problem.openings` has their points and speeds.
         """
@@ -219,7 +219,7 @@ class Answer:
 
     @property
     def impact(self) -> str:
-        """Which contact approaches, in words: no acceleration answers that. Empty where none does; `rbd.solve` refuses it."""
+        """Message: which contact approaches, an impact, which `rbd.solve` refuses. Empty where none does."""
         return self.problem.force_set.impact
 
     @lazy

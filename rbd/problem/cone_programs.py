@@ -1,16 +1,16 @@
-"""The least of a convex quadratic over bounds and circular cones, in two ways.
+"""Minimisation of a convex quadratic over bounds and circular cones, by two methods.
 
 Newton's method on the dual, where weights are diagonal (`least_squares`):
 
     minimise sum_i (1/2 d_i y_i^2 + c_i y_i)     subject to     R y = b ,  lower <= y <= upper ,  cones
 
 With few equations and many unknowns (a hundred contacts on one robot) the dual is small: y follows from one multiplier an
-equation, y = P(D^-1 (R^T lam - c)), P the projection on bounds and cones, and lam is where R y = b. The left side has
-symmetric, positive semidefinite derivatives, so Newton's steps with a line search on the dual value end wherever the set has
-an inside. What ends is exact: y is in the set to rounding, and no other point with R y = b has a smaller value. Source:
-[Qi1993] for Newton's method on maps that have kinks.
+equation, y = P(D^-1 (R^T lam - c)), P the projection on bounds and cones, and lam solves R y = b. The left side has
+symmetric, positive semidefinite derivatives, so Newton's method with a line search on the dual value terminates wherever
+the set has an interior. The result is exact: y is in the set to rounding, and no other point with R y = b is smaller. Source:
+[Qi1993] for Newton's method on semismooth maps.
 
-A barrier method, from the interior (`least`): every point on the way is strictly inside. The barrier -sum log(slack) -
+A barrier method, from the interior (`least`): every iterate is strictly inside. The barrier -sum log(slack) -
 sum log(mu^2 n^2 - |t|^2) has the parameter nu = rows + 2 cones, and a point whose Newton decrement is below 1/2 is within
 (nu + 2 sqrt(nu)) / t of the least value [Nesterov2018], section 5.3. Steps end far below that.
 """
@@ -29,29 +29,29 @@ from rbd.problem.programs import Work
 
 _STEPS = 60
 _DONE = 1e-13
-"""Largest |R y - b|, over the terms that make it up, of an answer."""
+"""Largest |R y - b|, over its terms, at a solution."""
 _LARGEST = 1e4
-"""Largest terms of R^T lam, over those of the objective's slope, of an answer: its rounding then stays below 1e-12."""
+"""Largest terms of R^T lam, over those of the objective's gradient, at a solution: rounding then stays below 1e-12."""
 _DAMPED = 1e-14
 """Added to the derivative's diagonal, over its largest entry."""
 _FACTOR = 30.0
 """t grows by this factor."""
 _NEWTON_STEPS = 60
 _THIN = 1e-8
-"""Sets that are thinner than this have no inside."""
+"""Sets thinner than this count as having no interior."""
 
 
 @dataclass(frozen=True, eq=False)
 class Separable:
-    """The problem.
+    """A quadratic program with diagonal weights, bounds and circular cones.
 
     Attributes:
-        d: Weights > 0, shape (n,); alike within a cone.
+        d: Weights > 0, shape (n,); equal within a cone.
         c: Shape (n,).
         R: Shape (r, n).
         b: Shape (r,).
         lower: Bounds, shape (n,); -inf where there is none, and for the columns of cones.
-        upper: Likewise, inf.
+        upper: Upper bounds, shape (n,); inf where there is none, and for the columns of cones.
         cones: Columns (tangent, tangent, normal) of the cones, shape (k, 3).
         mu: Their friction coefficients > 0, shape (k,).
     """
@@ -74,11 +74,11 @@ class Separable:
         return y, p
 
     def value(self, lam: Array, y: Array) -> float:
-        """The dual value, to be made largest."""
+        """The dual value, which is maximised."""
         return float(lam @ self.b + 0.5 * (self.d * y) @ y + self.c @ y - lam @ (self.R @ y))
 
     def derivative(self, p: Array) -> Array:
-        """Of R y with respect to lam, shape (r, r)."""
+        """Derivative of R y with respect to lam, shape (r, r)."""
         inside = (p > self.lower) & (p < self.upper)
         inside[self.cones.ravel()] = False
         J = (self.R[:, inside] / self.d[inside]) @ self.R[:, inside].T
@@ -93,13 +93,13 @@ class Separable:
 def least_squares(problem: Separable, lam: Array | None = None, work: Work | None = None) -> tuple[Array, Array] | None:
     """(y, lam): the minimiser, shape (n,), and its multipliers, shape (r,).
 
-    None where Newton's method does not end, or multipliers grow so large that rounding would decide: of a set without an
-    inside, or an empty one; and where no work is left.
+    None where Newton's method does not converge, or multipliers grow so large that rounding dominates: in a set without an
+    interior, or an empty one; and where no work is left.
 
     Args:
         problem: The problem.
         lam: Multipliers to start from, shape (r,); zeros if not given.
-        work: What it may cost; as many steps as it takes if not given.
+        work: Limit of the cost; unlimited if not given.
     """
     P = problem
     lam = np.zeros(len(P.b)) if lam is None else lam
@@ -111,13 +111,13 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
     for _ in range(_STEPS):
         missed = P.b - P.R @ y
         if max_abs(missed) <= _DONE * max(max_abs(magnitude @ np.abs(y)), max_abs(P.b)):
-            # Of a set without an inside lam runs off to infinity, and rounding of lam R decides what is projected.
+            # In a set without an interior lam diverges, and rounding of lam R dominates what is projected.
             size = max(max_abs(P.c), max_abs(P.d * y))
             return (y, lam) if max_abs(np.abs(lam) @ magnitude) <= _LARGEST * size else None
         if work is not None and not work.spend(cost):
             return None
         J = P.derivative(p)
-        # Where much is at its bound the derivative is singular, or zero: then the damping makes a step uphill of it.
+        # Where many bounds are active the derivative is singular, or zero: the damping then gives an ascent step.
         J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * max_abs(missed) / (1.0 + max_abs(P.b)))) * top
         _, step, info = lapack.dposv(J, missed)
         if info != 0:
@@ -127,7 +127,7 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
             ahead = lam + t * step
             new, q = P.at(ahead)
             found = P.value(ahead, new)
-            # Near the end the value is rounding; then the equations decide.
+            # Near convergence the value's change is rounding; then the residual of the equations decides.
             if found >= value + 1e-4 * t * slope or max_abs(P.b - P.R @ new) <= 0.5 * max_abs(missed):
                 break
             t *= 0.5
@@ -147,7 +147,7 @@ def cone_slopes(p: Array, mu: Array) -> Array:
     t, n, m = np.maximum(t[edge], 1e-300), n[edge], mu[edge]
     u = p[edge, :2] / t[:, None]
     share = 1.0 / (1.0 + m * m)
-    shrunk = m * (m * t + n) * share / t  # tangents keep their direction: their size over what it was
+    shrunk = m * (m * t + n) * share / t  # tangents keep their direction: the ratio of their norms
     along = m * m * share
     block = np.zeros((len(t), 3, 3))
     block[:, :2, :2] = shrunk[:, None, None] * np.eye(2) + (along - shrunk)[:, None, None] * (u[:, :, None] * u[:, None, :])
@@ -186,7 +186,7 @@ class ConeSet:
         return self.A @ z - self.b, u, self.mu * u[:, 2] - np.hypot(u[:, 0], u[:, 1])
 
     def margin(self, z: Array) -> float:
-        """How far inside z is; not positive outside."""
+        """The smallest slack of z; not positive outside."""
         s, _, cone = self.slack(z)
         return float(min(s.min(initial=math.inf), cone.min(initial=math.inf)))
 
@@ -203,7 +203,7 @@ class ConeSet:
 
 
 def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float, work: Work | None = None) -> Array:
-    """A point within `gap` of the least of 1/2 z . P z + q . z over a set, strictly inside.
+    """A point within `gap` of the minimum of 1/2 z . P z + q . z over a set, strictly inside.
 
     Args:
         P: Positive semidefinite, shape (z, z).
@@ -211,7 +211,7 @@ def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float, work: Work 
         inside: The set.
         z: A point strictly inside.
         gap: Largest excess of the value.
-        work: What it may cost. Once none is left (`work.left < 0`) the point is inside, and not within the gap.
+        work: Limit of the cost. Once none is left (`work.left < 0`) the point is inside, and not within the gap.
     """
     work = Work(math.inf) if work is None else work
     nu = inside.parameter
@@ -225,12 +225,12 @@ def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float, work: Work 
 
 
 def interior(inside: ConeSet, z: Array, enough: float, work: Work | None = None) -> Array | None:
-    """A point inside by about `enough`, or as far inside as the set allows; None where that is nothing.
+    """A point inside by about `enough`, or as far inside as the set allows; None where that is not at all.
 
     Args:
         inside: The set.
         z: A point of it, on its boundary perhaps.
-        enough: The margin that will do.
+        enough: A sufficient margin.
         work: As of `least`.
     """
     if inside.margin(z) >= enough:
@@ -282,7 +282,7 @@ def _solved(H: Array, g: Array) -> Array:
 
 
 def _longest(P: Array, q: Array, inside: ConeSet, z: Array, step: Array, t: float) -> float:
-    """A step length that lessens the value enough (Armijo), largest first."""
+    """A step length that satisfies Armijo's condition, largest first."""
     value = _value(P, q, inside, z, t)
     gradient, _ = _derivatives(inside, z)
     slope = float((gradient + t * (P @ z + q)) @ step)

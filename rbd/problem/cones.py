@@ -44,7 +44,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class SecondOrderCone:
-    """Forces (tangent, tangent, normal) with |f_t| <= mu f_n; `facets` says how a pyramid is to replace it."""
+    """Forces (tangent, tangent, normal) with |f_t| <= mu f_n; `facets`: of the pyramid that may replace it."""
 
     mu: float
     facets: int = 4
@@ -72,7 +72,7 @@ class Cone(Protocol):
 
 @dataclass(frozen=True)
 class Free:
-    """All of R^dim: the constraint holds, whatever force that takes."""
+    """All of R^dim: a bilateral constraint."""
 
     dim: int
 
@@ -144,7 +144,7 @@ class Box:
         lo, hi = np.atleast_1d(as_array("lo of a Box", self.lo)), np.atleast_1d(as_array("hi of a Box", self.hi))
         if lo.shape != hi.shape or lo.ndim != 1 or not ((lo <= hi) & (lo < np.inf) & (hi > -np.inf)).all():
             raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r:.80}, hi = {self.hi!r:.80}.")
-        lo.flags.writeable = hi.flags.writeable = False  # rays and parts of a set are kept as long as the set is
+        lo.flags.writeable = hi.flags.writeable = False  # rays and parts are cached for the life of the set
         object.__setattr__(self, "lo", lo)
         object.__setattr__(self, "hi", hi)
 
@@ -183,7 +183,7 @@ class WrenchCone:
         corners = as_array("corners of a WrenchCone", self.corners)
         if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
             raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
-        corners.flags.writeable = False  # rays and parts of a set are kept as long as the set is
+        corners.flags.writeable = False  # rays and parts are cached for the life of the set
         object.__setattr__(self, "corners", corners)
 
     @property
@@ -193,13 +193,13 @@ class WrenchCone:
 
     @lazy
     def corner_map(self) -> Array:
-        """The wrench of stacked corner forces, shape (6, 3k); its transpose takes a twist rate to corner accelerations."""
+        """The wrench of stacked corner forces, shape (6, 3k); its transpose maps a twist rate to corner accelerations."""
         return np.hstack([np.vstack([np.eye(3), cross_matrix(c)]) for c in self.corners])
 
     def project(self, force: Array) -> Array:
         """The nearest wrench of the corner pyramids (not of the true cones), by nonnegative least squares.
 
-        Newtons and newton metres are weighed alike.
+        Newtons and newton metres have the same weight.
         """
         return _nearest_of_corners(self, force)
 
@@ -212,8 +212,8 @@ class WrenchCone:
 class LineCone:
     """Wrenches that forces in friction cones at the two ends of a line can make: an edge of a foot on the ground.
 
-    The line lies along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
-    nothing on a line resists turns about it.
+    The line is along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
+    a line transmits no moment about its own axis.
 
     Args:
         half_length: Half of the line's length [m].
@@ -271,7 +271,7 @@ def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Product:
-    """Several sets side by side, their components stacked."""
+    """Cartesian product of several sets, their components stacked."""
 
     cones: tuple[Cone, ...]
 
@@ -293,7 +293,7 @@ class Product:
         return sum(c.dim for c in self.cones)
 
     def project(self, force: Array) -> Array:
-        """Each member projects its own components."""
+        """The projections onto the members, stacked."""
         ends = np.cumsum([c.dim for c in self.cones])[:-1]
         return np.concatenate([c.project(f) for c, f in zip(self.cones, np.split(force, ends), strict=True)])
 
@@ -316,7 +316,7 @@ def _check_dim(dim: int) -> None:
 
 
 def check_friction(mu: float, facets: int) -> None:
-    """Refuse a friction coefficient or a facet count that means nothing.
+    """Refuse a friction coefficient or a facet count that is not valid.
 
     Raises:
         InputError: if mu is negative, infinite or not a number, or facets is not a whole number >= 3.

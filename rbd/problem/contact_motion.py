@@ -1,11 +1,11 @@
-"""What a velocity leaves of a contact point's choice of force.
+"""Which forces a contact point can apply, given its velocity.
 
 With u = G^T velocity, the velocity of a point (tangent, tangent, normal):
 
-    opening     (u_n > 0)              carries nothing: its weight is 0, whatever y
+    opening     (u_n > 0)              is inactive: its weight is 0, whatever y
     sliding     (u_n = 0, u_t != 0)    f = N (-mu u_t / |u_t|, 1), N >= 0, y = c_n: a coupled row, G != H
-    approaching (u_n < 0)              an impact: no acceleration answers it
-    rubbing     (an interval, u != 0)  the weight stands at the bound against the motion
+    approaching (u_n < 0)              an impact: no acceleration solves it
+    dry friction (an interval, u != 0) the weight is at the bound that opposes the motion
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from rbd.arrays import Array
 from rbd.problem.cones import Cone, Interval, Line, LineCone, Part, Product, SecondOrderCone, WrenchCone
 
 REST_SPEED = 1e-6
-"""A contact that can break or slip is at rest up to this speed [m/s, rad/s], unless its problem says otherwise."""
-_LISTED = 6  # points or contacts that are listed one by one
+"""A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem gives another."""
+_LISTED = 6  # largest number of points or contacts listed by name
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A point that moves away from what it touches: it carries nothing.
+    """A contact point that separates: its force is zero.
 
     Attributes:
         rows: Name of its rows.
@@ -43,7 +43,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class Sliding:
-    """A point that slides: its force is N (-mu t, 1).
+    """A contact point that slides: its force is N (-mu t, 1).
 
     Attributes:
         rows: Name of its rows.
@@ -83,12 +83,12 @@ _NORMAL, _AXES = np.array([[0.0, 0.0, 1.0]]), np.eye(3)
 
 
 class MotionJudge:
-    """Collects which points slide and open, and what strikes.
+    """Collects which points slide and open, and what impacts.
 
     Attributes:
         sliding: Points whose friction follows their motion.
         openings: Points that move away.
-        impact: Which contact approaches, in words; empty where none does.
+        impact: Message: which contact approaches; empty where none does.
     """
 
     def __init__(self, rest_speed: float) -> None:
@@ -98,7 +98,7 @@ class MotionJudge:
         self.impact = ""
 
     def judge(self, point: tuple[str, int, int], shape: Part, u: Array, column: int) -> tuple[Array, Array, float, float]:
-        """(forces of unit weights (n, 3), what their accelerations are along (n, 3), lower and upper bound of the weights).
+        """(forces of unit weights (n, 3), directions of their accelerations (n, 3), lower and upper bound of the weights).
 
         Args:
             point: Name of the rows, number of the point, number of points.
@@ -139,7 +139,7 @@ def centripetal(cone: Cone, velocity: Array) -> Array:
     local, parts = cone.generators()
     if not isinstance(cone, WrenchCone | LineCone):
         return np.zeros(local.shape[1])
-    # Of a line turns about itself leave the points where they are, and its rows are accelerations of its direction.
+    # Turns of a line about its own axis leave its points in place, and its rows are accelerations of its direction.
     w = velocity[3:] if isinstance(cone, WrenchCone) else np.array([0.0, velocity[3], velocity[4]])
     inward = np.cross(w, np.cross(w, cone.corners))
     return (inward if parts[0].dim == 3 else inward[:, 2:]).ravel()

@@ -1,11 +1,11 @@
-"""`ForceSet`: the sets of a problem's forces as weights on columns, with what velocities already decide.
+"""`ForceSet`: the force sets of a problem as weights on generators, reduced by what velocities already determine.
 
-Forces are f = G w with weights w in a product of simple sets (lines, half-lines, intervals, circular cones); each weight
-answers to one entry of y = H^T c + offset, the acceleration of its point. G and H are the same for contacts at rest; what
-choice is left to a contact that moves, `rbd.problem.contact_motion` says. At rest, w and y obey the law: y in K* (convex), or
+Forces are f = G w with weights w in a product of simple sets (lines, half-lines, intervals, circular cones); each
+weight is paired with one entry of y = H^T c + offset, the acceleration of its point. G and H are the same for contacts at rest;
+`rbd.problem.contact_motion` gives the forces left to a contact that moves. At rest, w and y obey the law: y in K* (convex), or
 y + mu |y_t| n in K* (coulomb), complementary to w.
 
-With pyramids in place of circular cones (`ForceSet.pyramids`) every weight has bounds of its own. The n-facet pyramid
+With pyramids in place of circular cones (`ForceSet.pyramids`) every weight has separate bounds. The n-facet pyramid
 *circumscribes* the friction cone, its first facet across the contact's x axis (n = 4 reads |fx|, |fy| <= mu fz): rays at
 (2k + 1) pi / n with tangential radius mu / cos(pi / n). The *inscribed* one has radius mu.
 """
@@ -31,7 +31,7 @@ _TURNS = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class Element:
-    """One simple set: a row, or a point.
+    """One simple set: of a row, or of a point.
 
     Attributes:
         rows: Number of its constraint.
@@ -39,7 +39,7 @@ class Element:
         shape: The set, all contacts at rest.
         columns: Its columns in the force set.
         source: Its columns among the generators of all constraints.
-        facets: Rays of the pyramid that stands for its cone; 0 where none does.
+        facets: Rays of the pyramid that replaces its cone; 0 where none does.
     """
 
     rows: int
@@ -71,10 +71,10 @@ class ForceSet:
 
     Attributes:
         G: Forces of unit weights, shape (m, p).
-        H: What measures the accelerations, y = H^T c + offset, shape (m, p); G itself where nothing slides.
+        H: Directions of the accelerations, y = H^T c + offset, shape (m, p); G itself where no point slides.
         offset: Centripetal part of y, shape (p,): corners of a turning patch; zero else.
         lower: Bounds of the weights, shape (p,): -inf for lines and for the columns of circular cones.
-        upper: Likewise.
+        upper: Upper bounds of the weights, shape (p,); inf where there is none.
         cone_at: First columns of the circular cones (tangent, tangent, normal), shape (k,).
         mu: Their friction coefficients, shape (k,).
         push: Force of a unit weight on its point, in contact axes (tangent, tangent, normal), shape (p, 3).
@@ -82,7 +82,7 @@ class ForceSet:
         slices: The columns of each constraint, in the order of the rows.
         sliding: Points whose friction follows their motion.
         openings: Points that move away: their forces are zero.
-        impact: Why no acceleration can answer, in words; empty where nothing approaches.
+        impact: Message: which contact approaches, an impact; empty where none does.
     """
 
     G: Array
@@ -101,16 +101,16 @@ class ForceSet:
 
     @classmethod
     def of(cls, rows: Sequence[Rows], rest_speed: float = REST_SPEED) -> ForceSet:
-        """The sets of stacked rows, circular cones as they are, their velocities regarded.
+        """The sets of stacked rows, with circular cones, and with their velocities taken into account.
 
         Args:
             rows: The rows.
-            rest_speed: What moves no faster is at rest [m/s, rad/s].
+            rest_speed: Contacts that move no faster count as at rest [m/s, rad/s].
         """
         resting = at_rest(*[r.cone for r in rows])
         if resting.bilateral:
             return resting
-        # What is at rest is at rest whatever else moves: the same rows have the same columns in every company. The norm comes
+        # Whether rows rest does not depend on other rows: the same rows always have the same columns. The norm comes
         # first, a tenth of `speed`.
         moves = [not np.vdot(r.velocity, r.velocity) <= rest_speed**2 and not r.speed <= rest_speed for r in rows]
         if not any(moves):
@@ -167,12 +167,12 @@ class ForceSet:
 
     @lazy
     def is_line(self) -> Array:
-        """Which weights are free, or of a circular cone, shape (p,)."""
+        """Which weights are unbounded, or belong to a circular cone, shape (p,)."""
         return ~self.below & ~self.above
 
     @lazy
     def bilateral(self) -> bool:
-        """Whether every weight is free: all constraints hold, whatever force that takes."""
+        """Whether every weight is unbounded: all constraints are bilateral."""
         return not len(self.mu) and bool(self.is_line.all())
 
     @lazy
@@ -182,7 +182,7 @@ class ForceSet:
 
     @lazy
     def has_intervals(self) -> bool:
-        """Whether some weight has a finite bound other than zero from below."""
+        """Whether some weight has a finite upper bound, or a finite lower bound other than zero."""
         return bool((self.above | (self.below & (self.lower != 0.0))).any())
 
     @lazy
@@ -237,7 +237,7 @@ class ForceSet:
 
     @lazy
     def normal_share(self) -> Array:
-        """Shares of the columns in their element's normal, shape (p,): of a cone its third, of a pyramid all alike."""
+        """Shares of the columns in their element's normal, shape (p,): a cone's third column, a pyramid's columns equally."""
         out = 1.0 / self.widths[self.element_at]
         out[self.cone_columns] = 0.0, 0.0, 1.0
         return out
@@ -258,13 +258,13 @@ class ForceSet:
 
     @lazy
     def slipping(self) -> tuple[int, ...]:
-        """Numbers of the constraints with points that slide, or corners of a patch that turns."""
+        """Indices of the constraints with points that slide, or corners of a patch that turns."""
         slides, turns = {s.column for s in self.sliding}, (np.abs(self.offset) > _TURNS) & (self.lower < self.upper)
         told = {e.rows for e in self.elements if e.columns.start in slides or turns[e.columns].any()}
         return tuple(sorted(told))
 
     def accelerations(self, c: Array, *, coulomb: bool = False) -> Array:
-        """What the weights answer to, shape (p,): H^T c + offset; with mu |y_t| added along normals if `coulomb`."""
+        """Accelerations paired with weights, shape (p,): H^T c + offset; with mu |y_t| added along normals if `coulomb`."""
         y = self.H.T @ c + self.offset
         if coulomb and len(self.mu):
             y[self.cone_at + 2] += self.mu * np.hypot(y[self.cone_at], y[self.cone_at + 1])
@@ -278,7 +278,7 @@ class ForceSet:
         return out
 
     def at_points(self, w: Array, constraint: int) -> Array:
-        """Forces, of weights, or accelerations, of y, at the points of one contact that pushes, shape (k, 3), in its axes.
+        """Forces (from weights) or accelerations (from y) at the points of a unilateral contact, shape (k, 3), in its axes.
 
         Args:
             w: Weights or accelerations, shape (p,).
@@ -288,9 +288,9 @@ class ForceSet:
         return np.array(out).reshape(-1, 3)
 
     def weights_of(self, f: Array) -> Array:
-        """Weights within the sets that make the row forces f as nearly as can be, shape (p,).
+        """Weights within the sets whose row forces are nearest to f, shape (p,).
 
-        Where circular cones share rows (corners of a patch) projected gradients are slow and near, not exact.
+        Where circular cones share rows (corners of a patch) projected gradients are used, slow and approximate.
         """
         if not len(self.mu):
             w, free = self.lower.copy(), self.lower < self.upper
@@ -308,9 +308,9 @@ class ForceSet:
         return w
 
     def gap(self, y: Array) -> Array:
-        """How far each acceleration is from where its set allows, whatever the weight, shape (p,).
+        """Distance of each acceleration from the values that its set allows, whatever the weight, shape (p,).
 
-        A line must keep still, a half-line may open; a circular cone's distance to its dual stands at its normal.
+        A line allows 0, a half-line any y >= 0; the distance to a circular cone's dual is in the entry of its normal.
         """
         out = np.where(self.below, 0.0, np.maximum(y, 0.0)) + np.where(self.above, 0.0, np.maximum(-y, 0.0))
         if len(self.mu):
@@ -324,7 +324,7 @@ class ForceSet:
     def slack(self, w: Array, y: Array) -> Array:
         """|weight x acceleration| of each column, for weights in their sets, shape (p,); zero where complementary.
 
-        Of a circular cone it stands at its normal.
+        For a circular cone it is in the entry of its normal.
         """
         out = (w - self.finite_lower) * self.below * np.maximum(y, 0.0)
         out += (self.finite_upper - w) * self.above * np.maximum(-y, 0.0)
@@ -334,14 +334,14 @@ class ForceSet:
         return out
 
 
-@lru_cache(maxsize=512)  # contacts keep one set for life: computed once
+@lru_cache(maxsize=512)  # a contact's set never changes: computed once
 def at_rest(*cones: Cone) -> ForceSet:
-    """The sets of several constraints side by side, all contacts at rest."""
+    """The stacked sets of several constraints, all contacts at rest."""
     return _stacked(cones, [""] * len(cones), [None] * len(cones), REST_SPEED)
 
 
 def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[Array | None], rest_speed: float) -> ForceSet:
-    """The sets of several constraints side by side, whose rows have velocities, or none where they are at rest."""
+    """The stacked sets of several constraints with the velocities of their rows; None where they are at rest."""
     sources = [cone.generators() for cone in cones]
     B = block_diagonal([local for local, _ in sources])
     u, inward = np.zeros(B.shape[1]), np.zeros(B.shape[1])
@@ -362,7 +362,7 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
             blocks.append(given[:, 3 - shape.dim :].T)
             pull.append(felt[:, 3 - shape.dim :].T)
             at = source.stop
-    E = block_diagonal(pull)  # of the accelerations; of the forces it is another where points slide
+    E = block_diagonal(pull)  # for accelerations; where points slide, forces have another one
     H = locked(B @ E)
     lower_all, upper_all = np.array(bounds).reshape(-1, 2).T
     round_ones = [e for e in elements if e.is_cone]
@@ -396,5 +396,5 @@ def column_slices(elements: Sequence[Element], count: int) -> tuple[slice, ...]:
 
 def locked(array: Array) -> Array:
     """The array itself, read-only."""
-    array.flags.writeable = False  # kept for the next problem
+    array.flags.writeable = False  # cached for the next problem
     return array

@@ -1,4 +1,4 @@
-"""What a contact touches: the ground, which may move, or another body of the robot; and how far from a plane it is."""
+"""Surfaces that a contact touches: ground, at rest or moving, or another body of the robot; distances to a plane."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def unit_normal(what: str, normal: Sequence[float] | Array) -> Array:
-    """A normal, its length made one to rounding.
+    """The normal, normalised.
 
     Raises:
         InputError: if it is not of unit length to 1e-6.
@@ -33,16 +33,16 @@ class Ground:
     """The ground that a contact touches: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
 
     Attributes:
-        normal: Out of the ground, a unit vector in W, shape (3,). Not given: z where `point` is, else the contact's own
+        normal: Out of the ground, a unit vector in W, shape (3,). Not given: z where `point` is, else the contact's
             (z of a point contact, z of the placement of an edge or a patch).
-        point: Any point of its plane, in W, shape (3,) [m]. None: where the plane is is not known, and a contact touches it
-            wherever it is.
-        velocity: Of its surface, world axes: linear (3,), or linear and angular (6,) [m/s, rad/s]; kept as (6,). None: it
-            rests. A contact's rows are relative to it: a point that moves with the surface is at rest.
-        acceleration: Likewise of the material point of the surface that `velocity` is of [m/s2, rad/s2]. Both are of the
-            instant: another instant wants another ground.
-        about: Point in W, shape (3,) [m], where `velocity` and `acceleration` are those of the surface, as a point on a
-            turntable's axis. Not given: the contact's own point; for what rolls, `point`.
+        point: Any point of its plane, in W, shape (3,) [m]. None: its position is not known, and a contact touches it
+            in any pose.
+        velocity: Of its surface, world axes: linear (3,), or linear and angular (6,) [m/s, rad/s]; stored as (6,). None: it
+            is at rest. A contact's rows are relative to it: a point that moves with the surface is at rest.
+        acceleration: Of the same material point of the surface, (3,) or (6,) [m/s2, rad/s2]. Both hold for one
+            instant: another instant needs another ground.
+        about: Point in W, shape (3,) [m], at which `velocity` and `acceleration` are given, e.g. a point on a
+            turntable's axis. Not given: the contact's point; for rolling bodies, `point`.
 
     Raises:
         InputError: numbers that are not finite, a normal that is not of unit length, `about` without a motion.
@@ -72,7 +72,7 @@ class Ground:
         if self.about is not None:
             put(self, "about", as_vector3("about of the ground", self.about))
             if self.velocity is None and self.acceleration is None:
-                raise InputError("the ground has about= without velocity= or acceleration=: it says where these are given.")
+                raise InputError("the ground has about= without velocity= or acceleration=: these are given at that point.")
         put(self, "height", np.nan if n is None or point is None else float(n @ point))
         put(self, "level", point is not None and n is not None and bool(np.array_equal(n, _UP)))
 
@@ -90,13 +90,13 @@ class Ground:
         return np.full(len(points), np.nan) if self.normal is None else np.asarray(points @ self.normal) - self.height
 
     def below(self, x: float, y: float) -> float:
-        """Height of the plane in W at (x, y) [m]; of one that stands upright, of its `point`."""
+        """Height of the plane in W at (x, y) [m]; of a vertical plane, that of its `point`."""
         nx, ny, nz = np.asarray(self.normal).tolist()
         assert self.point is not None
         return (self.height - nx * x - ny * y) / nz if abs(nz) > 1e-3 else float(self.point[2])
 
     def same(self, other: Ground) -> bool:
-        """Whether both are one plane, to a micrometre at the points given."""
+        """Whether both are the same plane, to a micrometre at the points given."""
         if np.abs(np.asarray(self.normal) - np.asarray(other.normal)).max() > 1e-9:
             return False
         return bool(abs(self.distances(np.asarray(other.point)[None])[0]) < 1e-6)
@@ -106,15 +106,15 @@ class Ground:
 class Body:
     """Another body of the same model that a contact touches, in place of the ground.
 
-    The contact's force is the one on its own body; the other feels the opposite.
+    The contact's force is the one on the contact's body; the other body receives the opposite.
 
     Attributes:
         frame: A frame of that body.
-        normal: Out of it, a unit vector in the frame's axes, shape (3,); the contact's own if not given, as of `Ground`.
-            What rolls takes the plane through the frame's origin.
+        normal: Out of it, a unit vector in the frame's axes, shape (3,); the contact's if not given, as in `Ground`.
+            Rolling bodies take the plane through the frame's origin.
 
     Raises:
-        InputError: a frame that is no word, a normal that is not of unit length.
+        InputError: a frame that is not a string, a normal that is not of unit length.
 
     >>> palm = rbd.PointContact("palm", "left_hand", on=rbd.Body("table"), friction=0.5)
     """
@@ -133,16 +133,16 @@ FLOOR = Ground(point=(0.0, 0.0, 0.0))
 """The plane z = 0."""
 
 Surface = Ground | Body | None
-"""What is touched, checked; None: ground at rest somewhere."""
+"""A checked surface; None: ground at rest, its position not known."""
 On = Surface | float
-"""What is touched, as a user says it: also the height of a level ground [m]."""
+"""A surface as users give it: also the height of a level ground [m]."""
 
 
 def surface_of(name: str, on: object) -> Surface:
-    """What `on=` of a contact says: a ground, the height of a level one, a body, or None where nothing is known of it.
+    """The surface that `on=` of a contact stands for: a ground, the height of a level one, a body, or None (not known).
 
     Raises:
-        InputError: if it is something else.
+        InputError: if it is none of these.
     """
     if on is None or isinstance(on, Ground | Body):
         return on
@@ -159,7 +159,7 @@ def plane_of(name: str, on: object) -> Ground:
     """A ground whose plane is known.
 
     Raises:
-        InputError: it is a body, or a ground without a point.
+        InputError: if it is a body, or a ground without a point.
     """
     ground = surface_of(name, on)
     if not isinstance(ground, Ground) or ground.point is None:
@@ -168,15 +168,15 @@ def plane_of(name: str, on: object) -> Ground:
 
 
 def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Surface]:
-    """What each of several feet stands on.
+    """The surface under each of several feet.
 
     Args:
         names: Of the feet.
-        on: One for all, or {foot: its own}; feet that are not named stand on z = 0.
+        on: One for all, or {foot: surface}; z = 0 for feet that are not named.
 
     Raises:
-        UnknownName: a foot that is none, with the nearest names.
-        InputError: what is no ground and no body.
+        UnknownName: an unknown foot, with the nearest names.
+        InputError: neither a ground nor a body.
     """
     if not isinstance(on, Mapping):
         one = surface_of("the feet", on)

@@ -22,7 +22,7 @@ KINDS = ("bilateral", "convex", "coulomb")
 
 @dataclass(frozen=True)
 class Law:
-    """A contact law, and what stands for its circular cones; printed e.g. as "convex, 4 facets".
+    """A contact law, and the pyramids that replace its circular cones; printed e.g. as "convex, 4 facets".
 
     Attributes:
         kind: "bilateral" (no contact can break or slip), "convex" (Gauss's principle with cones of forces) or "coulomb"
@@ -30,7 +30,7 @@ class Law:
         facets: Of the pyramids that replace the circular cones, ascending; empty where cones are circular, or there are none.
 
     Raises:
-        InputError: another kind; facets of another law than the convex one, fewer than three, or not ascending.
+        InputError: an unknown kind; facets with a law other than the convex one, fewer than three, or not ascending.
     """
 
     kind: str
@@ -91,7 +91,7 @@ class MomentumBalance:
 
 
 class Origin(Protocol):
-    """What a problem was assembled from: it can tell how the answer changes with the state."""
+    """What a problem was assembled from: it gives derivatives of the answer with respect to the state."""
 
     def derivatives(self, solution: Any) -> Any:
         """Derivatives of the answer with respect to state, torques and external forces."""
@@ -108,17 +108,17 @@ class GaussProblem:
         rhs: Generalised force of free motion, shape (nv,).
         rows: The constraints.
         balance: What the centroidal residual is computed from, or None.
-        origin: What it was assembled from, or None of a problem built by hand; `Solution.derivatives` asks it.
-        rest_speed: A contact that can break or slip, and a joint with dry friction, is at rest up to this speed
-            [m/s, rad/s]: faster along its normal it opens and carries nothing, or strikes; faster along the ground it slides.
+        origin: What it was assembled from, used by `Solution.derivatives`; None for a problem built by hand.
+        rest_speed: A contact that can break or slip, and a joint with dry friction, counts as at rest up to this speed
+            [m/s, rad/s]: faster along its normal it is inactive, or impacts; faster along the ground it slides.
 
     Args:
-        M: See above.
-        rhs: See above.
-        rows: See above.
-        balance: See above.
-        origin: See above.
-        rest_speed: See above.
+        M: Stored as the attribute.
+        rhs: Stored as the attribute.
+        rows: Stored as the attribute.
+        balance: Stored as the attribute.
+        origin: Stored as the attribute.
+        rest_speed: Stored as the attribute.
         from_state: M and rhs come from a `State`, which has checked them.
 
     Raises:
@@ -147,7 +147,7 @@ class GaussProblem:
         names = [r.name for r in rows]
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
-            raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
+            raise DuplicateName(f"two constraints are named {twice!r}; give each a different name.")
         for r in rows:
             if r.J.shape[1] != self.nv:
                 raise InputError(f"rows {r.name!r}: J has {r.J.shape[1]} columns; expected nv = {self.nv}.")
@@ -187,7 +187,7 @@ class GaussProblem:
 
     @lazy
     def slices(self) -> dict[str, slice]:
-        """Where each constraint's rows stand in the stack."""
+        """Slice of each constraint's rows in the stack."""
         out, at = {}, 0
         for r in self.rows:
             out[r.name] = slice(at, at + len(r))
@@ -213,7 +213,7 @@ class GaussProblem:
 
     @lazy
     def offset_size(self) -> Array:
-        """|bias| + |feedback|, shape (m,): what the offset is made of."""
+        """|bias| + |feedback|, shape (m,): the sizes of the offset's terms."""
         if not any(r.stabilised for r in self.rows):
             return np.abs(self.bias)
         return np.abs(self.bias) + np.abs(np.concatenate([r.feedback for r in self.rows]))
@@ -234,17 +234,17 @@ class GaussProblem:
 
     @property
     def bilateral(self) -> bool:
-        """Whether every row holds, whatever force that takes."""
+        """Whether every row is bilateral."""
         return self.force_set.bilateral
 
     @property
     def openings(self) -> tuple[Opening, ...]:
-        """Points that move away from what they touch, faster than `rest_speed`: they carry nothing."""
+        """Points that separate faster than `rest_speed`: their forces are zero."""
         return self.force_set.openings
 
     @lazy
     def factor(self) -> Array:
-        """Lower Cholesky factor L of M = L L^T (the upper triangle holds rubbish), shape (nv, nv)."""
+        """Lower Cholesky factor L of M = L L^T (the upper triangle is undefined), shape (nv, nv)."""
         return inertia_factor(self.M)
 
     def solve_M(self, b: Array) -> Array:
@@ -258,7 +258,7 @@ class GaussProblem:
 
     @lazy
     def least_momentum(self) -> float:
-        """Momentum rate that some coordinate's unit acceleration makes in every component, 1 at most; of a balance.
+        """Momentum rate that some coordinate's unit acceleration causes in every component, 1 at most; needs a balance.
 
         A lower bound: of positive entries alone.
         """
@@ -283,7 +283,7 @@ class GaussProblem:
 
     @lazy
     def free_row_acceleration(self) -> Array:
-        """J a_free + offset, shape (m,): how the rows would accelerate without their forces."""
+        """J a_free + offset, shape (m,): row accelerations without constraint forces."""
         return self.J @ self.a_free + self.offset
 
 
@@ -296,7 +296,7 @@ def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:
         raise InputError(f"rows are {rows!r:.80}; expected a list of rbd.Rows.") from None
     for r in out:
         if not isinstance(r, Rows):
-            raise InputError(f"rows hold a {type(r).__name__}; expected rbd.Rows.")
+            raise InputError(f"rows contain a {type(r).__name__}; expected rbd.Rows.")
     return out
 
 
@@ -304,7 +304,7 @@ def checked(problem: GaussProblem) -> GaussProblem:
     """The problem, if it is one.
 
     Raises:
-        InputError: if it is something else.
+        InputError: if it is not one.
     """
     if not isinstance(problem, GaussProblem):
         raise InputError(f"a solver wants a GaussProblem, got {problem!r:.80}. For a robot, use rbd.solve(state, tau, ...).")

@@ -1,14 +1,14 @@
-"""Linear programs and least squares with bounds, by SciPy; how much work one question may cost: every limit, with its reason.
+"""Linear programs and least squares with bounds, by SciPy; limits of work, each with its reason.
 
-This is the only file that calls SciPy's programs. What they refuse, fail on or do not finish within the limit is told apart by
-`Outcome`, or is None; it is never an exception nor a number.
+This is the only file that calls SciPy's programs. Refusal, failure and an exceeded limit are reported by
+`Outcome`, or as None; never by an exception or a number.
 
 The limits are those of all programs and searches of the package. They count work (pivots, steps, multiplications), not seconds,
-so that an answer repeats bit by bit on any machine. Where a library cannot count, or may stand still within one step, a clock
-stands behind the count: far above what the count allows on an idle machine, so that it acts only when something is wrong. What
+so that an answer repeats bit by bit on any machine. Where a library cannot count, or may hang within one step, a clock
+limit is added, far above what the count allows on an idle machine, so that it acts only when something is wrong. What
 was not found within a limit is reported as not found.
 
-No call into a compiled library lasts much longer than `PROGRAM_SECONDS`, so Ctrl-C is answered within that time.
+No call into a compiled library lasts much longer than `PROGRAM_SECONDS`, so Ctrl-C takes effect within that time.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CONIC_SECONDS = 2.0
 """Clock limit of one conic program [s]. Robots need milliseconds."""
 
 QP_STEPS = 300
-"""Outer iterations of a quadratic program. Robots need 8 to 22, and a setting that needs 100 seldom ends at all."""
+"""Outer iterations of a quadratic program. Robots need 8 to 22, and a setting that needs 100 seldom converges."""
 QP_STEPS_LAST = 1000
 """The same for the last settings that are tried."""
 QP_INNER_STEPS = 100
@@ -59,7 +59,7 @@ FORCE_CHOICE_WORK = 4e9
 """Multiplications for the forces of minimum norm, about 1.5 s on one core. A hundred contacts need a hundredth of it."""
 
 FRICTION_PROGRAMS = 400
-"""Linear programs in the search for the least coefficient of friction that holds a pose. Two soles need some fifty."""
+"""Linear programs in the search for the least coefficient of friction for static equilibrium. Two soles need some fifty."""
 
 POLYGON_PROGRAMS = 1000
 """Programs for one polygon of centres of mass or of pushes. Two soles need eight; a millionth of a square metre, a hundred."""
@@ -81,17 +81,17 @@ MODE_WORK = 5e9
 
 
 class Work:
-    """What is left of a number of multiplications.
+    """A budget of multiplications.
 
     Attributes:
-        left: Negative once more was spent than there was.
+        left: What is left; negative once more was spent than there was.
     """
 
     def __init__(self, limit: float) -> None:
         self.left = float(limit)
 
     def spend(self, amount: float) -> bool:
-        """Whether the amount was there."""
+        """Spend an amount; whether it was available."""
         self.left -= amount
         return self.left >= 0.0
 
@@ -111,10 +111,10 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class LinearAnswer:
-    """What a linear program gave.
+    """Result of a linear program.
 
     Attributes:
-        outcome: How it ended. The rest is meaningless unless that is SOLVED.
+        outcome: How it ended. All other attributes are valid only if it is SOLVED.
         x: The minimiser, shape (n,).
         value: The minimum.
         lower: Multipliers of A_ub x <= b_ub, not positive, shape (q,).
@@ -131,7 +131,7 @@ class LinearAnswer:
 
     @property
     def solved(self) -> bool:
-        """Whether there is an answer."""
+        """Whether it was solved."""
         return self.outcome is Outcome.SOLVED
 
 
@@ -155,7 +155,7 @@ def linear_program(
         cost: Shape (n,).
         A_ub: Shape (q, n), dense or sparse, or None.
         b_ub: Shape (q,).
-        A_eq: Shape (p, n), likewise.
+        A_eq: Shape (p, n), dense or sparse, or None.
         b_eq: Shape (p,).
         bounds: As `scipy.optimize.linprog` takes them; none if not given.
         tolerance: Of feasibility, primal and dual; HiGHS's own 1e-7 if not given.
@@ -183,13 +183,13 @@ def _nothing(outcome: Outcome, pivots: int = 0) -> LinearAnswer:
 
 def nonnegative(A: Array, b: Array) -> Array | None:
     """The x >= 0 with the least |A x - b| [LawsonHanson1974], shape (n,); None where it is not found."""
-    if not A.size:  # of no rows SciPy returns what was in its memory, and no columns end the process
+    if not A.size:  # without rows SciPy returns uninitialised memory; without columns it ends the process
         return np.zeros(A.shape[1])
     if not (is_finite(A) and is_finite(b)):
         return None
     try:
         return np.asarray(nnls(A, b, maxiter=int(LEAST_SQUARES_PIVOTS * A.shape[1]))[0])
-    except (RuntimeError, ValueError, np.linalg.LinAlgError):  # the limit, or a singular set of columns
+    except (RuntimeError, ValueError, np.linalg.LinAlgError):  # iteration limit, or singular columns
         return None
 
 
@@ -201,9 +201,9 @@ def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array,
     Args:
         G: Shape (k, n).
         h: Shape (k,).
-        tolerance: What is left of one, of the weighted h, where there is an x.
+        tolerance: Where an x exists, relative residual of the weighted h.
     """
-    size = float(np.abs(h).max(initial=0.0)) or 1.0  # planes far away would leave few digits to the multipliers
+    size = float(np.abs(h).max(initial=0.0)) or 1.0  # distant planes would leave the multipliers few digits
     y = nonnegative(np.vstack([G.T, h / size]), np.append(np.zeros(G.shape[1]), 1.0))
     if y is None:
         return None
@@ -215,7 +215,7 @@ def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array,
 
 
 def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
-    """The x within its bounds with about the least |A x - b|, shape (n,); as near as it was found: judge by its residual."""
+    """The x within its bounds with about the least |A x - b|, shape (n,); approximate: check its residual."""
     try:
         found = lsq_linear(A, b, (lower, upper), tol=1e-14, max_iter=BOUNDED_STEPS).x
     except (ValueError, np.linalg.LinAlgError):

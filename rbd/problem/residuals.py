@@ -1,7 +1,7 @@
 """The certificate of an answer: every equation of the law, recomputed in physical units and scaled.
 
-Scaled row by row and point by point: each miss is divided by the terms of its own row (`rbd.problem.scales`), and the
-largest quotient counts. A light body that sinks is not excused by a heavy one that does not.
+Scaled row by row and point by point: each residual is divided by the terms of its row (`rbd.problem.scales`), and the
+largest quotient counts. A light body that sinks is not hidden by a heavy one that does not.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rbd.problem.scales import Scales
 SOLVED = 1e-9
 """Scaled residuals up to this are `solved`."""
 ENOUGH = 0.1 * SOLVED
-"""Scaled residuals that are improved no further."""
+"""Scaled residuals below this are not refined further."""
 USABLE = 1e-7
 """Scaled residuals up to this are `inaccurate`; above, there is no answer."""
 
@@ -28,16 +28,16 @@ _UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementar
 
 
 class Residual(float):
-    """A residual in physical units, the largest entry, that also tells `scaled`.
+    """A residual in physical units, the largest entry, with its `scaled` value as an attribute.
 
-    `scaled` is the largest quotient of an entry and the terms of its own row or point. It may belong to another entry: 1e-8 N
-    may be the most that is missed, and nothing beside the 800 N on a pelvis, while 1e-10 N are a tenth of what moves a finger.
+    `scaled` is the largest quotient of an entry and the terms of its row or point. It may belong to another entry: 1e-8 N
+    may be the largest residual and negligible against the 800 N on a pelvis, while 1e-10 N are a tenth of what moves a finger.
     """
 
     scaled: float
 
     def __new__(cls, value: float, scaled: float) -> Residual:
-        """The largest entry, and the largest of them over their own terms."""
+        """The largest entry, and the largest quotient of an entry and the size of its terms."""
         self = super().__new__(cls, value)
         self.scaled = scaled
         return self
@@ -50,12 +50,12 @@ class Residual(float):
 class Residuals:
     """How far an answer is from the equations of its law; largest entries, zero for an exact answer.
 
-    Each is a float in physical units with an attribute `scaled`, the largest entry over its own scale; see
+    Each is a float in physical units with an attribute `scaled`, the largest entry over its scale; see
     `rbd.problem.scales`.
 
     Attributes:
         values: The five below in order, in physical units; the last is None where it does not apply.
-        answer: What was judged: (problem, a, f, weights, law).
+        answer: What the residuals are of: (problem, a, f, weights, law).
     """
 
     values: tuple[float, float, float, float, float | None]
@@ -68,7 +68,7 @@ class Residuals:
 
     @property
     def feasibility(self) -> Residual:
-        """Distance of c = J a + offset to where the law lets it be [m/s2, rad/s2].
+        """Distance of c = J a + offset to the set that the law admits [m/s2, rad/s2].
 
         Convex law: to K*. Of pyramids, along their rays as given; of true cones, point by point. Coulomb's law: how fast
         points sink. Scaled by |J||a| + |bias| + |feedback|, at least 1: how fast a point sinks by the terms of its normal
@@ -130,13 +130,13 @@ class Residuals:
             i += 1
             if x is None or x == 0.0:
                 continue
-            # What is small beside the least that scales can be passes without them. NaN fails all comparisons.
+            # Residuals small against lower bounds of the scales pass without the scales themselves. NaN fails all comparisons.
             if not (x <= tolerance * self._least(i) or self._of(i) <= tolerance):
                 return False
         return True
 
     def under(self, law: Law, weights: Array) -> Residuals:
-        """The certificate of the same acceleration and row forces under another law; the equations of motion stay as judged.
+        """The certificate of the same acceleration and row forces under another law; stationarity is reused.
 
         Args:
             law: The other law.
@@ -149,12 +149,12 @@ class Residuals:
 
     @lazy
     def scales(self) -> Scales:
-        """What the rows are measured against."""
+        """The scales of all equations."""
         P, a, f, _, _ = self.answer
         return Scales(P, a, f)
 
     def _least(self, i: int) -> float:
-        """A lower bound of the scales of equation i, cheap."""
+        """A lower bound of the scales of equation i, faster than the scales themselves."""
         P = self.answer[0]
         if i in (0, 4):
             return P.least_inertia if i == 0 else P.least_momentum
@@ -166,8 +166,8 @@ class Residuals:
         if i == 2:
             return 1.0 / max(1.0, max_abs(P.delassus.diagonal()))
         slack, own = self._terms.slack, np.abs(self._terms.weights)
-        # Of a point that pushes, its weight is less than the scale of its weights: what is left is its acceleration.
-        with np.errstate(over="ignore"):  # a weight of zero beside a bound of 1e100: no lower bound but zero
+        # At a loaded point the weight is below the scale of its weights: the quotient is at most that of its acceleration.
+        with np.errstate(over="ignore"):  # a weight of zero with a bound of 1e100: the lower bound is zero
             return acceleration * max_abs(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
 
     def _of(self, i: int) -> float:
@@ -206,7 +206,7 @@ class Residuals:
         return [(name, r) for name, r in every if r is not None]
 
     def __getstate__(self) -> dict[str, object]:
-        return {"values": self.values, "answer": self.answer}  # what else is kept can be computed again
+        return {"values": self.values, "answer": self.answer}  # all other cached values can be recomputed
 
     def __repr__(self) -> str:
         return f"Residuals({self})"
@@ -219,11 +219,11 @@ def residuals_of(problem: GaussProblem, a: Array, f: Array, weights: Array | Non
     """The certificate of acceleration a and row forces f under a law.
 
     Args:
-        problem: What is answered.
+        problem: The problem that is solved.
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,).
-        weights: Of the columns of `problem.force_set_of(law)`; where None and rows can break, the best that can be found.
-        law: A law, or as it prints.
+        weights: Of the columns of `problem.force_set_of(law)`; if None and rows can break, the best ones are computed.
+        law: A `Law`, or its string.
     """
     law = Law.of(law)
     P, answer = problem, (problem, a, f, weights, law)
@@ -249,18 +249,18 @@ def _judged(
 
 
 class _Terms:
-    """Row accelerations against row forces: `gap` and `slack` by column of the sets, `off_cone` by row.
+    """Residuals between row accelerations and row forces: `gap` and `slack` per generator column, `off_cone` per row.
 
     Attributes:
-        gap: How far accelerations are from where they may be [m/s2].
+        gap: Distance of accelerations to the admissible set [m/s2].
         slack: Weight x acceleration where one of them must be zero [N m/s2].
-        off_cone: Force less what the weights make [N].
+        off_cone: Force less G w [N].
         slices: The columns of each constraint.
         weights: Of the columns, inside their bounds [N].
-        over: (gap, slack) by column, each over the scales of its own point.
+        over: (gap, slack) by column, each over the scales of its point.
     """
 
-    __slots__ = ("gap", "off_cone", "over", "slack", "slices", "weights")  # frozen dataclasses cost two microseconds more
+    __slots__ = ("gap", "off_cone", "over", "slack", "slices", "weights")  # a frozen dataclass would cost two microseconds more
 
     def __init__(
         self,
@@ -309,7 +309,7 @@ def _of_set(T: ForceSet, c: Array, f: Array, weights: Array | None, *, coulomb: 
                 across = np.maximum(T.mu * slip - np.maximum(y_n, 0.0), 0.0)
                 gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
                 slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
-        elif T.size > len(T.elements):  # pyramids: how a point sinks apart from how it moves along the ground
+        elif T.size > len(T.elements):  # pyramids: normal and tangential acceleration separately
             point, normal = T.element_at, T.sums(y * T.normal_share)
             falls = (np.maximum(-normal, 0.0) / (np.abs(T.normals).T @ scales.rows))[point]
             across = np.maximum(normal[point] - y - np.maximum(normal, 0.0)[point], 0.0)
@@ -323,11 +323,11 @@ def _over(miss: Array, scales: Array) -> float:
     return float((np.abs(miss) / scales).max(initial=0.0))
 
 
-@np.errstate(all="ignore")  # of numbers that overflow, the words say so
+@np.errstate(all="ignore")  # overflow is reported in the message
 def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law = CONVEX) -> str:
-    """The constraint that misses its equations most, over their own terms, and by how much, in words.
+    """Message: the constraint with the largest scaled residual, and how large it is.
 
-    Where numbers are NaN or infinite, or their squares are, the first constraint whose force is, else the whole motion.
+    If values or their squares are NaN or infinite: the first constraint with such a force, else the whole motion.
     """
     if not problem.m:
         return "no constraint"
@@ -353,7 +353,7 @@ def blame(problem: GaussProblem, a: Array, f: Array, weights: Array | None, law:
 
 
 def _imbalance(P: GaussProblem, a: Array, f: Array) -> list[float]:
-    """Rate of centroidal momentum less what makes it, six numbers; of a problem with a balance."""
+    """Rate of centroidal momentum less the wrenches that cause it, shape (6,); needs a problem with a balance."""
     b = P.balance
     assert b is not None
     rate = (b.A_g @ a + b.rate_bias).tolist()
@@ -363,7 +363,7 @@ def _imbalance(P: GaussProblem, a: Array, f: Array) -> list[float]:
         part = f[at : at + len(rows)]
         at += len(rows)
         if rows.patch is not None and rows.patch.against is not None:
-            continue  # between two bodies: nothing from outside, by action and reaction
+            continue  # between two bodies: an internal force, action and reaction cancel
         if rows.resultant is not None and rows.patch is not None:
             add_wrench(total, (rows.resultant @ part).tolist(), rows.patch.point.tolist(), com)
         elif b.base is not None:

@@ -1,4 +1,4 @@
-"""Rows: what a constraint says at one state, in arrays, before any solver."""
+"""Rows: a constraint at one state, as arrays, before any solver."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Patch:
         friction: Coefficient, or None for a bilateral contact.
         against: Frame of the robot that it touches, of a contact between two bodies; None for the ground. Its force is the
             one on the first body, and the second feels the opposite.
-        on: The plane that it stands on, or None where that is not known.
-        reach: No corner is farther than this from `point` [m]; it makes `touches` cheap.
+        on: The plane that it touches, or None where that is not known.
+        reach: No corner is farther than this from `point` [m]; it speeds up `touches`.
         within: A corner that is no farther than this from the plane touches it [m].
     """
 
@@ -51,16 +51,16 @@ class Patch:
 
     @property
     def gaps(self) -> Array | None:
-        """How far each corner is above its plane, negative below, shape (k,) [m]; None where no plane is known."""
+        """Height of each corner above its plane, negative below, shape (k,) [m]; None where no plane is known."""
         return None if self.on is None else self.on.distances(self.corners_W)
 
     @property
     def touches(self) -> bool:
-        """Whether all corners are as near to the plane as `within` says; True where no plane is known."""
+        """Whether all corners are within `within` of the plane; True where no plane is known."""
         on = self.on
         if on is None or not len(self.corners):
             return True
-        if on.level:  # a bound first, in plain floats: a tenth of the cost of the gaps
+        if on.level:  # a bound first, in Python floats: a tenth of the cost of the gaps
             p, R = self.point, self.axes
             if abs(p.item(2) - on.height) + hypot(R.item(2, 0), R.item(2, 1)) * self.reach <= self.within:
                 return True
@@ -69,7 +69,7 @@ class Patch:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rows:
-    """m scalar constraint rows under one name: c = J a + bias + feedback, with forces in a cone.
+    """m scalar constraint rows with one name: c = J a + bias + feedback, with forces in a cone.
 
     Attributes:
         name: The constraint's name.
@@ -78,8 +78,8 @@ class Rows:
         cone: Set K of the row forces, of dimension m.
         velocity: J v less the surface's velocity, shape (m,) [m/s, rad/s]; zero if not given.
         error: Position residual, shape (m,), or None where position is not constrained.
-        feedback: Stabilisation, shape (m,), kept apart from the physics; zero if not given.
-        resultant: Takes row forces to the force (k = 3) or wrench (k = 6) on the robot in world axes, shape (k, m), or
+        feedback: Stabilisation, shape (m,), separate from the physics; zero if not given.
+        resultant: Maps row forces to the force (k = 3) or wrench (k = 6) on the robot in world axes, shape (k, m), or
             None where the rows have none.
         patch: Where the contact acts, or None.
         holonomic: Which rows are the second derivative of their `error`, shape (m,), of truth values; None: all of them, where
@@ -117,7 +117,7 @@ class Rows:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"the name of rows is {self.name!r:.80}; expected a word, e.g. 'left_sole'.")
+            raise InputError(f"the name of rows is {self.name!r:.80}; expected a string, e.g. 'left_sole'.")
         if type(self.J) is not np.ndarray or self.J.dtype != float:
             object.__setattr__(self, "J", as_array(f"J of rows {self.name!r}", self.J))
         if self.J.ndim != 2:

@@ -1,8 +1,8 @@
-"""What residuals are measured against: the terms of the same row, or of the same point, and least sizes for what is at rest.
+"""Scales of residuals: the sizes of the terms of the same row or point, with lower bounds for what is at rest.
 
-Every row of an equation has its own scale, so that a finger of a milligram is judged as strictly as the pelvis that carries it.
-A row whose terms are all near zero would be compared with nothing. It is compared with a least size: 1 m/s2 (rad/s2) of
-accelerations; of forces what accelerates the coordinate, or the row, at 1 m/s2, and never more than 1 N.
+Every row of an equation has a separate scale: a finger of a milligram is checked as strictly as the pelvis that carries it.
+A row whose terms are all near zero would have no scale. Every scale has a lower bound: for accelerations, 1 m/s2 (rad/s2);
+for forces, the force that accelerates the coordinate, or the row, at 1 m/s2, at most 1 N.
 
     equations of motion, row i     max(|M| |a|, |rhs|, |J|^T |f|)_i,                    at least min(1, M_ii)
     row i of a constraint          (|J| |a| + |bias| + |feedback|)_i,                   at least 1
@@ -12,7 +12,7 @@ accelerations; of forces what accelerates the coordinate, or the row, at 1 m/s2,
     momentum, component k          max(|A_g| |a| + |bias|, |wrench|, forces with their arms)_k,
                                                                                         at least min(1, max_j |A_g|_kj)
 
-with D = J M^-1 J^T, and n the column of the point's normal. Of the arms of moments one is the radius of gyration, with the
+with D = J M^-1 J^T, and n the column of the point's normal. One lever arm is the radius of gyration, with the
 largest of the linear terms: rounding of the forces on a base turns the body about its centre of mass.
 """
 
@@ -28,7 +28,7 @@ from rbd.problem.problem import GaussProblem, Law
 
 
 class Scales:
-    """Sizes of the terms of the equations at one answer, in their units."""
+    """Sizes of the equations' terms at one answer, in physical units."""
 
     def __init__(self, problem: GaussProblem, a: Array, f: Array) -> None:
         self._given = problem, a, f
@@ -74,15 +74,15 @@ class Scales:
             own[: len(wrench)] = np.maximum(own[: len(wrench)], wrench)
             x, y, z = np.abs(point - b.com)
             own[3:] = np.maximum(own[3:], np.array([[0.0, z, y], [z, 0.0, x], [y, x, 0.0]]) @ wrench[:3])
-        # Moments about the centre of mass are those about the base, less the forces' at the arm between.
+        # Moments about the centre of mass: those about the base, less the moment of the forces with the arm between.
         own[3:] = np.maximum(own[3:], np.sqrt(A[3:].max() / max(A[:3].max(), 1e-300)) * own[:3].max())
         return own
 
     def of_columns(self, weights: Array | None, law: Law) -> tuple[Array, Array]:
-        """(accelerations, weights) of the columns that the law's weights belong to; of the rows where all hold.
+        """(accelerations, weights) of the columns of the law's weights; of the rows where all are bilateral.
 
         Args:
-            weights: As `Answer.weights`; None where all rows hold.
+            weights: As `Answer.weights`; None where all rows are bilateral.
             law: As `Answer.law`.
         """
         P = self._given[0]
@@ -111,5 +111,5 @@ class Scales:
 
 
 def least_forces(mobility: Array | Sequence[float]) -> Array:
-    """The force that moves something of that mobility [1/kg] at 1 m/s2, 1 N at most."""
+    """The force that accelerates a point of that mobility [1/kg] at 1 m/s2, 1 N at most."""
     return 1.0 / np.maximum(mobility, 1.0)

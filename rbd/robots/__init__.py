@@ -1,4 +1,4 @@
-"""Robots: load them by name or file, stand them up, find their soles and loops, merge two, tell what is wrong with a model."""
+"""Robots: load them by name or file, standing postures, soles, loops, merging, and faults of a model."""
 
 from rbd.modules import submodule as _submodule
 from rbd.robots.diagnosis import ModelIssue, ModelReport

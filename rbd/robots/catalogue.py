@@ -1,4 +1,4 @@
-"""Where a robot's files are, where its feet are, and how it stands: by short name, by file name or by path.
+"""Files, feet and standing posture of a robot, by short name, file name or path.
 
 The robots come from the package `example-robot-data`, found through the installed packages' records and never through
 its loaders. What those files leave out (soles, contact points, a posture that balances) is in `data/robots.toml`.
@@ -38,7 +38,7 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Foot:
-    """Where a robot touches the ground, on one of its frames F.
+    """A foot of a robot: its sole or point on one of its frames F.
 
     The patch frame P has its x towards the toes and its z out of the ground, into the robot, when the robot stands in
     its posture. For a point, P sits at the lowest point of the foot's sphere in that posture; the rolling of a round
@@ -68,16 +68,16 @@ class Foot:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """All that is known about a robot before its model is built.
+    """The catalogue's data of a robot, before its model is built.
 
     Attributes:
         name: The short name, or the file's stem.
         urdf: The model file, URDF or MJCF.
-        srdf: The semantic file that goes with it, if there is one.
+        srdf: Its semantic file, if there is one.
         package_dirs: Where `package://` starts from, the user's own first.
         feet: Where it touches the ground; empty if the catalogue does not know.
-        postures: Ours, beside those of the SRDF: joint name -> angle [rad]; joints not named are at zero.
-        posture: The name of the one in which it stands, in `postures` or in the SRDF.
+        postures: Postures of the catalogue, besides those of the SRDF: joint name -> angle [rad]; joints not named are at zero.
+        posture: Name of the standing posture, in `postures` or in the SRDF.
         known: Whether the file is one of the robot data's, whose faults are known: it is loaded with a warning where a
             user's file would be refused.
     """
@@ -95,8 +95,8 @@ class Source:
 def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
     """The files, feet and postures of a robot.
 
-    A bare word is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data,
-    then a file here; anything with a folder or an ending in it is a path first, then a file of the robot data.
+    A plain name is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data,
+    then a file in the working folder; others are a path first, then a file of the robot data.
 
     Args:
         name_or_path: `"talos"`, `"four_bar"`, `"tiago_dual"`, `"ur_description/urdf/ur5_robot.urdf"` or the path of any model
@@ -104,7 +104,7 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
         package_dirs: More folders for `package://` to start from; they are searched first.
 
     Raises:
-        UnknownRobot: if nothing goes by this name; the nearest names are in the message.
+        UnknownRobot: if the name is unknown; the message has the nearest names.
         ModelError: if the file is missing or known to be broken, or the robot data are not installed.
 
     >>> find("talos").urdf.name, [foot.name for foot in find("talos").feet]
@@ -169,7 +169,7 @@ def _expanded(text: str) -> Path:
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except OSError:  # a name too long, a folder one may not enter
+    except OSError:  # a name too long, a folder without permission
         return False
 
 
@@ -213,7 +213,7 @@ def robots_folder() -> Path:
 
 
 def licence(source: Source) -> str:
-    """Under which licence a robot's files are distributed, as their own README states it; empty where nothing is stated."""
+    """Licence of a robot's files, from their README; empty if not stated."""
     if MODELS is not None and source.urdf.is_relative_to(MODELS):
         return "BSD-2-Clause"
     if not source.known:
@@ -226,7 +226,7 @@ def licence(source: Source) -> str:
 
 
 def _by_name(name: str) -> Path | None:
-    """The file that goes by this short name, file name or path inside the data; None if there is none."""
+    """The file with this short name, file name or path inside the data; None if there is none."""
     if name in _entries():
         return robots_folder() / _entries()[name]["file"]
     if MODELS is not None and name in mechanisms():
@@ -243,7 +243,7 @@ def _by_name(name: str) -> Path | None:
 
 
 def _source(urdf: Path, extra: tuple[Path, ...]) -> Source:
-    """What is known about a model file: what the catalogue says if it is one of the data's, else only its folder."""
+    """The catalogue's data of a model file, if it is in the robot data; else only its folder."""
     try:
         folder = robots_folder()
         shares: tuple[Path, ...] = (folder.parents[1], folder)
@@ -275,7 +275,7 @@ def _srdf_beside(urdf: Path) -> Path | None:
 def _entries() -> dict[str, dict[str, Any]]:
     """The tables of `data/robots.toml`, with `like` carried out."""
     tables = tomllib.loads((Path(__file__).parent / "data" / "robots.toml").read_text(encoding="utf-8"))
-    for key, table in tables.items():  # in the order of the file: what a robot is like stands above it
+    for key, table in tables.items():  # in the order of the file: a `like` refers to an entry above it
         if "like" in table:
             tables[key] = {**tables[table["like"]], **table}
     return tables

@@ -1,4 +1,4 @@
-"""What is wrong with a robot, and what of its file the dynamics leave out, by name."""
+"""Faults of a robot's model, and the contents of its file that the dynamics ignore, by name."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from rbd.model.state import State
 SINGULAR = 1e-9
 """A joint's articulated inertia over its composite one (see `_weightless`); the real robots' are above 3e-4."""
 NOTHING = 1e-14
-"""The same over the largest entry of M's diagonal: what is below it is lost in rounding. The real robots': above 1e-8."""
+"""The same over the largest entry of M's diagonal: smaller values are lost in rounding. The real robots': above 1e-8."""
 TRIES, TRIES_STRANGE = 3, 50
-"""Random configurations at which M is tried, where bodies are as bodies can be and where some are not."""
+"""Random configurations at which M is tried, for physical inertias and for unphysical ones."""
 SHOWN = 3  # names in a line
 CLOSED = 1e-6
-"""A loop that is open by less is closed [m, rad]."""
+"""A loop that is open by less counts as closed [m, rad]."""
 ROUNDED = 1e-3
-"""So is one that joints close which move by less [rad, m]: files round the angles of their postures."""
+"""So does one that joint motions smaller than this close [rad, m]: files round the angles of their postures."""
 
 _ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, yy, yz, zz)
 
@@ -53,7 +53,7 @@ SUMMARY = {
     "equality": ("equality constraint is left out", "equality constraints are left out"),
     "loop": ("loop is open in every posture", "loops are open in every posture"),
 }
-"""How many of a kind, in a sentence."""
+"""A count with singular or plural, for a sentence."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ class ModelIssue:
     """One issue that model validation found.
 
     Attributes:
-        kind: What sort of thing: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...
+        kind: Kind of issue: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...
         where: Name of the link, the joint, the posture or the mesh.
-        text: What is the matter with it.
+        text: Message.
     """
 
     kind: str
@@ -77,9 +77,9 @@ class ModelReport:
 
     Attributes:
         robot: Its name.
-        errors: What makes answers wrong; `load_robot` refuses such a robot.
+        errors: Issues that make answers wrong; `load_robot` refuses such a robot.
         warnings: What a user should know.
-        notes: What closes the robot's tree and what it rolls on; nothing is wrong with that.
+        notes: Loop closures and wheels, for information.
     """
 
     robot: str
@@ -190,7 +190,7 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
             pin.cholesky.decompose(model, data)
             composite, articulated = np.diagonal(M), np.ravel(data.D)
             sound = (articulated > SINGULAR * composite) & (articulated > NOTHING * composite.max())
-            if not sound.all():  # the outermost decides: inward of it, D means nothing
+            if not sound.all():  # the outermost counts: inward of it, D is not meaningful
                 last = int(np.flatnonzero(~sound)[-1])
                 if last > outermost:
                     outermost, indefinite = last, bool(articulated[last] < -SINGULAR * np.abs(composite).max())
@@ -237,18 +237,18 @@ class Bodies:
 
     @property
     def broken(self) -> Array:
-        """Which have a negative moment, or one larger than the sum of the others: shape (k,)."""
+        """Which have a negative moment of inertia, or one larger than the sum of the others: shape (k,)."""
         small, middle, large = self.moments.T
         rounding = 1e-9 * np.abs(self.moments).max(axis=1)
         return (small < -rounding) | (small + middle < large - rounding)
 
     @property
     def physical(self) -> bool:
-        """Whether all can be, though some may be points: then M has no negative eigenvalue anywhere."""
+        """Whether all are physical, points allowed: then M has no negative eigenvalue."""
         return not self.broken.any()
 
     def strange(self) -> Iterator[ModelIssue]:
-        """Those that no body has: broken ones, those of a point or a line, and inertia without mass."""
+        """Unphysical ones: broken ones, those of a point or a line, and inertia without mass."""
         small, _, large = self.moments.T
         broken, thin, massless = self.broken, (self.masses > 0.0) & (small <= 0.0), (self.masses == 0.0) & (large > 0.0)
         for i in np.flatnonzero(broken | thin | massless):
@@ -292,7 +292,7 @@ def _friction(model: pin.Model) -> Iterator[ModelIssue]:
 
 
 def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[ModelIssue, bool]]:
-    """Each loop and wheel with where it is closed, and whether that is anywhere."""
+    """Each loop and wheel, with the postures at which it is closed, if any."""
     given = {**{repr(name): q for name, q in postures.items()}, "the neutral posture": pin.neutral(robot.model)}
     states = [(where, State(robot, q)) for where, q in given.items()] if robot.loops() else []
     for loop in robot.loops():
@@ -312,7 +312,7 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
 
 
 def _gap(loop: Any, state: State) -> tuple[float, float] | None:
-    """(how far a loop is open [m, rad], how far its joints must move at least to close it [rad, m]).
+    """(loop-closure error [m, rad], least motion of its joints that closes it [rad, m]).
 
     None where that has no answer, as for a hinge whose axes are opposite. The second is to first order, infinite where no
     motion of the joints closes it.
@@ -321,7 +321,7 @@ def _gap(loop: Any, state: State) -> tuple[float, float] | None:
         rows = loop.rows(state)
     except InputError:
         return None
-    assert rows.error is not None  # of closures, gears and locks alike
+    assert rows.error is not None  # for closures, couplings and locks
     gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
     reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
     return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf

@@ -1,8 +1,8 @@
-"""Flat linkages as URDF files: bars in the vertical x-z plane, joined by pins, with the loops that close them beside.
+"""Flat linkages as URDF files: bars in the vertical x-z plane, joined by pins, with loop files that close them.
 
 The plane is that of x (right) and z (up), seen from -y; joints turn about -y, so that angles are counter-clockwise as drawn on
 paper, and a link's x axis runs along its first bar. A bar is a thin uniform rod: m L^2 / 12 across it, and m r^2 / 2 about its
-length, which no motion in the plane feels. Bars are drawn beside each other so that they can pass; their mass is at y = 0.
+length, which does not affect planar motion. Bars are drawn side by side so that they can pass; their mass is at y = 0.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rbd.robots.robot import Robot, load_robot
 Point = tuple[float, float]
 GROUND = "ground"
 GRAVITY = 9.81
-"""Of robots of `rbd` [m/s2], along -z of W."""
+"""Gravity of robots of `rbd` [m/s2], along -z of W."""
 COLORS = {"grey": "0.35 0.37 0.40 1", "orange": "0.90 0.45 0.10 1", "blue": "0.16 0.42 0.66 1", "green": "0.24 0.58 0.36 1",
           "red": "0.75 0.22 0.20 1", "violet": "0.48 0.36 0.66 1", "steel": "0.75 0.77 0.80 1"}  # fmt: skip
 NORMAL = "[0, -1, 0]"  # of the plane: loops turn about what joints turn about
@@ -34,13 +34,13 @@ NORMAL = "[0, -1, 0]"  # of the plane: loops turn about what joints turn about
 
 @dataclass(frozen=True)
 class Link:
-    """A body of a flat linkage, its frame at the pin or slide that it hangs from.
+    """A body of a flat linkage, its frame at its parent's pin or slide.
 
     Attributes:
         name: Its joint is called `<name>_joint`, a tip `<name>_tip`.
         parent: What it hangs from.
         at: Where, in the parent's axes (x, z) [m].
-        points: Its corners in its own axes (x, z) [m]; bars run from each to the next, first from its own pin.
+        points: Its corners in its axes (x, z) [m]; bars connect them in order, the first from its pin.
         mass: Of all its bars [kg]; spread evenly along them.
         color: One of `COLORS`.
         layer: How far before the plane it is drawn, in thicknesses.
@@ -68,7 +68,7 @@ class Link:
 
     @property
     def bars(self) -> list[tuple[Array, Array]]:
-        """(from, to) of each bar, in its own axes, shape (3,)."""
+        """(from, to) of each bar, in its axes, shape (3,)."""
         corners = [np.array([x, 0.0, z]) for x, z in ((0.0, 0.0), *self.points)]
         return list(itertools.pairwise(corners))
 
@@ -88,7 +88,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Linkage:
-    """A flat linkage: links, what closes it, and where it stands.
+    """A flat linkage: links, loop closures, and a posture.
 
     Attributes:
         name: Of the robot.
@@ -98,7 +98,7 @@ class Linkage:
         closures: {name: (link, other link)} whose tips meet.
         postures: {name: {link: angle [rad] or displacement [m]}}.
         radius: Of a bar [m]: half its width as drawn.
-        origin: Where the file comes from, and its licence.
+        origin: Source of the file, and its licence.
         hangs: Whether the ground is drawn above its pins, or below.
         rail: (from, to, height) of a rail of the ground, along x [m].
     """
@@ -123,7 +123,7 @@ class Linkage:
         return "".join([*head, *self._ground(), *(self._link(link, effort) for link in self.links), "</robot>\n"])
 
     def yaml(self) -> str:
-        """The loop file beside it."""
+        """Its loop file."""
         lines = [f"# Closes {self.name}.urdf. {self.origin}", "root: fixed"]
         lines += [f"passive: [{', '.join(self._passive())}]", "loops:"]
         for name, (one, other) in self.closures.items():
@@ -264,7 +264,7 @@ def wrapped(angle: float) -> float:
 
 
 def lengths(what: str, **given: object) -> list[float]:
-    """Lengths, masses and the like, checked.
+    """Refuse invalid lengths, masses and other numbers.
 
     Raises:
         InputError: one that is not a finite number above zero.
@@ -279,7 +279,7 @@ def lengths(what: str, **given: object) -> list[float]:
 
 
 def radius(*sizes: float) -> float:
-    """Of bars that look right beside each other: 3 % of their mean length [m]."""
+    """Width of the drawn bars: 3 % of their mean length [m]."""
     return 0.03 * sum(sizes) / len(sizes)
 
 
@@ -328,7 +328,7 @@ def _frame(name: str, link: str, at: Point) -> str:
 
 
 def _short(values: Sequence[float] | Array) -> str:
-    """For shapes, of which nothing is computed."""
+    """For shapes, which do not enter the dynamics."""
     return " ".join(f"{float(x) + 0.0:.5g}" for x in values)
 
 

@@ -1,6 +1,6 @@
-"""Loop files: the loops, couplings, wheels and postures of a mechanism, in YAML beside its URDF.
+"""Loop files: the loops, couplings, wheels and postures of a mechanism, in a YAML file next to its URDF.
 
-A URDF is a tree. `four_bar.loops.yaml` beside `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
+A URDF is a tree. `four_bar.loops.yaml` next to `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
 left out:
 
     root: fixed                         # or planar, or free_flyer: what load_robot takes by default
@@ -17,12 +17,12 @@ left out:
     postures:                           # joint: angle [rad] or displacement [m], or a list: the joint's part of q
       assembled: {crank_joint: 0.7, coupler_joint: -0.4}
 
-A kind of your own is read under `loops` or `wheels` by the word that `rbd.register_constraint(word, kind)` gave it; its keys
-are the names of what it is made of, their values numbers, words, truth values or lists of numbers:
+A user's kind is read under `loops` or `wheels` by the name given to `rbd.register_constraint(word, kind)`; its keys
+are its parameters, their values numbers, strings, truth values or lists of numbers:
 
       - {name: rod, kind: rod, frame_a: coupler_tip, frame_b: rocker_tip, length: 0.3}
 
-Words are those of YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
+Values follow YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
 robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB are refused by name.
 """
 
@@ -53,17 +53,17 @@ Triple = tuple[float, float, float]
 
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
-"""How a robot's root may move, and its degrees of freedom."""
+"""Kinds of root joint, and their degrees of freedom."""
 PARTS = ("root", "passive", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
-"""Bytes. The reader takes seconds for more, and no robot has so many loops."""
+"""Bytes. Larger files would take seconds to read, and no robot needs them."""
 DEEPEST = 8
 """Lists inside lists; the format needs four."""
 
 
 @dataclass(frozen=True)
 class NamedFrame:
-    """A frame to be added: where on which link; rpy as in URDF [m, rad]."""
+    """A frame to be added: its link and position; rpy as in URDF [m, rad]."""
 
     name: str
     link: str
@@ -73,11 +73,11 @@ class NamedFrame:
 
 @dataclass(frozen=True)
 class LoopFile:
-    """What such a file says, its form in order; the default says nothing.
+    """Contents of a loop file, checked; by default empty.
 
     Attributes:
         name: Of the file, for messages.
-        root: How the robot's root moves, if it is said.
+        root: Kind of the robot's root joint, if given.
         passive: Joints without a motor.
         frames: To be added to the robot.
         loops: Closures, then couplings, as constraints.
@@ -96,13 +96,13 @@ class LoopFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """What a word for a constraint stands for.
+    """Meaning of a name of a kind of constraint.
 
     Attributes:
-        part: The part of a file where it stands; "" where a user's stands: among loops or wheels.
+        part: The part of a file in which it is read; "" for a user's: in loops or wheels.
         make: Makes the constraint, from its name and the keys.
-        keys: What may be said of it: {key: how it is read}, by methods of the reader.
-        needed: What must be said.
+        keys: Allowed keys: {key: method of the reader}.
+        needed: Required keys.
     """
 
     part: str
@@ -122,19 +122,19 @@ KINDS: dict[str, Kind] = {
     "rolling_disk": Kind("wheels", RollingDisk, _ROLLS | {"axis": "three"}, ("frame", "radius")),
     "rolling_ball": Kind("wheels", RollingBall, _ROLLS, ("frame", "radius")),
 }
-"""What each word of a loop file stands for."""
+"""The kinds of constraints of loop files, by name."""
 
 
 def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
-    """Loop files may say `kind: word` for a constraint of your own, among their loops and wheels.
+    """Register a user's kind of constraint, which loop files then accept as `kind: word` in loops and wheels.
 
     Args:
-        word: As it stands in the file.
+        word: The name in the file.
         kind: Its class, or a function that makes one. The file's keys are its parameters, `name` first among them; those
             without a default must be there.
 
     Raises:
-        InputError: a word that has a meaning already, or a kind that has no parameter `name`.
+        InputError: a name in use, or a kind without a parameter `name`.
 
     >>> rbd.register_constraint("rod", Rod)  # doctest: +SKIP
     """
@@ -160,12 +160,12 @@ def beside(path: Path) -> Path | None:
     found = path.with_suffix(ENDING)
     try:
         return found if found.is_file() else None
-    except OSError:  # a folder one may not enter
+    except OSError:  # a folder without permission
         return None
 
 
 def read_loop_file(path: Path) -> LoopFile:
-    """What a loop file says.
+    """The contents of a loop file, checked.
 
     Raises:
         ModelError: no such file, too large, no YAML, or an entry that is not as described above, by its name.
@@ -189,7 +189,7 @@ def read_loop_file(path: Path) -> LoopFile:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Entries of a file, checked one by one; what is wrong is said with the file's name."""
+    """Entries of a file, checked one by one; faults are reported with the file's name."""
 
     file: str
 
@@ -246,7 +246,7 @@ class _Reader:
         return NamedFrame(name, self.word(f"the link of {what}", entry["link"]), **places)
 
     def constraints(self, part: str, top: Mapping[str, object]) -> tuple[Constraint, ...]:
-        """The entries of a list, as constraints; which keys each may have, its kind says."""
+        """The entries of a list, as constraints; the allowed keys depend on its kind."""
         value = top.get(part, [])
         if not isinstance(value, list):
             self.stop(f"{part} is {_shown(value)}; expected a list: a line for each, beginning with a dash.")
@@ -272,7 +272,7 @@ class _Reader:
         return tuple(out)
 
     def plain(self, what: str, value: object) -> object:
-        """A word, a truth value, a number, or a list of numbers."""
+        """A string, a truth value, a number, or a list of numbers."""
         if isinstance(value, bool):
             return value
         if isinstance(value, list):
@@ -291,13 +291,13 @@ class _Reader:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.2's words for numbers and truth; no aliases, no key twice, nothing deep."""
+    """YAML 1.2's numbers and truth values; no aliases, repeated keys or deep nesting."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
     depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """One node; an alias may stand for a thousand others, which stand for a thousand others."""
+        """One node; an alias may expand to a thousand nodes, each an alias of a thousand others."""
         event = self.peek_event()
         tag = getattr(event, "tag", None)
         if isinstance(event, yaml.AliasEvent) or tag is not None:
@@ -311,7 +311,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A dictionary; of two equal keys YAML's readers keep one without a word."""
+        """A dictionary; YAML's readers silently drop repeated keys."""
         seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):

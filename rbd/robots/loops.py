@@ -1,4 +1,4 @@
-"""What a loop file or an MJCF's <equality> says, on a robot: frames added to its model, constraints, postures."""
+"""A loop file or an MJCF's <equality> applied to a robot: frames added to its model, constraints, postures."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _MARKED = (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.OP_FRAME
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What closes a robot's tree, by names; its frames are in the model already.
+    """Loop closures of a robot by names; their frames are already in the model.
 
     Attributes:
-        file: The loop file, or one that says nothing.
+        file: The loop file, or an empty one.
         equalities: Of an MJCF file.
         file_name: Which file messages are about.
     """
@@ -47,7 +47,7 @@ class Mechanism:
         return self._checked("loop", robot, (*self.file.loops, *self.equalities))
 
     def wheels(self, robot: CheckedModel) -> tuple[Constraint, ...]:
-        """Wheels, balls and blades of this robot.
+        """Wheels, balls and knife edges of this robot.
 
         Raises:
             ModelError: an unknown frame, with the nearest names.
@@ -81,7 +81,7 @@ class Mechanism:
 
 
 def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: Iterable[Equality] = ()) -> Mechanism:
-    """What a loop file and an MJCF's equalities say about a model, to which their frames are added.
+    """The loop closures of a loop file and an MJCF's equalities; their frames are added to the model.
 
     Args:
         model: The model; it is changed.
@@ -107,7 +107,7 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
 
 
 def _part(robot: CheckedModel, joint: str, numbers: tuple[float, ...]) -> tuple[int, Array]:
-    """(where a joint's part of q begins, the part)."""
+    """(first index of a joint's part of q, the part)."""
     found = robot.joints[joint]
     return found.q.start, found.target(joint, np.array(numbers))
 
@@ -126,7 +126,7 @@ def _read(model: pin.Model, file: str, equality: Equality) -> Constraint:
         X_anchor = pin.SE3(np.eye(3), np.array(equality.anchor))
         X_one, X_other = (X_anchor, X_12.inverse() * X_anchor) if equality.kind == "connect" else (X_12 * X_anchor, X_anchor)
         if equality.pose is not None:
-            X_one = _pose(equality.pose)  # where the anchor comes to in the first body, not the second body's origin
+            X_one = _pose(equality.pose)  # position of the anchor in the first body, not the second body's origin
     names = f"{equality.name}_a", f"{equality.name}_b"
     for name, frame, placement in zip(names, (one, other), (X_one, X_other), strict=True):
         if model.existFrame(name):
@@ -168,7 +168,7 @@ def _pose_between(model: pin.Model, one: int, other: int, q: Array) -> pin.SE3:
 
 
 def _pose(numbers: tuple[float, ...]) -> pin.SE3:
-    """Of MuJoCo's seven: position, quaternion w, x, y, z of any length."""
+    """A pose from MuJoCo's seven numbers: position, quaternion w, x, y, z of any length."""
     w, x, y, z = np.array(numbers[3:]) / np.linalg.norm(numbers[3:])
     return pin.XYZQUATToSE3(np.array([*numbers[:3], x, y, z, w]))
 
@@ -184,7 +184,7 @@ def _add_named(model: pin.Model, file: str, named: NamedFrame) -> None:
 
 
 def _frame_id(model: pin.Model, name: str, kinds: Iterable[pin.FrameType]) -> int | None:
-    """Index of the frame of this name, of the first kind that there is."""
+    """Index of the frame of this name, of the first kind that exists."""
     return next((i for kind in kinds for i, f in enumerate(model.frames) if f.name == name and f.type == kind), None)
 
 

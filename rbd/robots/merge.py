@@ -23,13 +23,13 @@ Kind = TypeVar("Kind")
 class RobotPair(CheckedModel):
     """Two robots in one model, side by side: joints, frames and motors of the first, then of the second.
 
-    Made by `merge_robots`. Its vectors are those of the two one after the other: q = (q_1, q_2), v, a and tau likewise; the
-    free-flyer of a floating second is in W, not in its `placement`. Beside what `CheckedModel` has:
+    Made by `merge_robots`. Its vectors are those of the two concatenated: q = (q_1, q_2), v, a and tau likewise; the
+    free-flyer of a floating second is in W, not in its `placement`. In addition to `CheckedModel`:
 
     Attributes:
         members: The two robots, as they were given.
-        prefixes: What stands before the names of each.
-        placement: Where the second's world stands in W, pin.SE3.
+        prefixes: Prefixes of the names of each.
+        placement: Pose of the second's world in W, pin.SE3.
     """
 
     def __init__(self, first: CheckedModel, second: CheckedModel, placement: pin.SE3, prefixes: tuple[str, str]) -> None:
@@ -45,7 +45,7 @@ class RobotPair(CheckedModel):
         self.sound = first.sound and second.sound
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copies are made anew from copies of the two robots, in another process too."""
+        """Copies are constructed from copies of the two robots, in another process too."""
         return RobotPair, (*self.members, self.placement, self.prefixes), {"sound": self.sound}
 
     def neutral(self) -> Array:
@@ -81,7 +81,7 @@ class RobotPair(CheckedModel):
         return State(self, self.q(first.q, second.q), np.concatenate([first.v, second.v]))
 
     def standing(self) -> State:
-        """Both at rest, each standing as it does alone; an object without a standing posture in its neutral one.
+        """Both at rest, each in its standing posture; an object without a standing posture in its neutral one.
 
         Raises:
             ModelError: no standing posture is known for a robot with feet.
@@ -104,10 +104,10 @@ class RobotPair(CheckedModel):
         )
 
     def contacts(self, first: Iterable[Kind] = (), second: Iterable[Kind] = ()) -> list[Kind]:
-        """Contacts that were made for each robot alone, renamed for this model; grounds of the second move with `placement`.
+        """Contacts of the separate robots, renamed for this model; grounds of the second move with `placement`.
 
         Raises:
-            InputError: if something is no contact of `rbd`, or has an anchor or a motion of its ground that would have to
+            InputError: if an entry is not a contact of `rbd`, or has an anchor or a motion of its ground that would have to
                 be moved.
         """
         moved = None if self.placement.isIdentity(0.0) else self.placement
@@ -137,7 +137,7 @@ class RobotPair(CheckedModel):
 
     @property
     def collision_stand_ins(self) -> frozenset[str]:
-        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
         names = [
             prefix + name
             for prefix, robot in zip(self.prefixes, self.members, strict=True)
@@ -160,21 +160,21 @@ def merge_robots(
     placement: pin.SE3 | Array | None = None,
     names: Sequence[str] = ("a_", "b_"),
 ) -> RobotPair:
-    """Two robots, or a robot and an object that it holds, in one model.
+    """Two robots, or a robot and an object that it holds, merged into one model.
 
-    Each keeps its joints, motors, passive joints and floating base; M is block-diagonal. They meet in contacts with
+    Each keeps its joints, motors, passive joints and floating base; M is block-diagonal. They interact by contacts with
     `on=rbd.Body(frame)`, a frame of the other. A pair can be combined with a third. Loops and wheels of their files are left
     out, with a warning: they name frames of one robot.
 
     Args:
-        first: A robot, or anything with a checked model.
+        first: A robot, or an object with a checked model.
         second: Another, or the same once more.
-        placement: Where the second's world stands in the first's, pin.SE3 or a 4 x 4 matrix: moves a fixed base for good,
+        placement: Pose of the second's world in the first's, pin.SE3 or a 4 x 4 matrix: moves a fixed base for good,
             and a floating one in `RobotPair.q`, `together` and `standing`. By default both worlds are one.
-        names: What stands before the names of joints and frames of each; they distinguish the two.
+        names: Prefixes of the names of joints and frames of each, to distinguish the two.
 
     Raises:
-        InputError: something that is no robot, names that stay alike, or two different gravities.
+        InputError: not a robot, names that remain equal, or two different gravities.
 
     >>> pair = combine(load_robot("solo12"), load_robot("urdf/box.urdf"), names=("", "box_"))
     >>> pair.nv, pair.nu, "box_box" in pair.frames()
@@ -211,7 +211,7 @@ def _checked_names(names: Sequence[str]) -> tuple[str, str]:
 
 
 def _prefixed(model: pin.Model, prefix: str) -> pin.Model:
-    """The same model with the names of joints and frames changed; "universe" keeps its own."""
+    """The same model with the names of joints and frames changed; "universe" is unchanged."""
     out = model.copy()
     for i in range(1, out.njoints):
         out.names[i] = prefix + out.names[i]

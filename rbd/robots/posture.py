@@ -19,7 +19,7 @@ from rbd.model.urdf import BASE_JOINT, Complaints
 
 
 def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[float]]) -> Array:
-    """q, shape (nq,), with named joints at the values given and the others neutral; unknown names are passed over.
+    """q, shape (nq,), with named joints at the values given and the others neutral; unknown names are ignored.
 
     A continuous joint takes its angle [rad]; a floating base takes its seven numbers.
     """
@@ -52,7 +52,7 @@ def semantic_postures(robot: CheckedModel, srdf: Path) -> dict[str, Array]:
 
 
 def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, element: ElementTree.Element) -> list[float]:
-    """What an SRDF says for a joint: as many finite numbers as it has coordinates; an angle will do for one that turns."""
+    """An SRDF's values for a joint: one finite number a coordinate; an angle for a continuous joint."""
     count = max(len(element.get("value", "").split()), 1)
     model = robot.model
     if model.existJointName(name) and name != BASE_JOINT:  # whose size is a matter of how the robot is loaded
@@ -66,7 +66,7 @@ def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, elemen
 
 
 def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
-    """Q with its base turned so that the feet lie flat, moved so that the lowest is on z = 0, and balanced if on points."""
+    """Q with its base turned so that the feet are flat, moved so that the lowest is on z = 0, and balanced if on points."""
     q = q.copy()
     _turn(q, _levelling(robot, q, feet))
     if not any(len(foot.corners) > 1 for foot in feet):

@@ -1,4 +1,4 @@
-"""Robot, load_robot and doctor: a checked model with its postures, its feet, a way to stand, and what is wrong with it."""
+"""Robot, load_robot and doctor: a checked model with its postures, its feet, a standing state, and its faults."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from rbd.robots.underside import sole_of
 class Robot(CheckedModel):
     """A robot: its checked Pinocchio model, its postures and its feet.
 
-    Made by `load_robot`. Beside what `CheckedModel` has:
+    Made by `load_robot`. In addition to `CheckedModel`:
 
     Attributes:
         urdf: The model file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
-        leave_out: Parts of an MJCF file that were left out, as `load_robot` was told.
+        leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
         report: What the doctor found when it was loaded; None where it was not loaded from a file.
     """
 
@@ -57,7 +57,7 @@ class Robot(CheckedModel):
         mechanism: Mechanism = Mechanism(),  # noqa: B008  frozen
         leave_out: Iterable[str] = (),
     ) -> None:
-        # Nobody can put a force on a base that slides on the ground.
+        # A base that slides on the ground has no motor.
         base = (BASE_JOINT,) if root == "planar" else ()
         super().__init__(model, passive=_joined(passive, (*mechanism.file.passive, *base)), name=source.name)
         self.source = source
@@ -80,7 +80,7 @@ class Robot(CheckedModel):
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copies are made anew from the model, in another process too; its geometry is then read from the file again."""
+        """Copies are constructed from the model, in another process too; the geometry is then read from the file again."""
         args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism, sorted(self.leave_out)
         return Robot, args, {"sound": self.sound, "report": self.report}
 
@@ -139,8 +139,8 @@ class Robot(CheckedModel):
         Args:
             friction: Coulomb's coefficient; None for bilateral contacts.
             facets: Facets of the corner pyramids in a QP.
-            on: What they stand on: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
-                {foot: its own}, as on stairs, where feet that are not named stand on z = 0. None: not known. A foot more than a
+            on: The ground under them: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
+                {foot: ground}, as on stairs, with z = 0 for feet that are not named. None: not known. A foot more than a
                 millimetre off its plane gets a `DistantContactWarning` where it is solved.
 
         Raises:
@@ -186,14 +186,14 @@ class Robot(CheckedModel):
         return out
 
     def loops(self) -> tuple[Constraint, ...]:
-        """The constraints that close its tree: of the loop file beside its URDF, or of an MJCF's <equality>; empty for a tree.
+        """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
 
         They act only where they are given: `rbd.solve(state, tau, robot.loops())`.
         """
         return self._loops
 
     def wheels(self) -> tuple[Constraint, ...]:
-        """Its wheels, balls and blades on the ground, of the loop file; they, too, act only where they are given."""
+        """Its wheels, balls and knife edges on the ground, from the loop file; they too act only where given as constraints."""
         return self._wheels
 
     def joint_limits(self, *, margin: float = 1e-6) -> list[JointLimit]:
@@ -210,17 +210,17 @@ class Robot(CheckedModel):
 
     @lazy
     def visual_model(self) -> pin.GeometryModel:
-        """Meshes and shapes to draw, boxes in place of meshes that cannot be had; the first use warns of those."""
+        """Meshes and shapes to draw, boxes in place of meshes that cannot be loaded; the first use warns of those."""
         return self._geometry(pin.GeometryType.VISUAL).model
 
     @lazy
     def collision_model(self) -> pin.GeometryModel:
-        """Collision shapes, boxes in place of meshes that cannot be had; the first use warns of those."""
+        """Collision shapes, boxes in place of meshes that cannot be loaded; the first use warns of those."""
         return self._collision.model
 
     @property
     def collision_stand_ins(self) -> frozenset[str]:
-        """Names in `collision_model` of the boxes that stand in for meshes that cannot be had."""
+        """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
         return self._collision.stand_ins
 
     @lazy
@@ -246,7 +246,7 @@ class Robot(CheckedModel):
         """The flat undersides of its feet as surface contacts, from the collision shapes of its file.
 
         For a robot that the catalogue does not know. A sole is the convex hull of all points of the foot's shapes within
-        2 mm of the lowest plane (a ball gives its lowest point), with the corners left out that add little; it lies on
+        2 mm of the lowest plane (a ball gives its lowest point), without corners that add little area; it is on
         that plane.
 
         Args:
@@ -255,7 +255,7 @@ class Robot(CheckedModel):
             at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
                 neutral one. Feet may lean up to 20 degrees.
             facets: Facets of the corner pyramids in a QP.
-            on: What they stand on, as of `soles`, the feet by the names of their frames.
+            on: The ground under them, as in `soles`, the feet by the names of their frames.
 
         Raises:
             FrameNotFound: with the nearest names.
@@ -297,19 +297,19 @@ def load_robot(
         name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...
         root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
             and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
-            By default what the loop file says, else "free_flyer". An MJCF file says itself whether it floats.
-        passive: Joints that carry no motor, beside those of the loop file.
-        package_dirs: Folders that hold the packages of `package://` meshes, or the meshes and included files of an MJCF that
-            are not in its own folder.
+            By default that of the loop file, else "free_flyer". An MJCF file states itself whether it floats.
+        passive: Joints without a motor, besides those of the loop file.
+        package_dirs: Folders with the packages of `package://` meshes, or the meshes and included files of an MJCF that
+            are not in its folder.
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
-        loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` beside the robot's
+        loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` next to the robot's
             file, if there is one, and the <equality> of an MJCF. None leaves all loops open.
         leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
             else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
             a motor without limits in place of those of the file.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
-    tells it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
+    reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
     singular, so they have kinematics and no accelerations.
 
     Raises:
@@ -347,7 +347,7 @@ def load_robot(
 
 
 def doctor(robot: Robot) -> ModelReport:
-    """What is wrong with a robot, and what of its file the dynamics leave out.
+    """Report on the faults of a robot, and on the contents of its file that the dynamics ignore.
 
     Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
     indefinite, mass lost between file and model, swapped limits. Warnings: inertias that no body has, postures outside
@@ -355,7 +355,7 @@ def doctor(robot: Robot) -> ModelReport:
     loops and wheels, and where the loops are closed. M is tried at neutral and at
     random configurations (the same ones each time); no mesh is opened.
 
-    Where the file is no longer there, what was found when it was loaded, and a note that says so.
+    If the file no longer exists, the report at loading, with a note.
 
     Raises:
         InputError: not a robot.
@@ -393,4 +393,4 @@ def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:
     try:
         return (*given, *more)
     except TypeError:
-        return passive  # what is no list of names is refused where names are looked up
+        return passive  # other types are refused where names are looked up

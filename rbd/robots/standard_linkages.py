@@ -12,7 +12,7 @@ from rbd.robots.linkage import Link, Linkage, bar_masses, lengths, meeting, radi
 from rbd.robots.robot import Robot
 
 MOST = 99
-"""Of an N-four-bar: it has 2 N + 1 degrees of freedom before its loops are closed, and 200 are taken."""
+"""Largest N of an N-four-bar: it has 2 N + 1 degrees of freedom before its loops are closed, and 200 are accepted."""
 
 
 def four_bar(
@@ -28,7 +28,7 @@ def four_bar(
 ) -> Robot:
     """A planar four-bar linkage of these lengths: crank a, coupler b, rocker c, ground d [m], in Norton's order.
 
-    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which lies along x:
+    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which is along x:
 
         crank     from O2 = (0, 0), driven        angle th2 = q of `crank_joint`
         coupler   from the crank's tip            angle th3 = q of `crank_joint` + q of `coupler_joint`
@@ -49,7 +49,7 @@ def four_bar(
         crank_angle: th2 of the postures [rad]; by default where the loop is far from stretched and from folded.
         masses: Of crank, coupler and rocker [kg].
         mass_per_length: Where no masses are given [kg/m].
-        path: Where to write the URDF, its loop file beside it; by default to files that go with the process.
+        path: Where to write the URDF, its loop file next to it; by default to temporary files of the process.
 
     Raises:
         InputError: a length that is no number above zero, lengths that cannot close, or not at this crank angle; the
@@ -84,9 +84,9 @@ def four_bar(
 
 
 def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os.PathLike[str] | None = None) -> Robot:
-    """N square four-bars in a row: N + 1 cranks on the ground, their tips joined by N couplers, all uniform bars alike.
+    """N square four-bars in a row: N + 1 cranks on the ground, their tips joined by N couplers, all bars uniform and equal.
 
-    The benchmark A02 of IFToMM's library [Gonzalez2006] for length 1 m and mass 1 kg. All cranks stand at the angle phi of
+    The benchmark A02 of IFToMM's library [Gonzalez2006] for length 1 m and mass 1 kg. All cranks are at the angle phi of
     `crank_0`, in the plane and with the signs of `four_bar`, and with one degree of freedom
 
         m L^2 [(N + 1) / 3 + N] phi'' = -m g L [(N + 1) / 2 + N] cos phi
@@ -218,7 +218,7 @@ def slider_crank(
 
 
 def _slider_crank_angle(crank: float, rod: float, offset: float) -> float:
-    """45 deg where the rod then reaches the slider's line with something to spare, else where the tip is nearest to it."""
+    """45 deg if the rod then reaches the slider's line with a margin, else the angle with the tip nearest to it."""
     if abs(offset - crank * math.sin(math.pi / 4)) < 0.95 * rod:
         return math.pi / 4
     return math.asin(min(1.0, max(-1.0, offset / crank)))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rbd.model.state import State
 
 MOST_LEAN = float(np.cos(np.radians(20.0)))
-"""An underside that leans more than this from the level is none."""
+"""An underside inclined more than this to the horizontal is not one."""
 MOST_CORNERS = 8
 AREA_LOST = 0.02
 """Corners are left out until this share of the area would go, and further while there are more than `MOST_CORNERS`."""
@@ -32,7 +32,7 @@ ROUND_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Underside:
-    """Where a foot is flat.
+    """The flat underside of a foot.
 
     Attributes:
         X_FP: From the foot's frame to the patch: z out of the ground, x along the frame's axis that points most along
@@ -49,9 +49,9 @@ def sole_of(robot: CheckedModel, collision: Geometry, frame: str, state: State) 
 
     Args:
         robot: The robot.
-        collision: Its collision geometry; boxes that stand in for meshes do not count.
+        collision: Its collision geometry; boxes that replace meshes do not count.
         frame: Name of the frame.
-        state: Where the robot stands: says where down is.
+        state: The standing robot, which gives the vertical.
 
     Raises:
         FrameNotFound: with the nearest names.
@@ -91,7 +91,7 @@ def flat_underside(
 
     Args:
         shapes: Geometries with their poses in the foot's frame F.
-        R_WF: Orientation of F, shape (3, 3): says where down is.
+        R_WF: Orientation of F, shape (3, 3): gives the vertical.
         tolerance: Height above the lowest point that still counts as flat [m].
 
     Raises:
@@ -173,7 +173,7 @@ def _width(hull: Array) -> float:
 
 
 def _simplified(hull: Array) -> Array:
-    """The hull with the corners left out that its area misses least."""
+    """The hull without the corners that contribute least area."""
     whole = _area(hull)
     while len(hull) > 3:
         without = [np.delete(hull, i, axis=0) for i in range(len(hull))]
@@ -185,7 +185,7 @@ def _simplified(hull: Array) -> Array:
 
 
 def _points(shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], down: Array) -> Array:
-    """Points in F that may lie lowest, shape (n, 3) [m]: corners and vertices, and the lowest points of round shapes."""
+    """Points in F that can be lowest, shape (n, 3) [m]: corners and vertices, and the lowest points of round shapes."""
     found = [np.zeros((0, 3))]
     for geometry, X_FG in shapes:
         found.append(_of_shape(geometry, X_FG.rotation.T @ down) @ X_FG.rotation.T + X_FG.translation)

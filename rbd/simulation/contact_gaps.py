@@ -1,4 +1,4 @@
-"""Gaps of contact points: what counts as contact, when a gap becomes zero within a step, and correction of positions.
+"""Gaps of contact points: tolerances of contact, times at which gaps close within a step, and correction of positions.
 
 A closed point stays closed up to a gap of `loose`: an unloaded corner may hover by the error of a step. An open point is in
 contact from a gap of `tight` on, which is zero to rounding. So no contact begins early, however slow or small. Both are
@@ -24,9 +24,9 @@ from rbd.simulation.motion import Stabilisation
 LOOSE = 1e-7
 """Over the size: the largest gap of a point that stays closed."""
 TIGHT = 1e-12
-"""Over the size: the largest gap of a point that comes into contact."""
+"""Over the size: the largest gap of a point that makes contact."""
 CLOSED = 1e-9
-"""Over the size: closed points are not corrected up to this gap or depth."""
+"""Over the size: closed points are not corrected below this gap or depth."""
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
@@ -37,8 +37,8 @@ class GapTolerances:
     Attributes:
         layout: The points.
         loose: The largest gap of a point that stays closed.
-        tight: The largest gap of a point that comes into contact.
-        size: Of what moves with the point, at most 1.
+        tight: The largest gap of a point that makes contact.
+        size: Size of the bodies that move with the point, at most 1.
     """
 
     layout: Layout
@@ -49,11 +49,11 @@ class GapTolerances:
 
 @dataclass(frozen=True, eq=False)
 class BodySizes:
-    """Sizes by which gaps are judged, those at the start of a simulation.
+    """Sizes that scale the tolerances of gaps, computed at the start of a simulation.
 
     Attributes:
         sizes: Size of the bodies that move with each coordinate, shape (nv,) [m].
-        prismatic: Which coordinates belong to joints that slide along an axis, shape (nv,).
+        prismatic: Which coordinates belong to prismatic joints, shape (nv,).
         far: Largest coordinate.
     """
 
@@ -63,28 +63,28 @@ class BodySizes:
 
     @classmethod
     def of(cls, start: State) -> BodySizes:
-        """Of the robot of a state."""
+        """The scales of the robot of a state."""
         return cls(_sizes(start), _prismatic(start), max_abs(start.q))
 
     def tolerances(self, at: Snapshot, known: GapTolerances | None = None) -> GapTolerances:
-        """Of the points of a snapshot: `known`, if that is of the same layout."""
+        """The tolerances of a snapshot's points: `known`, if it has the same layout."""
         layout = at.layout
         if known is not None and known.layout is layout:
             return known
         moves = at.J[layout.normals] != 0.0
         placed = np.concatenate([np.zeros(0, bool), *[np.full(len(m.gap), m.points is not None) for m in at.sources]])
         size = np.where(moves, self.sizes, 1.0).min(axis=1, initial=1.0)
-        # The gap of what has no place is a length only where a prismatic joint alone moves it; else it may be an angle.
+        # Without a position the gap is a length only if just a prismatic joint moves it; else it may be an angle.
         size = np.where(placed | ((moves.sum(axis=1) == 1) & (moves & self.prismatic).any(axis=1)), size, 1.0)
         tight = TIGHT * size + _ROUNDING * (size + max(self.far, max_abs(at.state.q)))
         return GapTolerances(layout, np.maximum(LOOSE * size, tight), tight, size)
 
 
 def _sizes(start: State) -> Array:
-    """Of each coordinate: the size of the bodies that hang, together with it, from one joint of the world, shape (nv,) [m].
+    """Size for each coordinate: of the bodies connected with it to one joint of the world, shape (nv,) [m].
 
-    The size is the farthest that a body's centre of mass, or its joint if all masses are points, is from the centre of mass of
-    all, and that body's radius of gyration; one metre where that is nothing, or more.
+    The size is the largest distance of a body's centre of mass, or its joint if all masses are points, from the centre of
+    mass, plus that body's radius of gyration; one metre if that is zero, or larger.
     """
     model = start.robot.model
     data = model.createData()
@@ -112,7 +112,7 @@ def _sizes(start: State) -> Array:
 
 
 def _prismatic(start: State) -> Array:
-    """Which coordinates belong to joints that slide along an axis, shape (nv,)."""
+    """Which coordinates belong to prismatic joints, shape (nv,)."""
     model = start.robot.model
     out = np.zeros(model.nv, bool)
     for j in range(1, model.njoints):
@@ -123,13 +123,13 @@ def _prismatic(start: State) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """How positions are kept: those of closed points by projection, those of bilateral constraints by that or by feedback.
+    """Correction of positions: closed points by projection, bilateral constraints by projection or feedback.
 
     Attributes:
         points: The contact points.
-        projection: How they are projected.
+        projection: Settings of the projection.
         bilateral: Whether bilateral constraints are projected too.
-        feedback: Baumgarte's feedback of bilateral constraints, if that keeps them.
+        feedback: Baumgarte's feedback for bilateral constraints, if used.
     """
 
     points: Points
@@ -139,7 +139,7 @@ class Correction:
 
     @classmethod
     def of(cls, points: Points, given: Stabilisation) -> Correction:
-        """As a motion's `stabilisation` says."""
+        """From a motion's `stabilisation`."""
         projected, feedback = isinstance(given, Projection), given if isinstance(given, Baumgarte) else None
         return cls(points, given if isinstance(given, Projection) else Projection(), projected, feedback)
 
@@ -147,10 +147,10 @@ class Correction:
         """The snapshot with its position projected.
 
         Args:
-            at: Where the step ended.
+            at: The points at the end of the step.
             t: Its time [s].
-            closed: Which points are pulled as well as pushed to their surface, shape (k,).
-            size: Of what moves with each point, shape (k,) [m].
+            closed: Which points are corrected in both directions, shape (k,).
+            size: Size of the bodies that move with each point, shape (k,) [m].
         """
         layout = at.layout
         held = layout.held if self.bilateral else np.zeros(len(at.error), bool)
@@ -164,7 +164,7 @@ class Correction:
 
         def equations(state: State) -> tuple[Array, Array]:
             now = known[id(state)] = known.get(id(state)) or self.points.at(state, t)
-            if now.layout is not layout:  # points have entered or left the contact set: the rest is the next step's
+            if now.layout is not layout:  # points have entered or left the contact set: the next step continues
                 return at.J[:0], at.error[:0]
             return now.J[rows] / units[:, None], np.concatenate([now.error[held], now.gap[pressed]]) / units
 
@@ -173,7 +173,7 @@ class Correction:
     def velocities(self, at: Snapshot, t: float) -> Snapshot:
         """The snapshot with the nearest velocity, in the inertia metric, that its bilateral constraints allow.
 
-        A step leaves J v off by O(h^2). Where rows are linearly dependent, their J_dot v then contradict each other by as much.
+        After a step J v has an error of O(h^2), by which the J_dot v of linearly dependent rows would contradict each other.
         """
         held = at.layout.held
         rate = at.velocity[held]
@@ -184,10 +184,10 @@ class Correction:
         return self.points.at(state.with_velocity(state.v - less), t)
 
     def wanted(self, layout: Layout, u: Array, error: Array, h: float) -> Array | float:
-        """Velocities of bilateral rows after a time h, shape (p,), as Baumgarte's feedback wants them; 0.0 without it.
+        """Velocities of bilateral rows after a time h, shape (p,), required by Baumgarte's feedback; 0.0 without it.
 
         It is one implicit Euler step of error'' + 2 zeta w error' + w^2 error = 0 from (error, u), stable at any h. u is the
-        velocity that the step before was to have: that of the state differs from it by O(h^2), and these differences must not
+        velocity required in the step before: the state's velocity differs from it by O(h^2), and these differences must not
         add up.
         """
         if self.feedback is None:
@@ -197,13 +197,13 @@ class Correction:
 
 
 def first_crossing(gap: Array, rate: Array, gap_end: Array, rate_end: Array, h: float) -> float:
-    """When the first of several gaps becomes zero, by the cubic through both ends, in (0, h) [s].
+    """Time at which the first of several gaps becomes zero, by the cubic through both ends, in (0, h) [s].
 
     Args:
         gap: At the beginning, positive, shape (k,).
-        rate: Their rates there.
-        gap_end: After h, negative, shape (k,).
-        rate_end: Their rates there.
+        rate: Their rates at the beginning.
+        gap_end: Gaps after h, negative, shape (k,).
+        rate_end: Their rates after h.
         h: Length of the step [s].
     """
     first = h

@@ -14,33 +14,33 @@ from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone
 
 SLIDES = 1e-6
-"""A point that slides slower than this [m/s] sticks."""
+"""A point that slides more slowly than this [m/s] sticks."""
 _MOST_LAYOUTS = 1000
-"""So many are known at once; of shapes that tumble there may be a new one at every step."""
+"""Number of cached layouts; tumbling shapes can have a new one at every step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The points of all sources: made anew only where points come and go.
+    """The points of all sources: constructed only when points appear or vanish.
 
     Attributes:
-        structures: Of each source.
+        structures: Structure of each source.
         owners: Constraint of each point, shape (k,).
         numbers: Number of each point among its constraint's.
         cones: Set of each point's forces.
         widths: Rows of each point, shape (k,).
         normals: Row of each point's normal, shape (k,).
-        pushes: Which points push and may part, shape (k,).
+        pushes: Which points are unilateral, shape (k,).
         rubs: Which of them have friction, shape (k,).
-        slides: Which points slide or rub: those with friction, and intervals, shape (k,).
-        sliding_rows: The two rows of each of those along which it does, shape (sum of slides, 2); of an interval, one twice.
+        slides: Which points can slide: those with friction, and intervals, shape (k,).
+        sliding_rows: The two rows of each of those along which it slides, shape (sum of slides, 2); for an interval, one twice.
         sliding_kept: One, or zero for the second of an interval, shape (sum of slides, 2).
         tangents: The two tangent rows of each point with friction, shape (sum of rubs, 2).
-        held: Which rows belong to points that are held, shape (p,).
-        mu: Friction coefficients, shape (k,); zero of what has none.
+        held: Which rows are bilateral, shape (p,).
+        mu: Friction coefficients, shape (k,); zero without friction.
         spans: (points, rows) of each source.
         boxed: Whether some point's forces are bounded by numbers.
-        computed: What was computed of them before, by whom it serves; it lasts as long as they do.
+        computed: Cached results for this layout, by the function that uses them.
     """
 
     structures: tuple[Structure, ...]
@@ -99,17 +99,17 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All points at one state.
+    """All points at one state, stacked.
 
     Attributes:
         state: The state.
         layout: The points.
-        sources: What each source measured.
+        sources: The points of each source.
         J: Shape (p, nv).
         velocity: Shape (p,).
         bias: Shape (p,).
         gap: Shape (k,).
-        error: Position errors of what holds, shape (p,).
+        error: Position errors of bilateral rows, shape (p,).
     """
 
     state: State
@@ -123,12 +123,12 @@ class Snapshot:
 
     @property
     def approach(self) -> Array:
-        """Normal velocity of each point, shape (k,): negative where it comes nearer."""
+        """Normal velocity of each point, shape (k,): negative where it approaches."""
         return self.velocity[self.layout.normals]
 
     @property
     def drift(self) -> float:
-        """Largest position error of what holds."""
+        """Largest position error of the bilateral rows."""
         return float(np.abs(self.error).max(initial=0.0))
 
     @property
@@ -138,13 +138,13 @@ class Snapshot:
 
     @property
     def penetration(self) -> float:
-        """How deep the deepest point is."""
+        """Depth of the deepest point."""
         gap = self.gap[self.layout.pushes]
         return max(0.0, -float(gap.min())) if len(gap) else 0.0
 
 
 class Points:
-    """The sources of a motion; the same points always have the same layout, the very object."""
+    """The sources of a motion; the same points always have the same layout object."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = tuple(sources)
@@ -176,11 +176,11 @@ class PointMatching:
     """Matches the points of two layouts: a point is the one of the same constraint and number.
 
     Args:
-        old: The layout that arrays are in.
-        new: The layout that they are wanted in.
+        old: The layout of given arrays.
+        new: The layout of the results.
 
     Attributes:
-        known: Which points were there before, shape (k,).
+        known: Which points existed before, shape (k,).
     """
 
     def __init__(self, old: Layout, new: Layout) -> None:
@@ -201,7 +201,7 @@ class PointMatching:
         return out
 
     def rows(self, values: Array) -> Array:
-        """One value a row, shape (p,); zero of points that were not there."""
+        """One value a row, shape (p,); zero for new points."""
         if self.same:
             return values
         known = self._rows >= 0
@@ -211,21 +211,21 @@ class PointMatching:
 
 
 def slide(layout: Layout, velocity: Array) -> Array:
-    """How fast each point slides, or rubs, shape (k,) [m/s, rad/s]; zero of what does not."""
+    """Sliding speed of each point, shape (k,) [m/s, rad/s]; zero without friction."""
     out = np.zeros(len(layout.owners))
     out[layout.slides] = np.hypot(*(velocity[layout.sliding_rows] * layout.sliding_kept).T)
     return out
 
 
 def turned_back(layout: Layout, active: Array, u: Array, change: Array, pushed: Array) -> Array | None:
-    """What takes a velocity after half a step more back by that half, where a point slides throughout; zero elsewhere.
+    """Correction of a velocity from the end of a step to its middle, where a point slides throughout; zero elsewhere.
 
     Args:
         layout: The points.
-        active: Which of them act, shape (k,).
+        active: Which of them are active, shape (k,).
         u: Their velocities, shape (p,).
-        change: By how much these change in half a step, shape (p,).
-        pushed: Row forces or impulses before, shape (p,): what carried nothing had no friction to turn.
+        change: Change of these in half a step, shape (p,).
+        pushed: Row forces or impulses before, shape (p,): unloaded points have no friction to turn.
     """
     rows = layout.tangents
     if not len(rows) or not np.abs(u[rows]).max() > SLIDES:
@@ -241,7 +241,7 @@ def turned_back(layout: Layout, active: Array, u: Array, change: Array, pushed: 
 
 
 def stopping(layout: Layout, u0: Array, u1: Array, pushed: Array) -> Array | None:
-    """Which of the points that slide or rub stop or turn back between two velocities; None where none does."""
+    """Which of the sliding points stop or reverse between two velocities; None if none does."""
     if not layout.slides.any():
         return None
     rows, kept = layout.sliding_rows, layout.sliding_kept

@@ -1,7 +1,7 @@
 """Integrators: of smooth motion on the manifold, at order 4 or 8; and of motion with contacts, at order 2 by time steps.
 
-Each is a loop that yields samples. It alone keeps what changes from step to step; of time steps that is the instant that a step
-begins at, and the memory of event detection.
+Each is a loop that yields samples. Only the loop has state from step to step; of time steps this is the instant at which one
+begins, and event detection.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason
 from rbd.simulation.time_step import HalfStep, StepSystem
 
 TILTS = 1e-9
-"""A ground that turns slower than this about an axis in its plane keeps its normal [rad/s]: rounding of the normal."""
+"""A ground that rotates more slowly than this about an axis in its plane [rad/s] has a constant normal: rounding."""
 SHORTEST = 1e-9
-"""No step is tried below this [s]."""
+"""Shortest step that is tried [s]."""
 
 
 @dataclass(frozen=True)
 class RungeKutta4:
     """Smooth motion at a fixed step, with an error of h^4; for bilateral constraints.
 
-    Every step has a chart of its own, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
-    external forces are asked at all four stages. Constraints are kept as `stabilisation` says. The error is not watched:
+    Every step has a separate chart, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
+    external forces are evaluated at all four stages. Constraints are kept by `stabilisation`. The error is not controlled:
     compare two steps, or `rbd.DormandPrince8`. A step must be short against the fastest oscillation w: beyond 2.8 / w it is
     unstable.
 
@@ -42,14 +42,14 @@ class RungeKutta4:
     """
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
-        """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
+        """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
         return reason_not_smooth(motion, state)
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times, the first at `state`.
 
         Raises:
-            NoSolution: a step without an acceleration, or out of all bounds.
+            NoSolution: a step without an acceleration, or beyond all bounds.
         """
         smooth = SmoothMotion(motion, state)
         stage = smooth.start(state, times[0])
@@ -77,16 +77,16 @@ def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Sta
 class DormandPrince8:
     """Smooth motion to a tolerance: steps as long as their error allows, samples between them by dense output of order 7.
 
-    SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is centred anew after each step, when the constraints
-    are projected as `stabilisation` says. For bilateral constraints.
+    SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is recentred after each step, when the constraints
+    are projected by `stabilisation`. For bilateral constraints.
 
     Attributes:
-        rtol: Error of a step, over the size of what moves in it.
+        rtol: Error of a step, over the size of the motion in it.
         atol: Error of a step [m, rad, and per second].
-        longest: Longest step [s]: a push that is shorter, at a time when nothing else moves, could be stepped over.
+        longest: Longest step [s]: a shorter push on a robot at rest could be stepped over.
 
     Raises:
-        InputError: tolerances that are not in [1e-13, 1e-2], a longest step that is not above zero.
+        InputError: tolerances that are not in [1e-13, 1e-2], a longest step that is not positive.
 
     >>> trajectory = rbd.simulate(state, [], duration=10.0, step=1e-2, integrator=rbd.DormandPrince8(rtol=1e-12, atol=1e-12))
     """
@@ -104,7 +104,7 @@ class DormandPrince8:
             raise InputError(f"longest of DormandPrince8 is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
-        """Names the first constraint that can break or slip, or that the start does not meet; None where it can run."""
+        """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
         return reason_not_smooth(motion, state)
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
@@ -132,14 +132,14 @@ class _AdaptiveStep:
     """One step.
 
     Args:
-        smooth: What moves.
-        start: Where from.
+        smooth: The motion.
+        start: The stage at its beginning.
         by: Tolerances.
-        last: Time that is not to be passed [s].
+        last: Time that must not be passed [s].
         h: First guess of the step [s]; None for SciPy's.
 
     Attributes:
-        end: Where to, on the constraints.
+        end: The stage at its end, on the constraints.
         next: Guess of the next step [s].
     """
 
@@ -154,7 +154,7 @@ class _AdaptiveStep:
             )
             try:
                 said = self._code.step()
-            except NoSolution:  # a trial too far ahead can leave the constraints, or meet a singular pose beside its branch
+            except NoSolution:  # a trial too far ahead can leave the constraints, or meet a singular pose next to its branch
                 first = 0.25 * float(self._code.h_abs if first is None else first)
                 if first < SHORTEST * max(1.0, abs(start.t)):
                     raise
@@ -193,10 +193,10 @@ class TimeStepping:
     """Contact motion by time stepping: sticking, slipping, rolling, lift-off, impacts; order 2 between and across impacts.
 
     Attributes:
-        impact_speed: A point that approaches slower than this [m/s, rad/s] comes to rest without a bounce.
-        impacts: So many impacts are found in one step, each at its own time; then contacts are plastic till the step ends
-            (a ball that comes to rest bounces without end).
-        extrapolate: Take the first half of a step as the step before went on, where nothing has changed, in place of solving it
+        impact_speed: A point that approaches more slowly than this [m/s, rad/s] comes to rest without a bounce.
+        impacts: Number of impacts resolved in one step, each at its time; then contacts are plastic to the step's end
+            (a ball that comes to rest has infinitely many).
+        extrapolate: Extrapolate the first half of a step from the step before, if contacts have not changed, without solving it
             (forces are then solved only where they are recorded). Still of order 2; faster, with errors two to five times as
             large, and stiff feedback stays stable for half as long steps only.
 
@@ -217,7 +217,7 @@ class TimeStepping:
             raise InputError(f"extrapolate is {self.extrapolate!r:.80}; expected True or False.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
-        """Names the first ground that accelerates, or tilts under a contact that can break; it takes all other constraints."""
+        """Names the first ground that accelerates, or tilts under a contact that can break; all others are accepted."""
         reasons = (reason_unknown_ground(c) or _tilts(c, state) for c in motion.constraints)
         return next(filter(None, reasons), None)
 
@@ -238,14 +238,14 @@ class TimeStepping:
 
 
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
-    """A sample that is not recorded: no forces, and the acceleration of the half step, which may be extrapolated."""
+    """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
     a = (half.answer.v - state.v) * (2.0 / half.h) - system.bases.spin(state.v)
     return Sample.of(half.start.t, state, a, zeros(state.robot.nu), dict, events=events)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
-    """Why the plane of a contact with friction cannot be followed, in words; None where it can."""
+    """Message: why the plane of a contact with friction cannot be followed; None if it can."""
     ground = ground_of(constraint)
     if ground is None or ground.velocity is None or member(constraint, "friction") is None:
         return None
@@ -258,18 +258,18 @@ def _tilts(constraint: Constraint, state: State) -> str | None:
     return (
         f"the ground of {constraint.name!r:.80} tilts: its angular velocity is not along its normal, and the plane of a "
         "contact that can break stays as it is. Give it an angular velocity along its normal, take friction=None for a contact "
-        "that holds, or a second body in the model for what it touches, on=rbd.Body(...)."
+        "that is bilateral, or a second body in the model for the ground, on=rbd.Body(...)."
     )
 
 
 def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
-    """A sample with torques, forces and residuals; the steps do not depend on what is recorded."""
+    """A sample with torques, forces and residuals; recording does not affect the steps."""
     start = half.start
     at, t, motion = start.at, start.t, system.motion
     if half.tau is None:
         half = system.solved(start, half.h)
     if stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
-        half = system.solved(start, 1e-3 * half.h)  # what slides now and stops within the half step slides in the record
+        half = system.solved(start, 1e-3 * half.h)  # points that stop within the half step are recorded as sliding
     answer, h, active = half.answer, 0.5 * half.h, half.active
     assert half.tau is not None
     speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)

@@ -1,4 +1,4 @@
-"""A motion: what is simulated, what is known of it at one time, and its events with their detection."""
+"""`Motion`, what is simulated; `Sample`, the motion at one time; events and their detection."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes
 """Modes of a constraint: no force; at rest; sliding; bilateral; a joint limit or a frictionless contact that pushes."""
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
-"""How bilateral constraints are kept: by projection, by feedback, or not at all."""
+"""Stabilisation of bilateral constraints: by projection, by feedback, or not at all."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A robot with all that makes it move.
+    """A robot with its constraints, controller, forces and contact law: the input of an integrator.
 
     Attributes:
         robot: The robot.
-        constraints: In order, each with its own name.
+        constraints: In order, each with a different name.
         controller: Gives the motor torques; None for none.
-        external: Forces of the world: constant, or as a function of state and time.
+        external: External forces: constant, or as a function of state and time.
         law: "coulomb" or "convex", of contacts that can slip.
-        restitution: Newton's coefficient of each constraint that is named; 0 of the others.
-        stabilisation: How bilateral constraints are kept.
-        record_every: Every how many times a sample is recorded; of the others forces need not be known.
+        restitution: Newton's coefficient of each named constraint; 0 for the others.
+        stabilisation: Stabilisation of bilateral constraints.
+        record_every: A sample is recorded every so many times; the others need no forces.
     """
 
     robot: CheckedModel
@@ -55,17 +55,17 @@ class Motion:
         return k % self.record_every == 0 or k == len(times) - 1
 
     def reached(self, q: Array, v: Array, t: float) -> State:
-        """The state that a step leads to.
+        """The state at the end of a step.
 
         Raises:
-            NoSolution: it is beyond what a `State` takes.
+            NoSolution: it is beyond the bounds of a `State`.
         """
         try:
             return State(self.robot, q, v)
         except InputError as error:
             raise NoSolution(
                 f"the motion of {self.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller step, and "
-                "look at what drives it."
+                "check what drives it."
             ) from error
 
     def forces(self, state: State, t: float) -> tuple[Array, Array]:
@@ -82,15 +82,15 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintForce:
-    """What one constraint does to the robot at one time.
+    """Force and mode of one constraint at one time.
 
     Attributes:
         force: Force (3,) of a point, wrench (6,) of a surface at its centre: on the robot, world axes [N, N m]. A constraint
             without a resultant (a function, a joint) gives its row forces (m,); zeros where it is inactive.
-        mode: "open", "sticks", "slips", "holds" or "pushes"; of several points, that of the one that slips, else of the one
+        mode: "open", "sticks", "slips", "holds" or "pushes"; for several points, that of one that slips, else of one
             that is closed.
-        points: Where it touches, in W, shape (k, 3) [m]; None of what is no contact.
-        point_forces: The force at each point, on the robot, world axes, shape (k, 3) [N]; None of what is no contact.
+        points: Contact points in W, shape (k, 3) [m]; None if it is not a contact.
+        point_forces: The force at each point, on the robot, world axes, shape (k, 3) [N]; None if it is not a contact.
     """
 
     force: Array
@@ -101,15 +101,15 @@ class ConstraintForce:
 
 @dataclass(frozen=True)
 class Event:
-    """A beginning or an end of contact.
+    """An event: a contact begins, ends, slips or sticks.
 
     Attributes:
-        t: When [s].
-        name: Of the constraint.
+        t: Time [s].
+        name: Name of the constraint.
         kind: "touches" (with an impact, or softly), "leaves", "slips" or "sticks".
-        point: Which of its points, from 0.
-        speed: Of a touch: how fast it approached [m/s, rad/s]; else zero.
-        impulse: Of a touch: normal impulse of the impact [N s, N m s]; else zero.
+        point: Index of its point, from 0.
+        speed: For a touch, the approach speed [m/s, rad/s]; else zero.
+        impulse: For a touch, normal impulse of the impact [N s, N m s]; else zero.
     """
 
     t: float
@@ -126,7 +126,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sample:
-    """A motion at one time: what an integrator yields, and an entry of a `Trajectory`.
+    """A motion at one time: yielded by integrators, and an entry of a `Trajectory`.
 
     Attributes:
         robot: The robot.
@@ -135,12 +135,12 @@ class Sample:
         v: Velocity, shape (nv,) [m/s, rad/s].
         a: Acceleration, shape (nv,) [m/s2, rad/s2]: M a + h = S^T tau + tau_ext + J^T f, with f the constraints' forces.
         tau: Motor torques, shape (nu,) [N, N m].
-        constraint_forces: Makes {constraint: its force} when called; expensive, so an integrator's is called where recorded.
+        constraint_forces: Function that gives {constraint: its force}; expensive, so called only for recorded samples.
         law: Residual of the contact law, scaled.
         drift: Largest position error of the bilateral constraints [m, rad].
         drift_rate: Largest velocity error of the bilateral constraints [m/s, rad/s].
         penetration: Depth of the deepest contact [m, rad]; zero or more.
-        events: Those since the sample before, in order of time.
+        events: Events since the sample before, in order of time.
     """
 
     robot: CheckedModel
@@ -180,7 +180,7 @@ class Sample:
 
     @property
     def points(self) -> dict[str, Array]:
-        """{contact: where it touches, shape (k, 3)} in W [m], the points that there are at this time."""
+        """{contact: its present points, shape (k, 3)} in W [m]."""
         return {name: x.points for name, x in self._acting.items() if x.points is not None}
 
     @property
@@ -199,10 +199,10 @@ class Sample:
 
 
 class Integrator(Protocol):
-    """How a motion is carried from one time to the next."""
+    """Protocol of the integrators."""
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
-        """Why it cannot take this motion, in words; None where it can."""
+        """Message: why it cannot take this motion; None if it can."""
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times, the first at `state`."""
@@ -210,7 +210,7 @@ class Integrator(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StepRecord:
-    """What event detection needs of a step.
+    """The data of a step for event detection.
 
     Attributes:
         t: Its beginning [s].
@@ -233,10 +233,10 @@ class StepRecord:
 
 @dataclass(frozen=True, eq=False)
 class ImpactRecord:
-    """What event detection needs of an impact.
+    """The data of an impact for event detection.
 
     Attributes:
-        t: When [s].
+        t: Time [s].
         layout: The points.
         arrives: Which of them approached, shape (k,).
         speed: Normal velocities before, shape (k,).
@@ -255,7 +255,7 @@ class ImpactRecord:
 class EventDetection:
     """Events of a motion: each step is compared with the two before; times within a step are extrapolated from these.
 
-    It belongs to the loop over the steps, and is all that remembers what came before.
+    It belongs to the loop over the steps, and holds all memory of earlier steps.
     """
 
     def __init__(self) -> None:
@@ -265,7 +265,7 @@ class EventDetection:
         self._past: list[StepRecord] = []
 
     def add(self, passed: Iterable[StepRecord | ImpactRecord]) -> None:
-        """Look at steps and impacts, in order of time."""
+        """Process steps and impacts, in order of time."""
         for each in passed:
             if isinstance(each, StepRecord):
                 self._step(each)
@@ -307,7 +307,7 @@ class EventDetection:
         self._past = []
 
     def _is_new(self, layout: Layout) -> bool:
-        """Whether points have entered or left the contact set; then there is nothing to compare with."""
+        """Whether points have entered or left the contact set; then no comparison is possible."""
         if layout is self._layout:
             return False
         k = len(layout.owners)
@@ -320,10 +320,10 @@ class EventDetection:
         self._events.append(Event(float(t), layout.owners[i], kind, layout.numbers[i], speed, impulse))
 
     def _zero(self, now: StepRecord, values: list[float]) -> float:
-        """When a quantity becomes zero: after the middle of the last step, by a straight line through the last two middles.
+        """Time of a quantity's zero: after the middle of the last step, by a straight line through the last two middles.
 
         Args:
-            now: The step in which it does.
+            now: The step in which it becomes zero.
             values: Its values in the middle of the steps before.
         """
         if len(self._past) < 2:
@@ -335,7 +335,7 @@ class EventDetection:
         return min(max(after, t2), now.t + now.h)
 
     def _stops(self, now: StepRecord, layout: Layout, i: int) -> float:
-        """When sliding ends in this step, by a straight line through the speeds at its beginning and at the last one's."""
+        """End of sliding in this step, by a straight line through the speeds at its beginning and at the last one's."""
         speed = float(slide(layout, now.velocity)[i])
         before = float(slide(layout, self._past[-1].velocity)[i]) if self._past else speed
         after = speed * self._past[-1].h / (before - speed) if before > speed else now.h
@@ -343,7 +343,7 @@ class EventDetection:
 
 
 def _used(layout: Layout, i: int, force: Array) -> float:
-    """|f_t| / (mu f_n) of a point with friction; zero where it carries nothing."""
+    """|f_t| / (mu f_n) of a point with friction; zero where it is unloaded."""
     n = int(layout.normals[i])
     limit = float(layout.mu[i] * force[n])
     return float(np.hypot(force[n - 2], force[n - 1])) / limit if limit > 0.0 else 0.0

@@ -1,11 +1,11 @@
-"""What is recorded of a simulation: plain numbers at each recorded time, and of all forces with one motion the shortest.
+"""Recording of a simulation: numbers at each recorded time, with the minimum-norm forces of the motion.
 
-A step takes the forces next to those of the step before; four corners carry what three could, and what they push against each
-other sideways would stay in the record. At a recorded time, with J and g = J^T f of the active points, as `rbd.solve` does:
+A step uses forces near those of the step before; four corners are redundant, and their internal sideways forces
+would remain in the record. At a recorded time, with J and g = J^T f of the active points, as `rbd.solve` does:
 
-    minimise |f|^2     subject to     J^T f = g,     f in its cones,     f_t against the sliding of what slides
+    minimise |f|^2     subject to     J^T f = g,     f in its cones,     f_t against the sliding of sliding points
 
-Where the shortest of all f with J^T f = g lies in the cones, it is the answer. Else `Solution.settled`.
+If the shortest f with J^T f = g is in the cones, it is the answer. Else `Solution.settled`.
 """
 
 from __future__ import annotations
@@ -36,34 +36,34 @@ _NUMBERS = ("t", "kinetic", "potential", *(c.name for c in RESIDUALS))
 _NO_POINTS = -1
 
 RowLayout = tuple[tuple[str, int, int, int], ...]
-"""Of each constraint with a force: name, rows of its force, points and point forces, or -1 where it has none."""
+"""For each constraint with a force: name, rows of its force, points and point forces, or -1 if it has none."""
 _REPEATS = 1e-11
 """Pivots of J J^T up to this, over the largest, are of linearly dependent rows."""
 _ROUNDS = 3
 _EXACT = 1e-12
-"""What of g may be missed, over its size."""
+"""Tolerance of g, over its size."""
 _CARRIES = 1e-12
 """A point whose normal force is no larger is unloaded [N]."""
 
 
 class Recording:
-    """Collects samples; each is read once, its `constraint_forces` called once, and dropped.
+    """Collects samples; each is read once, with one call of its `constraint_forces`, and dropped.
 
     A `State` of a humanoid holds 20 kB and the closure behind its forces more: ten seconds at 1 ms would be half a gigabyte.
     A sample is one row of numbers here, in which NaN is found in one pass.
 
     Args:
-        motion: What is simulated. Its constraints have an entry even if they never act.
+        motion: The motion simulated. Its constraints have an entry even if they never act.
 
     Attributes:
-        motion: What is simulated.
+        motion: The motion simulated.
     """
 
     def __init__(self, motion: Motion) -> None:
         self.motion = motion
         self._sizes = tuple(c.row(motion.robot)[0] for c in _VECTORS)
         self._width = sum(self._sizes) + len(_NUMBERS)
-        #: Of each sample: its numbers, the modes of its constraints, and how the numbers are to be read.
+        #: Of each sample: its numbers, the modes of its constraints, and the layout of the numbers.
         self._samples: list[tuple[Array, tuple[str, ...], RowLayout]] = []
         self._layouts: dict[RowLayout, RowLayout] = {}
 
@@ -71,10 +71,10 @@ class Recording:
         return len(self._samples)
 
     def add(self, sample: Sample) -> None:
-        """Keep a sample.
+        """Record a sample.
 
         Raises:
-            NoSolution: a number of it is not finite; nothing of it is kept then.
+            NoSolution: one of its numbers is not finite; nothing is then recorded.
         """
         state, acting = sample.state, sample.constraint_forces()
         numbers = [sample.t, kinetic_energy(state), potential_energy(state)]
@@ -92,8 +92,8 @@ class Recording:
             raise NoSolution(
                 f"at t = {sample.t:.6g} s {_culprit(parts, acting)} is not finite. Try a shorter step, or softer gains."
             )
-        known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all samples that are read alike
-        # One append, so that Ctrl-C finds a sample kept whole or not at all.
+        known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all samples of the same layout
+        # One append, so that after Ctrl-C a sample is recorded whole or not at all.
         self._samples.append((row, tuple([x.mode for x in acting.values()]), known))
 
     def arrays(self) -> dict[str, Array]:
@@ -104,9 +104,9 @@ class Recording:
         return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)}
 
     def constraints(self) -> dict[str, dict[str, Array]]:
-        """Of all constraints: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
+        """For all constraints: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
 
-        Forces are zero where there were fewer rows than the most there ever were, points NaN and their forces zero where there
+        Forces are padded with zeros to the largest number of rows, points with NaN and their forces with zeros where there
         were fewer; a constraint without a force is open.
         """
         n, names = len(self), [c.name for c in self.motion.constraints]
@@ -134,7 +134,7 @@ class Recording:
         return out | {"modes": {name: np.array(each) for name, each in modes.items()}}
 
     def _unpack(self, layout: RowLayout, indices: list[int], out: dict[str, dict[str, Array]]) -> None:
-        """Put the numbers of samples with one layout where they belong."""
+        """Put the numbers of samples with one layout into the arrays."""
         block, at = np.array([self._samples[i][0][self._width :] for i in indices]), 0
         for name, m, k, f in layout:
             out["forces"][name][indices, :m] = block[:, at : at + m]
@@ -158,12 +158,12 @@ def _culprit(parts: list[Any], acting: Mapping[str, ConstraintForce]) -> str:
 
 
 def least_forces(at: Snapshot, active: Array, answer: VelocityAnswer, h: float, law: str) -> Array:
-    """Row forces of least norm that move the robot as an answer's impulses do, shape (p,) [N, N m].
+    """Minimum-norm row forces with the same motion as an answer's impulses, shape (p,) [N, N m].
 
     Args:
         at: The points.
         active: Which of them are active, shape (k,).
-        answer: Impulses that obey the law, and what came of them.
+        answer: Impulses that obey the law, with their velocities.
         h: The time in which they act [s].
         law: "coulomb" or "convex".
     """
@@ -175,14 +175,14 @@ def least_forces(at: Snapshot, active: Array, answer: VelocityAnswer, h: float, 
 
 
 def _inside(at: Snapshot, active: Array, velocity: Array, force: Array, g: Array, law: str) -> Array | None:
-    """The shortest forces without regard to the cones' sides, if they are inside; None if not."""
+    """The shortest forces without the cones' boundaries, if they are inside; else None."""
     layout = at.layout
     n = layout.normals
     normal = layout.pushes
     speed = slide(layout, velocity)
     slides = active & layout.slides & (speed > SLIDES)
     if layout.boxed and (slides & ~layout.rubs).any():
-        return None  # a bound decides the force of dry friction
+        return None  # a bound determines the force of dry friction
     lifts = normal & (velocity[n] > SLIDES + (layout.mu * speed if law == "convex" else 0.0))
     plain, rays = np.flatnonzero(np.repeat(active & ~lifts & ~slides, layout.widths)), []
     for i in np.flatnonzero(slides & ~lifts).tolist():
@@ -228,7 +228,7 @@ def _allowed(at: Snapshot, active: Array, force: Array) -> bool:
 
 
 def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Array, law: str) -> Array:
-    """Where that fails: the problem whose answer these forces are, at the level of velocity, and its shortest forces."""
+    """The shortest forces from the velocity-level problem that these forces solve, where the closed form fails."""
     rows = active_rows(at.layout, active, 1.0)
     index, groups, T = rows.index, rows.groups, rows.sets
     f, J, M = force[index], at.J[index], at.state.M
@@ -243,12 +243,12 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
 
 
 def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Sequence[str]) -> Mapping[str, ConstraintForce]:
-    """The force and the mode of each constraint, of row forces and sliding speeds.
+    """The force and the mode of each constraint, from row forces and sliding speeds.
 
     Args:
         snapshot: The points.
         force: Row forces, shape (p,) [N, N m]; zero of inactive points.
-        speed: How fast each point slides, shape (k,) [m/s].
+        speed: Sliding speed of each point, shape (k,) [m/s].
         names: All constraints, in order; those without points are open.
     """
     out: dict[str, ConstraintForce] = {}
@@ -261,7 +261,7 @@ def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Seq
 
 
 def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
-    """(constraint, its points, its rows) of a source's points; those of one constraint stand together."""
+    """(constraint, its points, its rows) of a source's points; those of one constraint are adjacent."""
     out: list[tuple[str, slice, slice]] = []
     point = row = 0
     for owner, members in groupby(zip(structure.owners, structure.widths.tolist(), strict=True), key=itemgetter(0)):

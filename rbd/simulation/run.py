@@ -63,42 +63,42 @@ def simulate(
     record_every: int = 1,
     progress: bool = True,
 ) -> Trajectory:
-    """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with what proves it.
+    """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with its residuals.
 
-    Bilateral constraints alone (loops, rolling, held contacts, locks) give smooth motion: Gauss's acceleration, integrated on
+    Bilateral constraints alone (loops, rolling, contacts, locks) give smooth motion: Gauss's acceleration, integrated on
     the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where a contact can break, slip or impact
     (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2),
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
 
-    A contact with friction whose plane is known (`on=`, the feet of a robot) may start above it, and falls onto it. With an
-    anchor, `anchor=(0, 0, 0)`, the plane goes through that point. Without either it touches at the start: the plane goes
-    through it there. A held contact that is off its plane, or any that is below, gets a `DistantContactWarning`.
+    A contact with friction whose plane is known (`on=`, the feet of a robot) may start above it, and then falls. With an
+    anchor, `anchor=(0, 0, 0)`, the plane goes through that point. Without either it touches at the start, and the plane goes
+    through it there. A bilateral contact off its plane, or any below it, gets a `DistantContactWarning`.
 
     Args:
-        state: Where it starts, and how fast.
-        constraints: As for `rbd.solve`, each with its own name. Held contacts stay where they are at the start.
-        duration: How long [s].
+        state: Initial configuration and velocity.
+        constraints: As for `rbd.solve`, each with a different name. Bilateral contacts are anchored at the start.
+        duration: Simulated time [s].
         step: Time between samples [s]: the step of fixed-step integrators; the last may be shorter.
         controller: Motor torques (nu,) of a state and a time; None for none. It is called at every stage of a step.
-        external: Other forces of the world as for `rbd.solve`; or a function of state and time that gives them.
+        external: External forces as for `rbd.solve`; or a function of state and time that gives them.
         law: "coulomb", or "convex" (Gauss's principle with circular cones), of contacts that can slip, as in `rbd.solve`.
-        restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 of the others.
-        integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, as said above.
-        stabilisation: What keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
-        record_every: Every how many steps a sample is recorded; the first and the last always are.
+        restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 for the others.
+        integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, see above.
+        stabilisation: Keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
+        record_every: A sample is recorded every so many steps, and at the first and the last.
         progress: Show a bar on a terminal where it takes long.
 
     Returns:
-        The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it holds what was computed till then, and
-        `trajectory.interrupted` says so; Ctrl-C before the first step is done is a KeyboardInterrupt. Where a recorded residual
-        of the law is above 1e-7, a warning `InaccurateWarning` says once when and by how much.
+        The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it contains the motion until then, and
+        `trajectory.interrupted` gives the time; Ctrl-C within the first step is a KeyboardInterrupt. Where a recorded residual
+        of the law is above 1e-7, an `InaccurateWarning` is issued once, with time and size.
 
     Raises:
-        InputError: arguments that do not fit, two constraints of one name, a controller's torques that are not finite.
-        Unsupported: the integrator cannot take the constraints; it says which.
+        InputError: arguments that do not fit, two constraints with the same name, a controller's torques that are not finite.
+        Unsupported: the integrator does not accept a constraint, which is named.
         SimulationStopped: a step has no solution, or a function of yours (controller, external force, constraint) raised an
-            error, which is its `__cause__`: it names state, time and constraints, and carries the trajectory till then.
+            error, which is its `__cause__`: with state, time, constraints and the trajectory until then.
     """
     if not isinstance(state, State):
         raise InputError(f"simulate wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
@@ -115,7 +115,7 @@ def simulate(
             for k, sample in enumerate(chosen.run(motion, state, times)):
                 _check(sample)
                 t, here = sample.t, sample.state
-                events += sample.events  # an end of contact may be dated back into the step before
+                events += sample.events  # an end of contact can be dated in the step before
                 if motion.recorded(k, times):
                     recording.add(sample)
                 shown(t)
@@ -123,7 +123,7 @@ def simulate(
             if t == 0.0:  # no step was taken: there is no motion to return
                 raise
             interrupted = f"interrupted at t = {t:.6g} s of {times[-1]:.6g} s"
-        except Exception as error:  # a controller, a force or a constraint of the user may raise anything
+        except Exception as error:  # a controller, a force or a constraint of the user can raise any exception
             if isinstance(error, InputError) and t == 0.0:
                 raise
             why = f"stopped at t = {t:.6g} s"
@@ -140,7 +140,7 @@ def _in_order(events: list[Event]) -> list[Event]:
 
 
 def _inaccurate(trajectory: Trajectory) -> str:
-    """Which recorded samples miss the equations of motion or the law of their forces, in words; empty if none does."""
+    """Message: which recorded samples violate the equations of motion or the contact law; empty if none does."""
     law = trajectory.residuals["law"]
     above = np.flatnonzero(law > USABLE)
     if not len(above):
@@ -257,10 +257,10 @@ def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integ
 
 @contextmanager
 def progress_of(times: Sequence[float], *, shown: bool = True) -> Iterator[Callable[[float], None]]:
-    """A function to call with each time that is reached; after a second it draws a bar on stderr.
+    """A function to call with each time reached; after a second it draws a bar on stderr.
 
-    The bar appears only if stderr is a terminal, and is gone at the end, after Ctrl-C and errors too. No thread draws it. A
-    call that draws nothing costs about 0.1 us.
+    The bar appears only if stderr is a terminal, and is removed at the end, after Ctrl-C and errors too. No thread draws it. A
+    call without drawing costs about 0.1 us.
 
     Args:
         times: From the first to the last [s].
@@ -289,7 +289,7 @@ def _can_show() -> bool:
 
 
 class _Bar:
-    """The bar; it does not exist before its patience has ended."""
+    """The progress bar, created only after a delay."""
 
     def __init__(self, start: float, end: float) -> None:
         self._start, self._end = start, end
@@ -299,7 +299,7 @@ class _Bar:
         self._task: Any = None
 
     def __call__(self, t: float) -> None:
-        """Draw, if it is time to."""
+        """Draw, if enough time has passed."""
         now = time.perf_counter()
         if now < self._next:
             return
@@ -311,7 +311,7 @@ class _Bar:
         self._next = time.perf_counter() + PACE
 
     def stop(self) -> None:
-        """Take the bar away and give the cursor back."""
+        """Remove the bar and restore the cursor."""
         if self._progress is not None:
             self._progress.stop()
 

@@ -1,7 +1,7 @@
 """Smooth motion: the acceleration on bilateral constraints, and the projection onto them; shared by all its integrators.
 
-Where the rows J v = u hold, a is Gauss's: the nearest to the free acceleration, in |.|_M, with J a + J_dot v = 0. It is that of
-`rbd.solve` with `KKT()`, without the certificate, which is made of the samples that are recorded.
+On the rows J v = u, a is Gauss's: nearest to the free acceleration, in |.|_M, with J a + J_dot v = 0. It equals that of
+`rbd.solve` with `KKT()`, without the certificate, which is computed for recorded samples.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
 from rbd.solution import Solution
 
 CLOSE = 3e-2
-"""Where the least singular value, over the largest, is below this, stages are brought back too: a stage is off by h^2, which
-this pose divides by s. (Accelerations taken at the nearest point of the constraints are as smooth a field as those of the point
-itself, with the same motions on them: the order stays.)"""
+"""Where the least singular value, over the largest, is below this, stages are projected too: a stage has an error of h^2, which
+is amplified by 1 / s. (Accelerations at the nearest point of the constraints are as smooth a field as those at the point
+itself, with the same motions on the constraints: the order is unchanged.)"""
 ASIDE = 3.0
-"""How far the nearest neighbours of a crossing are from it, in the distance where it begins."""
+"""Distance of the nearest neighbours of a crossing, over the distance at which it begins."""
 AVOIDED = 0.1
-"""Neighbours of a crossing that are farther off the constraints than this times the square of the way to them: the constraints
-do not cross there, and turn away instead."""
+"""If neighbours of a crossing are off the constraints by more than this times the square of their distance, the constraints
+do not cross there, but turn away."""
 TORN = 0.1
-"""Velocity off the constraints after a step, over the largest velocity, above which the step was no approximation."""
+"""Velocity off the constraints after a step, over the largest velocity, above which a step is invalid."""
 MOVES = 1e-3
-"""Rows that move faster at the start [m/s, rad/s] do not hold: projection would be an impact."""
+"""Rows that move faster at the start [m/s, rad/s] are violated: projection would be an impact."""
 EXACT = 1e-14
 """Errors up to this are rounding [m, rad, and per second]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A state on its way, with all that a step needs of it.
+    """A state within a step, with its rows, forces and acceleration.
 
     Attributes:
         t: [s].
@@ -54,7 +54,7 @@ class Stage:
         tau: Motor torques, shape (nu,).
         rhs: S^T tau + tau_ext - h, shape (nv,).
         a: Acceleration, shape (nv,).
-        f: Row forces, shape (m,), where rows are well independent; else None.
+        f: Row forces, shape (m,), if rows are well conditioned; else None.
     """
 
     t: float
@@ -66,20 +66,20 @@ class Stage:
 
     @property
     def state(self) -> State:
-        """Where it is."""
+        """The state."""
         return self.held.state
 
 
 class SmoothMotion:
-    """The vector field (q, v) -> a of a motion whose constraints hold.
+    """The vector field (q, v) -> a of a motion on bilateral constraints.
 
     Args:
-        motion: What moves.
+        motion: The motion.
         state: Its start; contacts without an anchor are anchored here.
 
     Attributes:
-        motion: What moves.
-        charts: Of its robot.
+        motion: The motion.
+        charts: Charts of its robot.
     """
 
     def __init__(self, motion: Motion, state: State) -> None:
@@ -98,10 +98,10 @@ class SmoothMotion:
         self._solver = StageSolver()
 
     def start(self, state: State, t: float) -> Stage:
-        """The stage at the start, as it is given.
+        """The stage at the given start.
 
         Raises:
-            InputError: it is off the constraints, or has a velocity that they do not allow.
+            InputError: it violates the constraints in position or velocity.
         """
         reason = reason_not_smooth(self.motion, state)
         if reason is not None:
@@ -115,9 +115,9 @@ class SmoothMotion:
         """A stage within a step.
 
         Raises:
-            NoSolution: the motion has grown beyond all bounds, or no acceleration satisfies the rows.
+            NoSolution: the motion is beyond all bounds, or no acceleration satisfies the rows.
         """
-        # Without anchors contacts are five times as fast, and their errors play no part here.
+        # Without anchors contacts are five times as fast, and their errors are not used here.
         held = self._given.rows(self.motion.reached(q, v, t))
         if self._projection is not None and len(held.J) and self._solver.spread(held) < CLOSE:
             known = self._given is self._anchored
@@ -125,10 +125,10 @@ class SmoothMotion:
         return self._stage(held, t)
 
     def landed(self, q: Array, v: Array, t: float) -> Stage:
-        """The stage at the end of a step: brought back onto the constraints, where that is asked for.
+        """The stage at the end of a step: projected onto the constraints, if `stabilisation` requires it.
 
         Raises:
-            NoSolution: as `at`; or the constraints cannot be met.
+            NoSolution: as `at`; or the constraints cannot be satisfied.
         """
         held = self._anchored.rows(self.motion.reached(q, v, t))
         if self._projection is not None and len(held.J):
@@ -137,7 +137,7 @@ class SmoothMotion:
         return self._stage(held, t)
 
     def _projected(self, held: StackedRows, projection: Projection, t: float) -> StackedRows:
-        """Newton's steps in position, and with each of them velocity: a step's error is small, so that one of both will do."""
+        """Newton's steps in position and velocity; a step's error is small, so that one of each usually suffices."""
         solver = self._solver
         if held.drift > OPEN + self._open or held.drift_rate > TORN * max(1.0, max_abs(held.state.v)):
             worst = int(np.argmax(np.abs(held.error) if held.drift > OPEN + self._open else np.abs(held.velocity)))
@@ -148,7 +148,7 @@ class SmoothMotion:
             )
         for _ in range(projection.iterations):
             error, rate = held.drift, held.drift_rate
-            # Where rows are nearly dependent a small error is a large displacement.
+            # Where rows are nearly dependent a small error means a large displacement.
             enough = 0.5 * projection.tolerance * solver.spread(held)
             if error <= max(enough, EXACT) and rate <= max(10.0 * enough, EXACT):
                 break
@@ -191,7 +191,7 @@ class SmoothMotion:
         P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
         found = Solution(P, stage.a, f, None, BILATERAL, "smooth", 1, 0.0)
         if not unique:
-            found = found.settled()  # of all forces that do the same, those that `rbd.solve` gives
+            found = found.settled()  # of all equivalent forces, those of `rbd.solve`
         out = {}
         for r in held.rows:
             points = pushes = None
@@ -214,22 +214,22 @@ class SmoothMotion:
     def _across(self, held: StackedRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
         """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.
 
-        (15 A(e) - 6 A(2 e) + A(3 e)) / 10, where A(e) is the mean of a(t + e) and a(t - e) under the forces of now: right to
+        (15 A(e) - 6 A(2 e) + A(3 e)) / 10, where A(e) is the mean of a(t + e) and a(t - e) under the present forces: exact to
         e^6, though the neighbours are only known to second order, as A is even in e.
 
         Args:
             held: The rows.
             rhs: S^T tau + tau_ext - h here.
             t: For messages.
-            a: A first guess, right to the order of s.
-            rate: How fast the least singular value changes [1/s].
-            projection: How neighbours are brought onto the constraints.
+            a: A first guess, with error O(s).
+            rate: Rate of the least singular value [1/s].
+            projection: Settings of the projection of neighbours.
         """
         state, solver = held.state, self._solver
         v, forces, chart = state.v, rhs + state.h, self.charts.at(state.q)
         e1, mean = ASIDE * NEAR / rate, []
         if 3.0 * e1 * max_abs(a) > max_abs(v):
-            return a  # so slow that it turns round here
+            return a  # so slow that it reverses here
         for e in (e1, 2.0 * e1, 3.0 * e1):
             found = []
             for side in (e, -e):
@@ -245,7 +245,7 @@ class SmoothMotion:
 
 
 def reason_unknown_ground(constraint: Constraint) -> str | None:
-    """Why the ground of a constraint cannot be followed over time, in words; None where it can."""
+    """Message: why the ground of a constraint cannot be followed over time; None if it can."""
     ground = ground_of(constraint)
     if ground is None or ground.acceleration is None or not np.any(ground.acceleration):
         return None
@@ -256,7 +256,7 @@ def reason_unknown_ground(constraint: Constraint) -> str | None:
 
 
 def reason_not_smooth(motion: Motion, state: State) -> str | None:
-    """Why a motion is not smooth, in words; None where it is."""
+    """Message: why a motion is not smooth; None if it is."""
     rows = rows_of(state, motion.constraints)
     for constraint, r in zip(motion.constraints, rows, strict=True):
         if not is_bilateral(r):

@@ -1,4 +1,4 @@
-"""The time step of contact motion, a function of where it begins and of its length.
+"""The time step of contact motion, a function of its first instant and its length.
 
 A step of length h from (q, v), with the points that are in contact at q:
 
@@ -40,13 +40,13 @@ from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
 _AT_REST = 1e-7
-"""A point that arrives slower than this [m/s, rad/s] needs no impulse."""
+"""A point that arrives more slowly than this [m/s, rad/s] needs no impulse."""
 Passed: TypeAlias = list[StepRecord | ImpactRecord]
 """Steps and impacts, in order of time."""
 
 
 class PreviousStep(NamedTuple):
-    """The step before: its points at its beginning, which were active, its length and its impulses."""
+    """The step before: points at its beginning, which of them were active, length and impulses."""
 
     at: Snapshot
     active: Array
@@ -56,17 +56,17 @@ class PreviousStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """Where a step begins, with what the steps before leave to it.
+    """The beginning of a step, with data from earlier steps.
 
     Attributes:
         t: Time [s].
         at: State and contact points.
         gaps: Tolerances of the points' gaps.
         closed: Which points were in contact in the step before, shape (k,).
-        leaves: Which points touch and move away, after an impact or at the start: inactive in this step, shape (k,).
+        leaves: Which points touch and separate, after an impact or at the start: inactive in this step, shape (k,).
         force: Row forces to start from, shape (p,).
-        norms: Of bilateral rows; see `VelocityAnswer`.
-        velocity: The points' velocities as the contact law of the step before has them, shape (p,); None: J v.
+        norms: Norms of bilateral rows; see `VelocityAnswer`.
+        velocity: The points' velocities by the contact law of the step before, shape (p,); None: J v.
         previous: The step before; None where contact or friction has changed.
     """
 
@@ -84,22 +84,22 @@ class Instant:
     def touching(self) -> Array:
         """Which points are in contact, shape (k,): those without a gap, and closed ones with a small gap.
 
-        Not those that leave after an impact: at its end the step would hold down what is on its way back by then.
+        Not those that leave after an impact: the step would hold down points that approach again by its end.
         """
         gap = self.at.gap
         touching: Array = ((gap <= self.gaps.tight) | (self.closed & (gap <= self.gaps.loose))) & ~self.leaves
         return touching
 
     def rates(self, active: Array) -> Array:
-        """Velocities of the points, shape (p,): of the active ones as the law of the step before has them.
+        """Velocities of the points, shape (p,): for active ones by the law of the step before.
 
-        By that law closed points are at rest; J v is so to O(h^2) only, which half a step would make O(h) of a force.
+        By that law closed points are at rest; J v is zero only to O(h^2), an error O(h) of the force over half a step.
         """
         at, known = self.at, self.velocity
         return at.velocity if known is None else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
 
     def change(self, h: float) -> Array | None:
-        """How the points' velocities change in a time h, as they did in the step before; None where that is unknown."""
+        """Change of the points' velocities in a time h, extrapolated from the step before; None if unknown."""
         before = self.previous
         if before is None or before.at.layout is not self.at.layout:
             return None
@@ -112,7 +112,7 @@ class HalfStep:
     """The first half of a step.
 
     Attributes:
-        start: Where the step begins.
+        start: The beginning of the step.
         active: Which of its points are active.
         tau: Motor torques; None where the half step was extrapolated.
         answer: Velocity and impulses.
@@ -128,7 +128,7 @@ class HalfStep:
     u: Array
 
     def points_in(self, layout: Layout) -> PointsAtStart:
-        """What is known of the points, in another layout."""
+        """The same data for the points of another layout."""
         at = self.start.at
         if layout is at.layout:
             return PointsAtStart(self.active, self.u, at.error, self.answer)
@@ -156,14 +156,14 @@ class WholeStep(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Where a step ended, and the steps and impacts that it was divided into."""
+    """The end of a step, and the steps and impacts into which it was divided."""
 
     end: Instant
     passed: Passed
 
 
 class StepSystem:
-    """What time steps do not change: a motion that starts at a state, and the settings of `TimeStepping`."""
+    """The constant data of time steps: a motion from a state, and the settings of `TimeStepping`."""
 
     def __init__(self, motion: Motion, start: State, *, impact_speed: float, impacts: int, extrapolate: bool) -> None:
         self.motion, self.robot = motion, start.robot
@@ -193,7 +193,7 @@ class StepSystem:
         return HalfStep(start, before.active, None, answer, h, u)
 
     def solved(self, start: Instant, h: float, more: Array | None = None) -> HalfStep:
-        """The first half of a step, solved; points in `more` are active besides those that touch."""
+        """The first half of a step, solved; points in `more` are active in addition to touching ones."""
         at, half = start.at, 0.5 * h
         active = start.touching if more is None else start.touching | more
         tau, force = self.motion.forces(at.state, start.t)
@@ -214,7 +214,7 @@ class StepSystem:
         return HalfStep(start, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
 
     def step(self, half: HalfStep, t_end: float) -> Step:
-        """From a half step to the end of the step, through the impacts on the way."""
+        """From a half step to the end of the step, through the impacts in between."""
         passed = Passed()
         end = self._advanced(half, t_end, passed)
         return Step(end if end.t == t_end else replace(end, t=t_end), passed)  # sums of parts are off by rounding
@@ -270,7 +270,7 @@ class StepSystem:
         return WholeStep(h, self.points.at(self.motion.reached(q_end, v_end, t + h), t + h), answer, middle)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
-        """The rest of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
+        """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
         start, h = half.start, t_end - half.start.t
         more = np.zeros(len(half.active), bool)
         while True:
@@ -282,9 +282,9 @@ class StepSystem:
             half = self.solved(start, h, more)
 
     def _through(self, half: HalfStep, end: Snapshot) -> Array:
-        """Which points have penetrated their surface without being active, shape (k,) of the end's layout.
+        """Which points have penetrated their surface while inactive, shape (k,) of the end's layout.
 
-        One that enters the contact set below the surface and moves away, as another corner of a hull may, has not.
+        A point that enters the contact set below the surface and separates (e.g. another corner of a hull) does not count.
         """
         start = half.start
         deep: Array = ~half.points_in(end.layout).active & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
@@ -293,7 +293,7 @@ class StepSystem:
         return deep
 
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
-        """When within the step a sliding point stops, or turns back, and friction jumps; zero if none does."""
+        """Time within the step at which a sliding point stops, or turns back, and friction jumps; zero if none does."""
         layout = half.start.at.layout
         stops = stopping(layout, half.u, answer.velocity, half.answer.impulse)
         if stops is None:
@@ -308,13 +308,13 @@ class StepSystem:
         return float(s.min(initial=h)) % h
 
     def _located(self, half: HalfStep, whole: WholeStep) -> WholeStep:
-        """A shorter step, to where the first point touches."""
+        """A shorter step, up to the first contact."""
         h, low, high, at_low, at_high = whole.h, 0.0, whole.h, half.start.at, whole.end
         for _ in range(30):
             through = self._through(half, at_high)
             match, n = PointMatching(at_low.layout, at_high.layout), at_high.layout.normals[through]
             gap, rate = match.points(at_low.gap, np.inf)[through], match.rows(at_low.velocity)[n]
-            unseen = ~np.isfinite(gap)  # it was beyond the margin: by a straight line back from where it is
+            unseen = ~np.isfinite(gap)  # it was beyond the margin: extrapolate backwards linearly
             rate[unseen] = at_high.velocity[n][unseen]
             least = 2.0 * self.sizes.tolerances(at_high, half.start.gaps).tight[through]
             gap[unseen] = np.maximum(at_high.gap[through] - rate * (high - low), least)[unseen]
@@ -341,7 +341,7 @@ class StepSystem:
             answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
-            # A corner that carries nothing, as the others match all, and stays where it is has not left.
+            # A redundant corner without load that does not move has not left.
             closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
             end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
@@ -360,10 +360,10 @@ class StepSystem:
         return self._after_impact(Instant(t, end, gaps, active, none, force, norms, by_law, previous), passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
-        """The instant after the impact of points that touch and approach: if not closed before, however slowly they approach.
+        """The instant after the impact of points that touch and approach: at any speed if they were not closed before.
 
         Args:
-            now: Before it.
+            now: The instant before it.
             passed: The impact is appended to it.
             first: At the start of a motion all points count as not closed, and those that move away leave.
         """
@@ -374,7 +374,7 @@ class StepSystem:
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
             return replace(now, leaves=self._leaves(at)) if first else now
-        if arrives.any():  # points as near as closed ones may be take part in the impact
+        if arrives.any():  # points within the gap of closed ones take part in the impact
             touches = touches | (at.gap <= now.gaps.loose)
             arrives = touches & layout.pushes & (approach < limit)
         offset = at.velocity - at.J @ at.state.v
@@ -390,6 +390,6 @@ class StepSystem:
         return Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms)
 
     def _leaves(self, at: Snapshot) -> Array:
-        """Which points move away from their surface, faster than what comes to rest, shape (k,)."""
+        """Which points separate from their surface faster than the rest speed, shape (k,)."""
         leaves: Array = at.layout.pushes & (at.approach > self.impact_speed)
         return leaves

@@ -1,4 +1,4 @@
-"""A motion that was computed: arrays over time, with what proves them."""
+"""A motion that was computed: arrays over time, with residuals."""
 
 from __future__ import annotations
 
@@ -54,22 +54,22 @@ class Trajectory:
         a: Accelerations, shape (n, nv) [m/s2, rad/s2]; M a + h = S^T tau + tau_ext + J^T f at each sample.
         tau: Motor torques, shape (n, nu) [N, N m].
         forces: {constraint: shape (n, m)}: the force (m = 3) of a point or the wrench (m = 6) of a surface at its centre, in W;
-            row forces of what has no resultant [N, N m]. Zero where it does not act.
-        points: {contact: shape (n, k, 3)}: where it touches, in W [m]; NaN where there is no such point at that time.
+            row forces if it has no resultant [N, N m]. Zero where it is inactive.
+        points: {contact: shape (n, k, 3)}: its points in W [m]; NaN if a point does not exist at that time.
         point_forces: {contact: shape (n, k, 3)}: the force at each point, in W [N]; zero where there is none.
         modes: {constraint: shape (n,)}: "open", "sticks", "slips", "holds" or "pushes".
         kinetic: Kinetic energy, shape (n,) [J].
         potential: Potential energy, shape (n,) [J]; zero at the world's origin.
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
-        residuals: {"law": how far the forces are from their law, scaled; "drift", "drift_rate": largest error of the
+        residuals: {"law": residual of the contact law, scaled; "drift", "drift_rate": largest error of the
             bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
         events: Beginnings and ends of contact, in order of time.
-        integrator: What carried it from step to step, with its settings.
-        law: Law of the contacts that can slip.
-        stabilisation: How the bilateral constraints were kept, with its settings.
+        integrator: The integrator, with its settings.
+        law: Contact law.
+        stabilisation: Stabilisation of the bilateral constraints, with its settings.
         step: The integrator's step [s].
-        interrupted: Why it ended before its time; empty if it did not.
+        interrupted: Why it ended early; empty if it did not.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -114,12 +114,12 @@ class Trajectory:
         """The trajectory of samples.
 
         Args:
-            motion: What was simulated.
+            motion: The motion simulated.
             samples: In order of time; a `Recording` of them takes a hundredth of the memory.
             events: All of them, those between the recorded samples too.
-            integrator: What carried the motion.
+            integrator: The integrator.
             step: Its step [s].
-            interrupted: Why it ended before its time.
+            interrupted: Why it ended early.
 
         Raises:
             InputError: no samples.
@@ -159,7 +159,7 @@ class Trajectory:
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Names of those that touch at points, in order: the order of their colours."""
+        """Names of constraints with contact points, in order: the order of their colours."""
         return tuple(self.points)
 
     @property
@@ -175,8 +175,8 @@ class Trajectory:
     def at(self, t: float) -> State:
         """The robot at any time between the first sample and the last: its recorded state, or one between two.
 
-        Between two samples q goes along the shortest way on its manifold and v from one to the other in proportion to time:
-        second-order accurate in a smooth motion; an impact between them is smeared over the interval.
+        Between two samples q follows the shortest path on its manifold and v is interpolated linearly in time:
+        second-order accurate in a smooth motion; an impact between them is spread over the interval.
 
         Raises:
             InputError: a time outside the trajectory.
@@ -212,13 +212,13 @@ class Trajectory:
         return table(vars(self))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file: .npz, which NumPy alone reads, or .nc, netCDF, with the extra `study`.
+        """Write it to a file: .npz, for which NumPy is sufficient, or .nc, netCDF, with the extra `study`.
 
-        Numbers are kept to the last bit. The robot is written as where it came from, with its inertias and placements, so that
-        a file that has changed since is reported on loading. A file that is there stays whole until the new one is.
+        Numbers are stored to the last bit. The robot is stored as its source with its inertias and placements, so that
+        a file that has changed since is reported on loading. An existing file is replaced only when the new one is complete.
 
         Raises:
-            InputError: another ending, a place that cannot be written, or no xarray for .nc.
+            InputError: another suffix, a path that cannot be written, or no xarray for .nc.
         """
         where = a_trajectory_path(path)
         check_place(where)
@@ -232,8 +232,8 @@ class Trajectory:
         """A trajectory from a file that `save` wrote; its robot is loaded again, unless it is given.
 
         Raises:
-            InputError: no such file, or not such a one; a robot that was built by hand and is not given, or another one.
-            ModelError: the robot's own file is gone, or has changed.
+            InputError: no such file, or not a trajectory; a robot built by hand that is not given, or a different one.
+            ModelError: the robot's file is gone, or has changed.
         """
         where = a_trajectory_path(path)
         try:
@@ -285,7 +285,7 @@ class Trajectory:
     def replay(self, *, speed: float = 1.0, external: External | ExternalAt = None) -> None:
         """Show it live in the browser, `speed` seconds a second; `external`, as it was simulated, draws pushes.
 
-        See `rbd.visual.replay`, which takes a scene too.
+        See `rbd.visual.replay`, which accepts a scene too.
         """
         from rbd.visual.animation import replay
 
@@ -302,7 +302,7 @@ class Trajectory:
     ) -> Path:
         """Write one HTML page with the motion, a play button and a scrub bar, which needs no network; forces move along.
 
-        See `rbd.visual.export_motion`, which takes more.
+        See `rbd.visual.export_motion`, which has more options.
         """
         from rbd.visual.animation import export_motion
 
@@ -331,7 +331,7 @@ class Trajectory:
             self.v[i],
             self.a[i],
             self.tau[i],
-            partial(dict, acting),  # which a copy or a pickle takes along
+            partial(dict, acting),  # which a copy or a pickle includes
             **{name: float(x[i]) for name, x in self.residuals.items()},
             events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )

@@ -1,6 +1,6 @@
-"""What a trajectory file holds: a header with the robot's source, named arrays, and all of it as an xarray.Dataset.
+"""Contents of a trajectory file: a header with the robot's source, named arrays; also as an xarray.Dataset.
 
-A robot is written as where it came from, with its inertias and placements, so that a changed robot is noticed.
+A robot is stored as its source with its inertias and placements, so that a changed robot is noticed.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ AXES = ["x", "y", "z"]
 SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
 NUMBERS = "robot_numbers"
 _COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
-"""What `robot_numbers` has of each joint and its body."""
+"""Columns of `robot_numbers` for each joint and its body."""
 _RELATIVE, _ABSOLUTE = 1e-9, 1e-12
-"""Two readings of one file, on two machines, differ by less."""
+"""Largest difference between two readings of one file, on two machines."""
 
 
 def keys(names: tuple[str, ...]) -> dict[str, str]:
-    """{constraint: the word that stands for it in names of variables}: itself, where netCDF takes it."""
+    """{constraint: its name in names of variables}: itself, if netCDF accepts it."""
     plain = re.compile(r"(?!constraint_)[A-Za-z]\w*", re.ASCII)
     return {name: name if plain.fullmatch(name) else f"constraint_{i}" for i, name in enumerate(names)}
 
 
 def header_of(fields: Fields) -> dict[str, Any]:
-    """All that is not arrays."""
+    """The header: all data that are not arrays."""
     return {
         "rbd": VERSION,
         "robot": recipe(fields["robot"]),
@@ -61,11 +61,11 @@ def header_of(fields: Fields) -> dict[str, Any]:
 
 
 Variable: TypeAlias = tuple[str, Array, list[str], str, str]
-"""Name, array, dimensions after time, unit and meaning of what has one row a sample."""
+"""Name, array, dimensions after time, unit and meaning of a field with one row a sample."""
 
 
 def _variables(fields: Fields) -> Iterator[Variable]:
-    """All that has one row a sample, in the order of a file."""
+    """All fields with one row a sample, in the order of a file."""
     for c in COLUMNS:
         yield c.name, fields[c.name], [c.axis] if c.axis else [], c.unit, c.meaning
     for c in RESIDUALS:
@@ -90,10 +90,10 @@ def arrays_of(fields: Fields) -> dict[str, Array]:
 def fields_of(
     header: Mapping[str, Any], arrays: Mapping[str, Array], folder: Path, robot: CheckedModel | None
 ) -> dict[str, Any]:
-    """Fields of a `Trajectory` from a header and arrays that a file holds; sizes are checked where it is made.
+    """Fields of a `Trajectory` from a file's header and arrays; sizes are checked by the trajectory.
 
     Raises:
-        InputError: something is missing, or not what it should be.
+        InputError: an entry is missing, or of the wrong type.
         ModelError: the robot's file is gone, or has changed.
     """
     names, contacts = words_in(header, "constraints"), words_in(header, "contacts")
@@ -141,7 +141,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
 
 
 def _labels(robot: CheckedModel) -> dict[str, Any]:
-    """Names along the dimensions, with a unit each where units differ."""
+    """Labels along the dimensions, with a unit each if units differ."""
     q, v, tau = robot.joints.positions, robot.joints.velocities, robot.motor_coordinates
     return {
         "position": [c.name for c in q],
@@ -167,7 +167,7 @@ def _event_variables(events: tuple[Event, ...]) -> dict[str, Any]:
 
 
 def for_netcdf(fields: Fields) -> tuple[dict[str, Any], xarray.Dataset]:
-    """Header and dataset that netCDF 3 can hold: no arrays without entries, and modes as numbers with a key (CF's flags)."""
+    """Header and dataset for netCDF 3: no arrays without entries, and modes as numbers with a key (CF's flags)."""
     header, dataset = header_of(fields), dataset_of(fields)
     dataset[NUMBERS] = (("joint", "number"), robot_numbers(fields["robot"]))
     words = sorted({str(word) for modes in fields["modes"].values() for word in np.unique(modes)})
@@ -186,10 +186,10 @@ def for_netcdf(fields: Fields) -> tuple[dict[str, Any], xarray.Dataset]:
 
 
 def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict[str, Array]:
-    """What `arrays_of` gave, from what `for_netcdf` made of it.
+    """The arrays of `arrays_of`, from the dataset of `for_netcdf`.
 
     Raises:
-        InputError: numbers of modes that have no word, shapes that are none, or a checksum that differs.
+        InputError: mode numbers without a name, invalid shapes, or a different checksum.
     """
     words, empty, wanted = words_in(header, "modes"), header.get("empty"), words_in(header, "arrays")
     found = {"t" if name == "time" else str(name): variable.values for name, variable in dataset.variables.items()}
@@ -221,7 +221,7 @@ def _event(given: object) -> Event:
 
 
 def recipe(robot: CheckedModel) -> dict[str, Any]:
-    """Where a robot came from, as plain data; "file" is empty where only the hand that built it knows."""
+    """A robot's source, as plain data; "file" is empty for a robot built by hand."""
     out: dict[str, Any] = {
         "name": robot.name,
         "file": "",
@@ -255,7 +255,7 @@ def robot_numbers(robot: CheckedModel) -> Array:
     q = pin.neutral(model)
     for i in range(1, model.njoints):
         joint, inertia, axis = model.joints[i], model.inertias[i], np.zeros(6)
-        if joint.nv == 1:  # others move along the axes of their frame
+        if joint.nv == 1:  # others use the axes of their frame
             data = joint.createData()
             joint.calc(data, q)
             axis = np.asarray(data.S, float).reshape(-1)
@@ -277,13 +277,13 @@ def robot_of(given: Mapping[str, Any], numbers: Array, folder: Path, robot: Chec
     """The robot of a recipe, compared with the numbers that were written with it.
 
     Args:
-        given: A `recipe`, from a file: nothing about it is trusted.
+        given: A `recipe`, from a file: all of it is checked.
         numbers: Its `robot_numbers`.
-        folder: Of the file; a model file that is no more where it was is looked for here, by its name.
-        robot: The robot, if the user gives it.
+        folder: Folder of the file; a model file that has moved is searched here by name.
+        robot: The robot, if given by the user.
 
     Raises:
-        InputError: no robot where one must be given, another robot than that of the recipe, a recipe that is none.
+        InputError: no robot where one must be given, a robot other than that of the recipe, an invalid recipe.
         ModelError: its file is gone, or has changed since.
     """
     if robot is not None:
@@ -351,7 +351,7 @@ def _check_same(given: Mapping[str, Any], robot: CheckedModel, kind: type[RbdErr
 
 
 def _changes(robot: CheckedModel, numbers: Array) -> Iterator[str]:
-    """What differs between a robot and the numbers of the one that was simulated, in words."""
+    """Messages: differences between a robot and the numbers of the simulated one."""
     now = robot_numbers(robot)
     if numbers.shape != now.shape:
         raise InputError(f"the numbers of {robot.name} in the file have shape {numbers.shape}; expected {now.shape}.")
@@ -369,9 +369,9 @@ def _changes(robot: CheckedModel, numbers: Array) -> Iterator[str]:
 
 
 def _loops(robot: Robot) -> str | bool | None:
-    """What `load_robot` must be told to close the same loops; None where that is not known.
+    """The argument of `load_robot` that closes the same loops; None if not known.
 
-    A `Robot` keeps what its loop file said and its name, not its folder.
+    A `Robot` stores the contents and name of its loop file, not its folder.
     """
     own, name = beside(robot.urdf), robot.mechanism.file.name
     if not name:

@@ -1,4 +1,4 @@
-"""What a trajectory is made of: its fields with units and meaning, the checks of each, and the table that prints them."""
+"""Fields of a trajectory: units, meaning, checks, and the printed table."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Column:
     """A field with one row a sample.
 
     Attributes:
-        name: Of the field.
-        axis: What stands along a row: "position" (nq), "velocity" (nv), "motor" (nu), "spatial" (6), "axis" (3); empty where a
+        name: Name of the field.
+        axis: Dimension of a row: "position" (nq), "velocity" (nv), "motor" (nu), "spatial" (6), "axis" (3); empty if a
             row is one number.
-        unit: Of its entries; empty where each joint has its own.
-        meaning: In words.
+        unit: Unit of its entries; empty if each joint has a different one.
+        meaning: Description.
     """
 
     name: str
@@ -50,20 +50,20 @@ COLUMNS = (
     Column("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
     Column("com", "axis", "m", "centre of mass in W"),
 )
-"""What is known of the robot at each time."""
+"""Fields of the robot at each time."""
 RESIDUALS = (
-    Column("law", "", "1", "how far the forces are from their law, scaled"),
+    Column("law", "", "1", "residual of the contact law, scaled"),
     Column("drift", "", "m or rad", "largest position error of the bilateral constraints"),
     Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
-    Column("penetration", "", "m or rad", "how deep the deepest contact is in what it touches"),
+    Column("penetration", "", "m or rad", "depth of the deepest contact"),
 )
-"""What each sample says of its own errors."""
+"""Residuals of each sample."""
 WORDS = ("integrator", "law", "stabilisation", "interrupted")
 """The fields that are text."""
 
 
 def checked(fields: Fields) -> dict[str, Any]:
-    """The fields as a trajectory keeps them: read-only arrays of the right sizes, a tuple of events.
+    """The fields as stored by a trajectory: read-only arrays of the right sizes, a tuple of events.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -109,7 +109,7 @@ def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = 
         what: Its name, for messages.
         value: The numbers.
         shape: Its sizes; None takes any.
-        holes: Whether NaN stands for what is not there.
+        holes: Whether NaN marks missing entries.
 
     Raises:
         InputError: another shape, or numbers that are not finite.
@@ -128,10 +128,10 @@ def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = 
 
 
 def kept_words(name: str, value: Array, n: int) -> Array:
-    """A read-only array of n words.
+    """A read-only array of n strings.
 
     Raises:
-        InputError: if they are not.
+        InputError: if it is not.
     """
     out = np.array(value) if not isinstance(value, np.ndarray) or value.flags.writeable else value
     if out.dtype.kind != "U" or out.shape != (n,):
@@ -141,7 +141,7 @@ def kept_words(name: str, value: Array, n: int) -> Array:
 
 
 _EVENTS, _CONSTRAINTS = 8, 16
-"""So many are listed."""
+"""Largest number of entries listed."""
 
 
 def table(fields: Fields) -> str:

@@ -1,6 +1,6 @@
 """Named arrays and a header in one file, .npz or .nc: written whole or not at all, read with every size checked first.
 
-An .npz is what `numpy.load` reads, without pickles: text stands in arrays of characters, and the header is JSON in one of
+An .npz is what `numpy.load` reads, without pickles: text is stored in arrays of characters, and the header is JSON in one of
 them. An .nc is netCDF 3 (64-bit offsets) through xarray and SciPy, which any tool for netCDF reads; the header is an attribute.
 """
 
@@ -33,9 +33,9 @@ FORMAT, VERSION = "rbd trajectory", 1
 HEADER = "header"
 EXTRA = "Install the extra: pip install 'rbd-contact[study]'"
 FREE, TIMES = 16_000_000, 64
-"""What a file holds takes at most so many bytes, and so many more for each of its own: real motions do not compress further."""
+"""Limit of the unpacked bytes: a constant, and a multiple of the file's size; real motions do not compress further."""
 OBJECTS = 100_000
-"""So many lists, numbers and words may stand in a header, and one more for each byte of the file."""
+"""Limit of the entries in a header: this number, and one more for each byte of the file."""
 _TYPES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8}
 """Bytes of the types of netCDF 3: byte, char, short, int, float, double."""
 _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
@@ -66,10 +66,10 @@ def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, Array]
 
 
 def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Header and arrays of what `write_npz` wrote.
+    """Header and arrays from a file of `write_npz`.
 
     Raises:
-        InputError: no such file, or not such a file: cut short, changed, or something else.
+        InputError: no such file, or not a trajectory: cut short, changed, or of another kind.
     """
     data = _bytes(path)
     try:
@@ -91,7 +91,7 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         RuntimeError,
         SyntaxError,
         TypeError,
-    ) as error:  # what zipfile and NumPy raise on bytes that are not theirs
+    ) as error:  # exceptions of zipfile and NumPy on invalid bytes
         if isinstance(error, InputError):
             raise
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
@@ -109,13 +109,13 @@ def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset)
 
 
 def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:
-    """Header and dataset of what `write_netcdf` wrote; errors as `read_npz`."""
+    """Header and dataset from a file of `write_netcdf`; errors as `read_npz`."""
     xarray, data = xarray_or_error(), _bytes(path)
     try:
         check_netcdf(data)
         dataset = xarray.load_dataset(io.BytesIO(data), engine="scipy", decode_cf=False)
         text = dataset.attrs.get(HEADER)
-    except Exception as error:  # SciPy's reader raises whatever the wrong bytes lead to
+    except Exception as error:  # SciPy's reader can raise any exception on invalid bytes
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
     if not isinstance(text, str):
         raise InputError(_foreign(path, f"it holds {', '.join(sorted(map(str, dataset.variables)))[:200]}"))
@@ -145,7 +145,7 @@ def _bytes(path: Path) -> bytes:
         if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
             raise OSError("it is a device or a pipe")
         return path.read_bytes()
-    except (OSError, ValueError) as error:  # a ValueError where the path can be none
+    except (OSError, ValueError) as error:  # a ValueError if the path is invalid
         raise InputError(f"{str(path)!r:.200} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     except MemoryError:
         raise InputError(f"{str(path)!r:.200} is larger than the memory.") from None
@@ -160,7 +160,7 @@ def _array(archive: zipfile.ZipFile, member: Member) -> Array:
     shape, kind = member.shape, member.kind
     out = np.frombuffer(data, kind).reshape(shape, order="F" if member.by_columns else "C") if data else np.zeros(shape, kind)
     if kind.kind == "U":
-        out.tolist()  # raises on what are no characters
+        out.tolist()  # raises on invalid characters
     return out
 
 
@@ -186,15 +186,15 @@ def _foreign(path: Path, what: str) -> str:
 
 @dataclass(frozen=True)
 class Member:
-    """An array of an .npz, as its own header describes it.
+    """An array of an .npz, as described by its header.
 
     Attributes:
-        info: Its place in the archive.
-        shape: Of the array.
+        info: Its entry in the archive.
+        shape: Shape of the array.
         by_columns: Whether it is stored in Fortran's order.
         kind: Its type, numbers or text.
         start: Where its data begin in the member [bytes].
-        size: Of its data [bytes].
+        size: Size of its data [bytes].
     """
 
     info: zipfile.ZipInfo
@@ -206,10 +206,10 @@ class Member:
 
 
 def npz_members(archive: zipfile.ZipFile, file_size: int) -> dict[str, Member]:
-    """{array: what it says it is}; of each member only the first bytes are unpacked.
+    """{array: its description}; only the first bytes of each member are unpacked.
 
     Raises:
-        ValueError: sizes that do not agree, types that are neither numbers nor text, more than such a file can hold.
+        ValueError: sizes that do not agree, types that are neither numbers nor text, more data than such a file can contain.
     """
     infos = archive.infolist()
     _check_total(sum(info.file_size for info in infos), file_size)
@@ -234,10 +234,10 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
 
 
 def check_netcdf(data: bytes) -> None:
-    """Refuse a netCDF 3 file whose variables together are larger than the file: several would be read from one place.
+    """Refuse a netCDF 3 file whose variables together are larger than the file: several would overlap.
 
     Raises:
-        ValueError: that, or bytes that are no such file.
+        ValueError: if so, or if the bytes are no such file.
     """
     if data[:3] != b"CDF" or data[3:4] not in (b"\x01", b"\x02"):
         raise ValueError("it does not begin as netCDF 3 does")
@@ -254,10 +254,10 @@ def check_netcdf(data: bytes) -> None:
 
 
 def check_header(text: str, file_size: int) -> None:
-    """Refuse JSON that would make more objects than a motion of such a file has words and numbers.
+    """Refuse JSON with more entries than a trajectory in a file of that size can have.
 
     Raises:
-        ValueError: that.
+        ValueError: if it has more.
     """
     most = OBJECTS + file_size
     if sum(text.count(mark) for mark in ",[{:") > most:
@@ -271,7 +271,7 @@ def _check_total(total: int, file_size: int) -> None:
 
 
 def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
-    """Of the header and of all that a trajectory is made of: netCDF has none of its own."""
+    """Checksum of the header and of all arrays: netCDF has none."""
     found = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for name, x in sorted(arrays.items()):
         text = "\0".join(x.tolist()).encode(errors="surrogatepass") if x.dtype.kind == "U" else x.astype("<f8").tobytes()
@@ -283,7 +283,7 @@ def listed_in(header: Mapping[str, Any], what: str) -> list[Any]:
     """The list that a header has under a key.
 
     Raises:
-        InputError: something else.
+        InputError: if it is not a list.
     """
     value = header.get(what)
     if not isinstance(value, list):
@@ -292,7 +292,7 @@ def listed_in(header: Mapping[str, Any], what: str) -> list[Any]:
 
 
 def words_in(header: Mapping[str, Any], what: str) -> tuple[str, ...]:
-    """The different words that a header has under a key; errors as `listed_in`."""
+    """The different strings that a header has under a key; errors as `listed_in`."""
     value = listed_in(header, what)
     if not all(isinstance(word, str) and word for word in value) or len(set(value)) != len(value):
         raise InputError(f"{what} in its header are {value!r:.80}; expected different words")
@@ -310,19 +310,19 @@ class _Reader:
         return self._unpacked(">I", 4)
 
     def count(self, kind: int) -> int:
-        """How many dimensions, variables or attributes follow."""
+        """Number of dimensions, variables or attributes that follow."""
         tag, count = self.number(), self.number()
         if tag != (kind if count else tag) or tag not in (0, kind) or 4 * count > len(self._data):
             raise ValueError("its header is damaged")
         return count
 
     def dimension(self) -> int:
-        """Length of a dimension; zero of the one that grows."""
+        """Length of a dimension; zero for the unlimited one."""
         self._name()
         return self.number()
 
     def attributes(self) -> None:
-        """Pass over attributes."""
+        """Skip attributes."""
         for _ in range(self.count(_ATTRIBUTES)):
             self._name()
             width = self._width()
@@ -334,7 +334,7 @@ class _Reader:
         ids = [self.number() for _ in range(self._few(self.number()))]
         self.attributes()
         width = self._width()
-        self._skip(12 if long else 8)  # its size, which readers do not use, and its place
+        self._skip(12 if long else 8)  # its size, which readers ignore, and its offset
         try:
             return [lengths[i] for i in ids], width
         except IndexError:

@@ -9,7 +9,7 @@ M = L L^T, W = L^-1 J^T and y = L^-1 (M v + h (...)),
     u+ = W^T W p + W^T y + offset,        v+ = L^-T (y + W p)
 
 It is solved by the first of these that succeeds: impulses of sticking contacts (the least-norm ones, then those nearest to the
-guess); Newton's method; the solvers of `rbd.ConeSolver`, one after another. A `GaussProblem` is made for the last only.
+guess); Newton's method; the solvers of `rbd.ConeSolver`, one after another. A `GaussProblem` is constructed only for the last.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 EXACT = 1e-10
-"""Scaled merit below which weights are an answer."""
+"""Scaled merit below which weights are accepted."""
 STILL = 1e-13
-"""Scaled velocity of sticking rows that is zero to rounding."""
+"""Scaled velocity of sticking rows that counts as zero."""
 _ROUNDING = 1e-14
-"""Of velocities, times the root of the mass that a point feels [kg^1/2 m/s]."""
+"""Tolerance of velocities, times the root of a point's effective mass [kg^1/2 m/s]."""
 _MOST_CHOICES = 500
-"""So many choices of active points, and lengths of step where forces are bounded, are known of one layout."""
+"""Number of cached sets of active points, and of step lengths if forces are bounded, for one layout."""
 _NOTHING = 1e-100
 """Velocities below this are zero [m/s, rad/s]: divided by them, others would overflow."""
 _QUICK = 10
-"""Iterations of Newton's method before another is tried; from the step before it takes two as a rule."""
+"""Iterations of Newton's method before another is tried; started from the step before it usually takes two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class ActiveRows:
     Attributes:
         index: Which rows.
         groups: (constraint, its rows among them, their set).
-        sets: Their sets as weights, which are the row impulses themselves: each set is one point's own.
+        sets: Their sets as weights, which are the row impulses themselves: each set belongs to one point.
         held: Which of the rows are bilateral; indices.
         sticking: Solver of their sticking impulses, if there are any rows.
     """
@@ -100,7 +100,7 @@ class ActiveRows:
 
 
 def active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
-    """The rows of active points, bounds of forces multiplied by h; the very object where they were asked for before.
+    """The rows of active points, bounds of forces multiplied by h; cached objects.
 
     Args:
         layout: All points.
@@ -130,7 +130,7 @@ def _active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
 
 
 def _impulses_over(cone: Cone, h: float) -> Cone:
-    """Impulses over a time h of forces in a set; a cone is its own."""
+    """Impulses over a time h of forces in a set; a cone is unchanged."""
     if not isinstance(cone, Box):
         return cone
     return Box(*(np.where(np.isfinite(bound), 0.0, bound) if h == 0.0 else h * bound for bound in (cone.lo, cone.hi)))
@@ -154,15 +154,15 @@ def solve_velocity(
         at: The points, and M.
         active: Which points are active, shape (k,).
         rhs: M v + h (...), shape (nv,).
-        offset: Of u+ = J v+ + offset, shape (p,).
+        offset: The offset in u+ = J v+ + offset, shape (p,).
         h: Length of the step [s]; 0 for an impact, in which bounded forces have no impulse.
         guess: Impulses to start from, shape (p,).
         law: "coulomb" or "convex".
-        shift: Added to u+ in the contact law alone, shape (p,): friction opposes u+ + shift.
+        shift: Added to u+ only in the contact law, shape (p,): friction opposes u+ + shift.
         norms: `norms` of the last answer for this layout.
 
     Raises:
-        NoSolution: naming the active constraints, or what is not finite.
+        NoSolution: naming the active constraints, or the value that is not finite.
         SingularInertia: M is not positive definite.
     """
     rows = active_rows(at.layout, active, h)
@@ -199,15 +199,15 @@ def solve_velocity(
 
 
 def _contradiction(rows: ActiveRows, at: Snapshot, missed: float) -> float:
-    """What bilateral rows miss, relative to what they prescribe; errors of position and velocity are allowed for.
+    """Residual of bilateral rows, relative to the prescribed velocities, less that of position and velocity errors.
 
     Raises:
-        NoSolution: they contradict each other.
+        NoSolution: the rows contradict each other.
     """
     if missed > max(CONTRADICTION, OWED * max(at.drift, at.drift_rate)):
         raise NoSolution(
             f"no velocity satisfies the constraints together: {rows.names} contradict each other, by {missed:.3g} "
-            "of what they ask for."
+            "of the velocities required."
         )
     return missed
 
@@ -237,7 +237,7 @@ def _impulses(
         x, merit, S = _newton(D, u + shift, T, guess, coulomb)
         if merit <= _exact(S):
             return T.project(S.weights(x)), merit, False
-        # Sole and load may be such that no friction opposes the velocity in the middle: then that at the end.
+        # It can happen that no friction opposes the velocity in the middle: then use that at the end.
     x, merit, S = _newton(D, u, T, guess, coulomb)
     exact = _exact(S)
     if merit > exact:
@@ -253,7 +253,7 @@ def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tup
     """(scaled weights, merit, the scaled problem) by Newton's method from a guess."""
     S = scaled(D, u, T)
     x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=_QUICK)
-    if merit > _exact(S):  # dependent rows: near by ADMM, then exact
+    if merit > _exact(S):  # dependent rows: ADMM first, then exact
         near, _ = admm(S, x, coulomb=coulomb, iterations=200, tolerance=1e-6)
         x, merit, _ = steps_from(S, near, coulomb=coulomb, iterations=_QUICK)
     if merit > _exact(S):
@@ -277,20 +277,20 @@ def _portfolio(P: GaussProblem, law: str) -> tuple[Array, float]:
 def independent_rows(
     W: Array, c: Array, held: Array, drift: float, norms: Array | None = None
 ) -> tuple[Array, Array, float, Array, bool]:
-    """(W, c, largest part of c left out, norms, whether rows are dependent): the given W and c where they are independent.
+    """(W, c, largest part of c left out, norms, whether rows are dependent): the given W and c if they are independent.
 
-    A hinge that closes a planar loop has five rows, two of which are independent; of the hinge that closes Bricard's
-    mechanism four of five are. That is so on the constraints only. Where the pose is off by `drift`, as in the middle of a
-    step, the rows differ from each other by as much, and all of them together would allow no motion. With W = L^-1 J^T and
+    A hinge that closes a planar loop has five rows, two of them independent; in Bricard's
+    mechanism four of five are. This is true only on the constraints. If the pose is off by `drift`, as in the middle of a
+    step, the rows differ by as much, and all of them together would allow no motion. With W = L^-1 J^T and
     rows divided by their norms, singular values below `OWED` times drift, relative to the largest, are therefore left out,
-    and what the rows prescribe there too.
+    with the prescribed velocities there.
 
     Args:
         W: L^-1 J^T, shape (nv, m).
         c: Velocity of the rows less J v, shape (m,).
         held: Which rows are bilateral, indices.
         drift: Their position error [m, rad].
-        norms: The norms that an earlier call for these rows returned: a row that has been longer is scaled as then.
+        norms: The norms that an earlier call for these rows returned: a row is scaled by its largest norm so far.
     """
     H = W[:, held]
     lengths = np.sqrt(np.einsum("ij,ij->j", H, H))
@@ -314,12 +314,12 @@ def independent_rows(
 
 
 def _exact(S: Scaled) -> float:
-    """The largest merit of an answer: where velocities are tiny, rounding is more than `EXACT` of them."""
+    """Largest merit of an answer: for tiny velocities rounding exceeds `EXACT`."""
     return max(EXACT, _ROUNDING / S.rate)
 
 
 def _bilateral(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:
-    """(impulses of bilateral rows, of least norm where rows are dependent; what they miss, over size)."""
+    """(impulses of bilateral rows, of least norm where rows are dependent; their residual, relative)."""
     R = independent_factor(D)
     if R is not None:
         f = -lapack.dpotrs(R, u)[0]

@@ -1,4 +1,4 @@
-"""Solvers: each takes a `GaussProblem` and gives an `Answer`. They know no robot, and raise nothing about answers."""
+"""Solvers: each takes a `GaussProblem` and gives an `Answer`. They know no robot, and never raise on a poor answer."""
 
 from typing import Protocol
 
@@ -9,24 +9,24 @@ from rbd.problem.problem import GaussProblem, Law
 
 
 class Solver(Protocol):
-    """What `rbd.solve` needs of a solver."""
+    """Protocol of the solvers that `rbd.solve` takes."""
 
     @property
     def law(self) -> Law | str:
-        """The contact law it solves for, e.g. `Law("coulomb")`, or as that prints; the answer has it with its facets."""
+        """The contact law it solves for, e.g. `Law("coulomb")`, or its string; the answer's law includes the facets."""
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
-        """Why this problem cannot be taken, in words, or None."""
+        """Message: why the solver cannot take this problem; None if it can."""
 
     def solve(self, problem: GaussProblem) -> Answer:
-        """The best answer found; its residuals tell how good it is."""
+        """The best answer found; its residuals show how good it is."""
 
 
 def checked_solver(solver: Solver) -> Solver:
     """The solver, if it is one.
 
     Raises:
-        InputError: if it is something else, such as the class of a solver.
+        InputError: if it is not one, e.g. the class of a solver.
     """
     if isinstance(solver, type) or not hasattr(solver, "reason_unsupported"):
         raise InputError(f"solver is {solver!r:.80}; expected a solver, e.g. rbd.ProxQP() or rbd.KKT().")

@@ -1,4 +1,4 @@
-"""Coulomb's law, or its convex relaxation, with true cones: Pinocchio's ADMM, and Newton's steps to make it exact."""
+"""Coulomb's law, or its convex relaxation, with circular cones: Pinocchio's ADMM, made exact by Newton's method."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
 _FACETS = 16
-"""Of the inscribed pyramids that the linear program of infeasibility puts in place of cones."""
+"""Facets of the inscribed pyramids that replace cones in the linear program of infeasibility."""
 YIELDING = (1e-2, 1e-4)
-"""Compliances, over the points' own mobility, that settle how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
+"""Compliances, over the points' mobility, that select how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
 OPEN = (
     "rigid bodies do not determine how the points that slip share their load, and friction depends on it: of the motions "
     "that satisfy the law, this is the limit of equally compliant points as the compliance vanishes"
 )
-"""The reason of an answer that is one of a family."""
+"""`Answer.reason` where the answer is one of a family."""
 HELD = (
-    "Coulomb's law admits {n} motions here: this one, and one in which points hold that slide or leave in it, jammed by "
+    "Coulomb's law admits {n} motions here: this one, and one in which points stick that slide or leave in it, jammed by "
     "internal forces; it is the convex law's"
 )
-"""The reason of an answer beside which the convex law's satisfies Coulomb's law too."""
+"""`Answer.reason` where the convex law's answer satisfies Coulomb's law too."""
 _FOUND = 1e-10
-"""Scaled merit of what is an answer."""
+"""Largest scaled merit of an answer."""
 _RANDOM_STARTS = 4
 _FIXED_POINT_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConeSolver:
-    """Contact forces in true cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
+    """Contact forces in circular cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
     Weights w in the product of the sets (`problem.force_set`) with
 
@@ -57,33 +57,33 @@ class ConeSolver:
     and f = G w, a = a_free + M^-1 J^T f. Rows of any kind: lines, half-lines, intervals, second-order cones. D may be
     singular (four corners of a sole): then w is one of many.
 
-    What is tried, in order, until an answer's own residuals are `solved`; its `method` says which of them it was:
+    Methods are tried in this order until an answer's residuals are `solved`; its `method` names the one that succeeded:
 
-        1  "closed form": the forces that hold every row still, if they lie in their sets: one linear solve
-        2  "cones: ADMM, Newton": Pinocchio's ADMM from there, to 1e-6, and semismooth Newton steps (`rbd.solvers.newton`), two
-           as a rule
-        3  "cones: Newton": from 1 alone; under Coulomb's law from all contacts open, and from the convex law's ADMM
+        1  "closed form": the forces that give every row zero acceleration, if they are in their sets: one linear solve
+        2  "cones: ADMM, Newton": Pinocchio's ADMM from there, to 1e-6, and semismooth Newton steps (`rbd.solvers.newton`),
+           usually two
+        3  "cones: Newton": from 1 alone; under Coulomb's law also from all contacts open, and from the convex law's ADMM
         4  a linear program: if no acceleration satisfies the rows, the answer is `infeasible`
         5  "cones: interior point, Newton": an interior-point method for the convex law, then Newton; for Coulomb's law as a
            fixed point on De Saxce's term
         6  Coulomb's law only, "cones: Newton" from random weights
 
-    Points that already slide have no cone left: "modes of sliding points" (`rbd.solvers.sliding`).
+    Points that already slide have no friction cone: "modes of sliding points" (`rbd.solvers.sliding`).
 
     The order is by cost; figures in `docs/design/admm.md`. Under the convex law the motion is unique. Under Coulomb's it
     need not be, nor need there be one where the convex law has none [Acary2011]. Where a sole slides on four corners, how
-    they share its load, and so the friction and the motion, is left open by rigid bodies: of that family the answer is the
-    limit of points that yield ever so little, all alike, and `Solution.reason` says so. Where points slide or leave that the
-    convex law holds, its motion is tried too: if it satisfies Coulomb's law it stands in `Solution.others` (a box that falls
-    between two walls might as well be jammed). Else the answer is the first that is found.
+    they share its load, so the friction and the motion, is not determined by rigid bodies: the answer is the
+    limit of equally compliant points, see `Solution.reason`. Where points slide or leave that stick under the
+    convex law, its motion is tried too: if it satisfies Coulomb's law it is in `Solution.others` (a box that falls
+    between two walls might also be jammed). Else the answer is the first one found.
 
     Attributes:
         law: "coulomb" (maximal dissipation, not a minimum) or "convex" (Gauss's principle).
-        starts: Of Coulomb's law: from how many starts to look, 1 to 20. Above 1, the solver goes on after its first answer,
-            and different motions stand in `Solution.others`; that none is found proves nothing.
+        starts: Under Coulomb's law, the number of starts, 1 to 20. Above 1, the solver continues after its first answer,
+            and different motions are in `Solution.others`; an empty list is no proof of uniqueness.
 
     Raises:
-        InputError: if `law` is another word, or `starts` no whole number from 1 to 20.
+        InputError: if `law` is neither, or `starts` is not a whole number from 1 to 20.
     """
 
     law: Law | str = COULOMB
@@ -110,19 +110,19 @@ class ConeSolver:
         return None
 
     def solve(self, problem: GaussProblem) -> Answer:
-        """The first answer that is `solved`, else the best that was found, with words in `reason`.
+        """The first answer that is `solved`, else the best one found, with a message in `reason`.
 
-        Points that already slide have no cone left: `rbd.solvers.sliding` searches their modes.
+        Points that already slide have no friction cone: `rbd.solvers.sliding` searches their modes.
         """
         return self.solve_from(problem, None)
 
     def solve_from(self, problem: GaussProblem, weights: Array | None, since: float | None = None) -> Answer:
-        """The same, its second step first from weights of `problem.force_set`, such as those of another law's answer.
+        """The same, its second step started from weights of `problem.force_set`, e.g. those of another law's answer.
 
         Args:
-            problem: What is solved.
+            problem: The problem to solve.
             weights: Shape (p,); None for those of the first step.
-            since: When the search began that this goes on with, by `time.perf_counter`.
+            since: Start of the search that this continues, by `time.perf_counter`.
         """
         start = time.perf_counter() if since is None else since
         P = checked(problem)
@@ -134,8 +134,8 @@ class ConeSolver:
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
-    """The first motion of a problem with sliding points, the rest in `others`; no force where there is none."""
-    from rbd.solvers.sliding import sliding_answers  # read only where something slides
+    """The first motion of a problem with sliding points, the others in `others`; zero forces where there is none."""
+    from rbd.solvers.sliding import sliding_answers  # imported only where points slide
 
     answers = sliding_answers(P)
     found = answers.found or ((P.a_free.copy(), np.zeros(P.m), np.zeros(P.force_set.size)),)
@@ -148,7 +148,7 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
 
 
 class _Search:
-    """One problem at rest: starts, what came of them, and the best of it."""
+    """One problem without sliding points: starts, their answers, and the best of them."""
 
     def __init__(self, P: GaussProblem, law: Law, start: float) -> None:
         self.P, self.law, self.start = P, law, start
@@ -162,7 +162,7 @@ class _Search:
         self.answers: list[Answer] = []
 
     def run(self, wanted: int, weights: Array | None = None) -> Answer:
-        """The answer, after `wanted` starts or the first answer, whichever comes later; from weights, if they are given."""
+        """The answer, after `wanted` starts or the first answer, whichever is later; started from weights, if given."""
         T = self.P.force_set
         w = holding(self.P)
         first = T.project(w)
@@ -192,7 +192,7 @@ class _Search:
 
         Let that motion have forces f' and accelerations c', and the found one f and c. |a' - a|_M^2 = -f'.c - f.c' + f.c, and
         the last two are not positive. So some point of the found motion has c outside K*: it slides faster than it leaves.
-        Where loaded points slide and rows are independent there is as good as none: it is not worth another solve.
+        Where loaded points slide and rows are independent there is practically none: another solve is not worth its cost.
         """
         P, T, w = self.P, self.P.force_set, found.weights
         assert w is not None
@@ -205,7 +205,7 @@ class _Search:
         return bool(slides.any()) and (not (slides & loaded).any() or self.redundant)
 
     def _try_convex(self, S: Scaled, first: Array) -> None:
-        """Keep the convex law's motion if it satisfies Coulomb's law too."""
+        """Record the convex law's motion if it satisfies Coulomb's law too."""
         kept, T = len(self.answers), self.P.force_set
         for guess in (
             lambda: self._by_admm(S, first, False, 1000),
@@ -221,17 +221,17 @@ class _Search:
 
     @lazy
     def W(self) -> Array:  # noqa: N802  as in the module's text
-        """What unit weights do, in whitened coordinates, shape (nv, p)."""
+        """Accelerations of unit weights, in whitened coordinates, shape (nv, p)."""
         return self.P.whitened @ self.P.force_set.G
 
     @lazy
     def S(self) -> Scaled:  # noqa: N802
-        """The problem in units of its own."""
+        """The problem, scaled."""
         T = self.P.force_set
         return scaled(self.W.T @ self.W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
 
     def _firmer(self, w: Array) -> Array:
-        """Weights that hold every row, once more on what they leave: under much friction the last digits count."""
+        """Weights that give every row zero acceleration, refined once: with large friction the last digits count."""
         P = self.P
         left = P.J @ constrained(P, P.force_set.G @ w) + P.offset
         return P.force_set.project(w - _split(P.force_set) @ np.linalg.lstsq(P.delassus, left, rcond=1e-12)[0])
@@ -276,11 +276,11 @@ class _Search:
         return w
 
     def _alike(self, S: Scaled, w: Array) -> Array:
-        """The answer near w to which points that yield ever so little, all alike, lead; w itself where Newton loses it."""
+        """Limit of the answers of equally compliant points near w; w itself where Newton's method does not follow it."""
         yielding, soft = w, np.ones(len(w))
         cones = soft[S.order.singles :]
         unit = S.unit[S.order.singles :] ** 2
-        cones[:] = np.maximum(unit / unit.max(), 1e-3)  # alike in newtons
+        cones[:] = np.maximum(unit / unit.max(), 1e-3)  # the same compliance per newton
         for compliance in YIELDING:
             softened = replace(S, D=S.D + np.diag(compliance * soft))
             # A merit m leaves the shares uncertain by m / compliance.
@@ -298,7 +298,7 @@ class _Search:
         return settled if merit < _FOUND else w
 
     def _judge(self, w: Array, reason: str = "") -> bool:
-        """Keep what weights give; whether it is an answer."""
+        """Record the answer of given weights; whether it is `solved`."""
         f = self.P.force_set.G @ w
         a = constrained(self.P, f)
         seconds = time.perf_counter() - self.start
@@ -317,7 +317,7 @@ class _Search:
         return True
 
     def _cannot(self, S: Scaled, W: Array) -> bool:
-        """Whether a linear program finds that no acceleration satisfies the rows, whatever the forces."""
+        """Whether a linear program proves that no acceleration satisfies the rows, whatever the forces."""
         A, b, C, l = _conditions(S, W, coulomb=self.coulomb)
         return bool(len(b) + len(l)) and qp.least_violation(A, b, C, l) > 1e-6
 
@@ -343,7 +343,7 @@ class _Search:
 
 
 def holding(P: GaussProblem) -> Array:
-    """Weights whose forces hold every row still, of minimum norm where they are not unique, shape (p,)."""
+    """Weights whose forces give every row zero acceleration, of minimum norm where not unique, shape (p,)."""
     R = independent_factor(P.delassus)
     c = P.free_row_acceleration
     f = np.linalg.lstsq(P.delassus, -c, rcond=1e-12)[0] if R is None else -lapack.dpotrs(R, c)[0]
@@ -364,10 +364,10 @@ def de_saxce(S: Scaled, y: Array) -> Array:
 
 
 def _conditions(S: Scaled, W: Array, *, coulomb: bool) -> tuple[Array, Array, Array, Array]:
-    """A z = b, C z >= l: what accelerations must satisfy under either sort of forces, in whitened coordinates z.
+    """A z = b, C z >= l: the conditions on accelerations under either law, in whitened coordinates z.
 
-    Of a cone, under Coulomb's law that it does not sink in; under the convex law that it stays in the dual of the inscribed
-    pyramid, which holds the dual of the cone.
+    For a cone: under Coulomb's law, no penetration; under the convex law, the dual of the inscribed
+    pyramid, which contains the dual of the cone.
     """
     n, order = S.order.singles, S.order
     columns = W if order.columns is None else W[:, order.columns]

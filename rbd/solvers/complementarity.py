@@ -7,11 +7,11 @@ Find w with lower <= w <= upper and y = A w + b such that each entry is in a mod
     HIGH   w = upper, y <= 0
 
 An entry without bounds is always FREE, one with lower = upper is fixed and its y does not matter. A need not be
-symmetric. Solutions are told apart by the motion V w alone: weights that move the same are the same answer.
+symmetric. Solutions differ only if their motions V w do: weights with the same motion are the same solution.
 
-A node of the tree has some entries decided. Two solutions w, w' of it have (w - w')^T A (w - w') <= 0 and equal zeros of y on
-the entries that are FREE; where that leaves nothing but V (w - w') = 0 the node has one motion at most, and it is found by
-pivoting. Else the tree branches. So a problem whose symmetric part is positive definite costs one pivoting, and the worst one
+A node of the tree fixes modes of some entries. Two solutions w, w' of it have (w - w')^T A (w - w') <= 0 and equal zero y on
+the entries that are FREE; where that implies V (w - w') = 0 the node has at most one motion, found by
+pivoting. Else the tree branches. So a problem whose symmetric part is positive definite costs one pivoting, and the worst case
 all its modes. Source: [CottlePangStone1992], chapters 3 (uniqueness) and 4 (pivoting).
 """
 
@@ -29,13 +29,13 @@ from rbd.problem.programs import Work, least_distance
 from rbd.solvers import qp
 
 FREE, LOW, HIGH, OPEN = 0, 1, 2, -1
-"""Modes of an entry; OPEN is not decided."""
+"""Modes of an entry; OPEN is undecided."""
 
 SAME = 1e-7
 """Motions nearer to each other than this, relative, are one."""
 
 _SVD, _PROGRAM = 20.0, 2e6
-"""Multiplications of singular values, over the cube of their number; what a linear program costs besides ten times that."""
+"""Multiplications of an SVD, over the cube of its size; cost of a linear program beyond ten times that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +69,9 @@ class Found:
 
     Attributes:
         weights: One solution a motion, of least norm in its mode, shape (p,) each.
-        family: For each, whether its mode holds a whole family of motions, of which it is the one of least norm.
+        family: For each, whether its mode contains a family of motions; it is then the one of least norm.
         member: For each, whether it belongs to the family of another, e.g. as an end of it.
-        complete: Whether every solution was found, inner members of families apart.
+        complete: Whether every solution was found, apart from inner members of families.
     """
 
     weights: tuple[Array, ...]
@@ -81,7 +81,7 @@ class Found:
 
 
 def all_solutions(problem: Mixed) -> Found:
-    """Every motion that solves the problem, as far as budget and work go."""
+    """Every motion that solves the problem, within budget and work."""
     tree = _Tree(problem)
     tree.visit(tree.root)
     member = [tree.belongs(i) for i in range(len(tree.weights))]
@@ -105,7 +105,7 @@ class _Tree:
         self.root = np.where(lines, FREE, np.where(self.fixed, LOW, OPEN))
         self.scale = float(np.abs(P.A.diagonal()).max(initial=0.0)) or 1.0
         bounds = np.concatenate([P.lower[np.isfinite(P.lower)], P.upper[np.isfinite(P.upper)]])
-        # What accelerations are measured against; without free ones, those that forces at their bounds would give.
+        # Scale of accelerations; without free ones, those of forces at their bounds.
         self.load = float(np.abs(P.b).max(initial=0.0)) or self.scale * float(np.abs(bounds).max(initial=0.0)) or 1.0
         chosen = [i for i in P.first if self.root[i] == OPEN]
         self.order = chosen + [i for i in np.flatnonzero(self.root == OPEN).tolist() if i not in chosen]
@@ -153,7 +153,7 @@ class _Tree:
         self.modes.append(modes)
 
     def belongs(self, i: int) -> bool:
-        """Whether the i-th solution meets the equations of the mode of a family met before it."""
+        """Whether the i-th solution meets the equations of the mode of an earlier family."""
         P, w = self.problem, self.weights[i]
         y = P.A @ w + P.b
         slack_w, slack_y = self._rounding(w)
@@ -165,7 +165,7 @@ class _Tree:
         return False
 
     def _one_motion(self, modes: Array) -> bool:
-        """Whether the modes decided so far leave one motion at most, whatever the others, at least one, are."""
+        """Whether the modes decided so far leave one motion at most, whatever the remaining modes (at least one)."""
         P = self.problem
         moving = np.flatnonzero(modes <= FREE)  # FREE or OPEN
         A, free = P.A[np.ix_(moving, moving)], modes[moving] == FREE
@@ -179,7 +179,7 @@ class _Tree:
         return bool(np.abs(still).max(initial=0.0) <= 10.0 * math.sqrt(SQUARED * self.scale))
 
     def _infeasible(self, modes: Array) -> bool:
-        """Whether a linear program finds no w that meets the signs, complementarity left aside."""
+        """Whether a linear program finds no w that meets the signs, ignoring complementarity."""
         P = self.problem
         # Diagonal entries of size one, where they are not near zero: HiGHS works to 1e-7.
         size = 1.0 / np.sqrt(np.maximum(np.abs(P.A.diagonal()), 1e-6 * self.scale))
@@ -201,7 +201,7 @@ class _Tree:
         return violation > 1e-6
 
     def _pivot(self, modes: Array) -> bool | None:
-        """Whether a node of one motion has it; None where pivoting does not tell.
+        """Whether a node with at most one motion has one; None where pivoting does not decide.
 
         Principal block pivoting from all undecided entries FREE; single entries where blocks do not help.
         """
@@ -224,7 +224,7 @@ class _Tree:
                 [LOW, HIGH, FREE, FREE], state,
             )  # fmt: skip
             wrong = np.flatnonzero(new != state)
-            if not len(wrong):  # the node's one motion, and what was decided does not bear it; unless other weights do
+            if not len(wrong):  # the node's one motion violates the modes fixed so far, unless other weights satisfy them
                 touches = undecided[np.abs(z) <= self._rounding(trial)[1]]
                 now = now.copy()
                 now[touches] = FREE
@@ -246,7 +246,7 @@ class _Tree:
         """(w, trial, motions) of a full assignment of modes.
 
         w meets all of its signs and is of least norm, or is None; trial meets its zeros alone, or is None; motions is the
-        number of directions in which the motion may vary within the mode.
+        number of directions in which the motion can vary within the mode.
         """
         P = self.problem
         E = np.flatnonzero(modes == FREE)
@@ -282,7 +282,7 @@ class _Tree:
         return bool((w >= P.lower - slack_w).all() and (w <= P.upper + slack_w).all() and (away >= -slack_y).all())
 
     def _rounding(self, w: Array) -> tuple[float, float]:
-        """What counts as zero of weights, and of accelerations."""
+        """Tolerances of weights, and of accelerations."""
         size = float((np.abs(self.problem.A) @ np.abs(w)).max(initial=0.0))
         return 1e-9 * max(self.load / self.scale, float(np.abs(w).max(initial=0.0))), 1e-9 * max(self.load, size)
 
@@ -295,7 +295,7 @@ class _Tree:
         C = np.vstack([N[low], -N[high], AN[up] / self.scale, -AN[down] / self.scale])
         d = np.concatenate([P.lower[low] - w[low], w[high] - P.upper[high], -y[up] / self.scale, y[down] / self.scale])
         unit = max(self.load / self.scale, float(np.abs(w).max(initial=0.0)))
-        d = d / unit - 1e-12  # z in units of w; the margin keeps what is met exactly from failing by rounding
+        d = d / unit - 1e-12  # z in units of w; with a margin, so that exact equality does not fail by rounding
         flat = np.abs(C).max(axis=1, initial=0.0) < 1e-9
         if (d[flat] > 1e-9).any():
             return None

@@ -62,20 +62,27 @@ def _by_newton(program: Conic) -> ConicAnswer | None:
     e, n = program.A.shape
     K = np.zeros((n + e, n + e))
     K[:n, :n], K[:n, n:], K[n:, :n] = program.H, -program.A.T, program.A
-    _, _, found, info = lapack.dgesv(K, np.concatenate([-program.g, program.b]))
+    right = np.concatenate([-program.g, program.b])
+    _, _, found, info = lapack.dgesv(K, right)
     if info != 0 or not is_finite(found):
         return None
     x, y, z = found[:n], found[n:], np.zeros(len(program.C))
-    if program.allows(x):
+    # Of dependent rows K is singular but for rounding, and what is found meets nothing.
+    if program.allows(x) and float(np.abs(K @ found - right).max()) <= _met(program):
         return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", 0)
     return newton_steps(program, x, y, z)
+
+
+def _met(program: Conic) -> float:
+    """A miss up to this is rounding."""
+    return max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
 
 
 def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | None:
     """Newton's method from a point; None where it does not end at a miss of rounding."""
     e, n = program.A.shape
     best: tuple[float, int, Array, Array, Array] | None = None
-    met = max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
+    met = _met(program)
     for count in range(NEWTON_STEPS + 1):
         s, r = program.C @ x, program.answer_of_X(x, y, z)
         p, t = x - r, s - z
@@ -154,9 +161,30 @@ def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
 def _settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
     """The answer made exact by Newton's method, or as it is where it is good enough; None where it is no answer."""
     miss = program.miss(found.x, found.y, found.z)
-    if miss <= _NEAR and (better := newton_steps(program, found.x, found.y, found.z)) is not None:
-        return replace(better, method=found.method, iterations=found.iterations)
+    if miss <= _NEAR:
+        for y, z in ((found.y, found.z), _multipliers(program, found.x)):
+            if (better := newton_steps(program, found.x, y, z)) is not None:
+                return replace(better, method=found.method, iterations=found.iterations)
     return replace(found, outcome=Outcome.SOLVED) if miss <= tolerance else None
+
+
+def _multipliers(program: Conic, x: Array) -> tuple[Array, Array]:
+    """Multipliers with r = 0 at all that is inside X by a little more than rounding, and z = 0 inside the rows' bounds.
+
+    Where x is that near to the edge of X, r as found is as large as the distance, and Newton's method takes x for held.
+    """
+    s = program.C @ x
+    inside = (x > program.lower + _INWARD) & (x < program.upper - _INWARD)
+    if len(program.mu):
+        cones = x[program.cones]
+        far = program.mu * cones[:, 2] - np.hypot(cones[:, 0], cones[:, 1]) > _INWARD
+        inside[program.cones] = far[:, None]
+    held = (s <= program.low + _INWARD) | (s >= program.high - _INWARD)
+    E = np.vstack([program.A, program.C[held]])[:, inside]
+    found = np.linalg.lstsq(E.T, (program.H @ x + program.g)[inside], rcond=1e-12)[0]
+    z = np.zeros(len(s))
+    z[held] = found[len(program.b) :]
+    return found[: len(program.b)], z
 
 
 def _refuted(program: Conic) -> Certificate | None:

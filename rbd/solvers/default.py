@@ -1,12 +1,12 @@
-"""The solver of a law: Coulomb's by Gauss's least-constraint QP first, and by circular cones where that does not answer.
+"""The solver of a law: Coulomb's by Gauss's least-constraint QP first, and by circular cones where its answer is not Coulomb's.
 
-The convex law and Coulomb's allow the same forces and accelerations to a point that carries nothing, and to one that keeps
-still. An answer of the QP is therefore one of Coulomb's law if at every point with friction
+The convex law and Coulomb's allow the same forces and accelerations to an unloaded point, and to one that
+sticks. An answer of the QP is therefore one of Coulomb's law if at every point with friction
 
     f = 0     or     c = 0        (c = J a + J_dot v of the point; c_n >= 0 in any case)
 
-and if the forces of the points that keep still can be chosen in the circular cones, which the QP's pyramids surround: those of
-least norm are. Frictionless contacts, limits and dry friction do not count: both laws treat them alike.
+and if the forces of the sticking points can be chosen in the circular cones, which the QP's pyramids circumscribe: those of
+least norm are. Frictionless contacts, limits and dry friction do not count: both laws treat them in the same way.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from rbd.solvers.kkt import KKT, constrained
 from rbd.solvers.proxqp import ProxQP, eased
 
 _ROUNDING = 1e-13
-"""Of forces, over the largest: what may be outside of the cones."""
+"""Tolerance of forces outside the cones, over the largest force."""
 SEVERAL = (
-    "Coulomb's law admits {n} motions here: this one, Gauss's, in which points hold, jammed by internal forces, "
+    "Coulomb's law admits {n} motions here: this one, Gauss's, in which points stick, jammed by internal forces, "
     "and one in which points slide or leave"
 )
-"""The reason of an answer of the QP beside which circular cones have another."""
+"""`Answer.reason` of the QP's answer where circular cones admit another motion."""
 _OTHER = 1e-6
-"""Accelerations that differ by more, over max(1, the largest), are of another motion."""
+"""Accelerations that differ by more, over max(1, the largest), are different motions."""
 
 
 def slip_law(law: Law | str) -> Law:
     """The law of contacts that can slip, as `rbd.solve` and `rbd.simulate` take it.
 
     Raises:
-        InputError: if it is another word.
+        InputError: if it is neither.
     """
     if not isinstance(law, Law | str) or str(law) not in ("coulomb", "convex"):
         raise InputError(f"law is {law!r:.80}; expected 'coulomb' or 'convex'.")
@@ -53,10 +53,10 @@ def slip_law(law: Law | str) -> Law:
 
 
 def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
-    """The solver that is asked: the one that is given, else that of the law; Coulomb's, if neither is.
+    """The solver given, else that of the law given, else that of Coulomb's law.
 
     Raises:
-        InputError: on a law that is none, or on a solver that solves for another.
+        InputError: on an unknown law, or on a solver of another law.
     """
     asked = None if law is None else slip_law(law)
     if solver is None:
@@ -74,9 +74,9 @@ def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
 class GaussFirst:
     """Coulomb's law: the answer of Gauss's least-constraint QP where that is Coulomb's, else that of circular cones.
 
-    What is tried, in order: the closed form where all rows hold; `ProxQP`; `ConeSolver(law="coulomb")`, from the QP's forces.
-    The answer's `method` says which it was. Where Coulomb's law has several motions it is one of them. Where redundant points
-    hold only by pressing against each other, jammed, the cones are asked for another, which then stands in `others`.
+    Tried in order: the closed form if all rows are bilateral; `ProxQP`; `ConeSolver(law="coulomb")` from the QP's forces.
+    The answer's `method` names it. Where Coulomb's law has several motions the answer is one of them. Where redundant points
+    stick only by internal forces, jammed, the cones search another motion, which then is in `others`.
     """
 
     law: Law = COULOMB
@@ -108,7 +108,7 @@ class GaussFirst:
 
 
 def _with_others(found: Answer, other: Answer) -> Answer:
-    """An answer with the motions of another that are not its own."""
+    """An answer with those motions of another answer that differ from it."""
     if not other.residuals.within(SOLVED):
         return found
     least = _OTHER * max(1.0, max_abs(found.a))
@@ -117,12 +117,12 @@ def _with_others(found: Answer, other: Answer) -> Answer:
 
 
 def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
-    """(the same motion as an answer of Coulomb's law, its forces in circular cones, whether it is jammed); None if it is none.
+    """(the motion as an answer of Coulomb's law, with forces in circular cones; whether it is jammed); None if it is not.
 
-    Jammed are points of redundant rows whose shortest forces that hold them are outside of the cones.
+    Jammed: points of redundant rows that stick, while their minimum-norm forces are outside the cones.
 
     Args:
-        convex: Of `ProxQP`, for a problem without points that slide already.
+        convex: The answer of `ProxQP` to a problem without sliding points.
     """
     start, P = time.perf_counter(), convex.problem
     T = P.force_set
@@ -140,7 +140,7 @@ def coulombs(convex: Answer) -> tuple[Answer | None, bool]:
         w[moves] = 0.0
     if not convex.redundant:
         own = _answer(convex, w, start)
-        if own.residuals.within(SOLVED):  # its forces are in the circular cones as they are
+        if own.residuals.within(SOLVED):  # its forces are already in the circular cones
             return own, False
     forces, inside = _least_forces(convex, w, still)
     return None if forces is None else _answer(convex, forces, start), convex.redundant and not inside
@@ -157,13 +157,13 @@ def _answer(convex: Answer, w: Array, start: float) -> Answer:
 
 
 def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None, bool]:
-    """Weights of least norm that move the robot as w do, in circular cones, of the points that keep still.
+    """Minimum-norm weights of the sticking points, in circular cones, with the same motion as w.
 
-    Where rows are redundant, those of bilateral rows are chosen with them. First without regard to the cones: mostly they are
-    inside.
+    Where rows are redundant, those of bilateral rows are chosen with them. First without the cones: usually the result is
+    inside them.
 
     Returns:
-        The weights, shape (p,), None where there are none; whether they are the shortest without regard to the cones, too.
+        The weights, shape (p,), or None; whether they are also of minimum norm without the cones.
     """
     P, T = convex.problem, convex.problem.force_set
     columns, out = T.cone_columns[still].ravel(), w.copy()
@@ -193,11 +193,11 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
 
 @lru_cache(maxsize=256)
 def _minimum_norm(T: ForceSet, still: bytes) -> Array:
-    """Minimum-norm weights of the points that keep still, for row forces."""
+    """Minimum-norm weights of the sticking points, from row forces."""
     return np.asarray(np.linalg.pinv(T.G[:, T.cone_columns[np.frombuffer(still, bool)].ravel()]))
 
 
 @lru_cache(maxsize=256)
 def _from_pyramids(T: ForceSet) -> Array:
-    """What makes weights of a force set of those of its pyramids, with the same forces, shape (p, r)."""
+    """Map from the weights of a force set's pyramids to those of the set, with the same forces, shape (p, r)."""
     return block_diagonal([pyramid(e.mu, e.facets) if e.facets else np.ones((1, 1)) for e in T.pyramids.elements])

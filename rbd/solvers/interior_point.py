@@ -1,8 +1,8 @@
-"""A primal-dual interior-point method for the convex law with true cones: slow and sure, where the fast ways give up.
+"""A primal-dual interior-point method for the convex law with circular cones: slow and robust, used where faster methods fail.
 
     minimise 1/2 w^T D w + q^T w   over w in the product of the parts; its gradient y = D w + q is the acceleration
 
-Every part is inside s = E w - b in C, half-lines and second-order cones that are their own duals; z in C is their
+Every part is s = E w - b in C, half-lines and second-order cones, which are self-dual; z in C is their
 acceleration, D w + q = E^T z. Mehrotra's predictor and corrector in Nesterov and Todd's scaling.
 
 Source: [Vandenberghe2010], sections 4 and 5; the scaling of second-order cones is section 4.2.
@@ -33,14 +33,14 @@ class _Sides:
         return s[: self.half], s[self.half :].reshape(-1, 3)
 
 
-@np.errstate(all="ignore")  # where there is no answer, iterates run off to infinity; that ends it
+@np.errstate(all="ignore")  # where there is no answer the iterates diverge, which ends the loop
 def solve_interior_point(problem: Scaled, *, extra: Array | float = 0.0, iterations: int = 60) -> tuple[Array, int]:
-    """(weights, iterations) of the convex law, in the problem's own units and order; judged by nobody here.
+    """(weights, iterations) of the convex law, in the problem's units and order; not checked here.
 
     Args:
         problem: With a symmetric D.
-        extra: Added to the free accelerations, shape (p,): De Saxce's term held still.
-        iterations: At most.
+        extra: Added to the free accelerations, shape (p,): De Saxce's term, constant.
+        iterations: Largest number.
     """
     D, q, sides = problem.D, problem.q + extra, _sides(problem)
     E, b, p = sides.E, sides.b, len(problem.q)
@@ -66,7 +66,7 @@ def solve_interior_point(problem: Scaled, *, extra: Array | float = 0.0, iterati
         K = _added(D, sides, inverse_square)
         K[fixed], K[:, fixed] = 0.0, 0.0
         K[fixed, fixed] = 1.0
-        K.flat[: problem.order.singles * (p + 1) : p + 1] += 1e-12  # lines that depend on each other have no barrier
+        K.flat[: problem.order.singles * (p + 1) : p + 1] += 1e-12  # dependent lines have no barrier
         lam = scaling.times(z)
 
         factor, pivots, info = lapack.dgetrf(K)
@@ -110,7 +110,7 @@ def _sides(problem: Scaled) -> _Sides:
     E[np.arange(len(low), half), high], b[len(low) : half] = -1.0, -problem.upper[high]
     first = half + 3 * np.arange(len(order.mu))
     column = n + 3 * np.arange(len(order.mu))
-    E[first, column + 2] = 1.0  # the axis; tangents over mu make the cone its own dual
+    E[first, column + 2] = 1.0  # the axis; tangents over mu make the cone self-dual
     E[first + 1, column] = E[first + 2, column + 1] = 1.0 / order.mu
     return _Sides(E, b, half)
 
@@ -143,7 +143,7 @@ def _product(sides: _Sides, x: Array, y: Array) -> Array:
 
 
 def _divide(sides: _Sides, x: Array, y: Array) -> Array:
-    """The u whose product with x is y."""
+    """Jordan's quotient u: its product with x is y."""
     out = np.empty_like(y)
     (h, X), (g, Y), (o, O) = sides.split(x), sides.split(y), sides.split(out)
     o[:] = g / h
@@ -155,12 +155,12 @@ def _divide(sides: _Sides, x: Array, y: Array) -> Array:
 
 
 def _reach(sides: _Sides, s: Array, d: Array) -> float:
-    """How far s may go along d inside the sets."""
+    """Largest step of s along d inside the sets."""
     (h, S), (e, T) = sides.split(s), sides.split(d)
     falls = e < 0.0
     out = float((-h[falls] / e[falls]).min(initial=math.inf))
     if len(S):
-        # Roots of (s + t d)^T J (s + t d): the first positive one is where the cone ends.
+        # Roots of (s + t d)^T J (s + t d): the first positive one is the boundary of the cone.
         a = T[:, 0] ** 2 - T[:, 1] ** 2 - T[:, 2] ** 2
         b = S[:, 0] * T[:, 0] - S[:, 1] * T[:, 1] - S[:, 2] * T[:, 2]
         c = np.maximum(_det(S), 0.0)

@@ -17,9 +17,9 @@ from rbd.problem.residuals import SOLVED
 from rbd.solvers.refinement import refined
 
 _DAMPING = 1e-7
-"""Over the largest diagonal entry of D: what lets rows repeat each other. A round leaves so much of what was missed."""
+"""Regularisation for redundant rows, over the largest diagonal entry of D; each round reduces the residual to this share."""
 _TO_AND_FRO = 4
-"""Rounds that are tried; what slips goes no farther."""
+"""Alternating projections tried; where contacts slip, more of them do not help."""
 _ROUNDS = 6
 
 
@@ -27,8 +27,8 @@ _ROUNDS = 6
 class KKT:
     """Lagrange's closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
 
-    For bilateral constraints. Where rows are redundant f is the shortest, and where they contradict each other a is
-    the least-squares one, whose residuals say so.
+    For bilateral constraints. Where rows are redundant f has minimum norm, and where they contradict each other a is
+    the least-squares one, with residuals that show it.
 
     Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
     """
@@ -70,7 +70,7 @@ class KKT:
 
 
 def held_refined(found: Answer) -> Answer:
-    """`refined`, of bilateral rows, in rows of one size: those of light bodies are felt as those of heavy ones."""
+    """`refined` for bilateral rows, scaled to equal size, so that rows of light bodies count like those of heavy ones."""
     P = found.problem
     size = np.sqrt(np.maximum(P.delassus.diagonal(), 1e-300))
     W = P.whitened / size
@@ -82,7 +82,7 @@ def held_refined(found: Answer) -> Answer:
 
 
 def independent_factor(delassus: Array) -> Array | None:
-    """Upper R with R^T R = delassus, or None where its pivots tell that rows depend on each other."""
+    """Upper R with R^T R = delassus, or None where its pivots show that rows depend on each other."""
     R, info = lapack.dpotrf(delassus, lower=0, clean=1)
     if info != 0:
         return None
@@ -90,12 +90,12 @@ def independent_factor(delassus: Array) -> Array | None:
     pivots = R.diagonal().tolist()
     if min(pivots) > 1e-5 * max(pivots):
         return R
-    # Of rows of many sizes, light bodies' beside heavy ones': the sine of each one's angle to those before it.
+    # For rows of very different size (light and heavy bodies): the sine of each row's angle to those before it.
     return R if (R.diagonal() > 1e-5 * np.sqrt(delassus.diagonal())).all() else None
 
 
 def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
-    """(f, missed): minimum-norm f with W^T W f = -c as nearly as can be, and how much of c no f reaches."""
+    """(f, missed): minimum-norm least-squares f of W^T W f = -c, and the residual."""
     _, s, Vt = np.linalg.svd(W, full_matrices=False)
     kept = s > RANK * s[0]
     Vt, s = Vt[kept], s[kept]
@@ -109,7 +109,7 @@ def constrained(P: GaussProblem, f: Array) -> Array:
 
 
 class StickingSolver:
-    """Sets of weights that are the row impulses themselves, asked whether they can hold every row still.
+    """Force sets whose weights are the row impulses: can they bring every row to rest?
 
     Args:
         parts: The sets; G is the identity.
@@ -123,19 +123,19 @@ class StickingSolver:
         self._mu = parts.mu
 
     def impulses(self, D: Array, u: Array, guess: Array, exact: float, *, others: bool = True) -> tuple[Array, float] | None:
-        """(impulses w, how far D w + u is from zero, scaled), or None if no row impulses near the guess hold all rows still.
+        """(impulses w, how far D w + u is from zero, scaled), or None if no row impulses near the guess bring all rows to rest.
 
-        Of rows that repeat each other it is the nearest answer to the guess, in the Euclidean norm: by Newton's steps with
+        With redundant rows it is the answer nearest to the guess, in the Euclidean norm: by Newton's steps with
         D + k 1, k small, in place of D.
 
         Args:
             D: Row velocities of unit impulses, shape (m, m).
             u: Row velocities without impulses, shape (m,).
             guess: Where to start, shape (m,).
-            exact: An answer's error, over the largest of u, in units where each diagonal entry of D is one.
-            others: Whether to look farther from the guess where the nearest answer is outside the sets.
+            exact: Tolerance of an answer, over the largest of u, in units where each diagonal entry of D is one.
+            others: Whether to search farther from the guess where the nearest answer is outside the sets.
         """
-        sizes = [size for size in D.diagonal().tolist() if size > 0.0]  # a row that moves nothing, as in a plane, is still
+        sizes = [size for size in D.diagonal().tolist() if size > 0.0]  # a row with D_ii = 0, as in a plane, is at rest
         rate = max_abs(u)
         if not sizes or rate == 0.0:
             return None
@@ -150,22 +150,22 @@ class StickingSolver:
         last = False
         for i in range(_ROUNDS):
             w = w - lapack.dpotrs(R, missed)[0]
-            if i == 0 and not self._allow(w):  # near enough to tell
+            if i == 0 and not self._allow(w):  # near enough to decide
                 other = self._allowed(w, R, D, u) if others else None
                 if other is None:
                     return None
                 w = other
             missed = D @ w + u
             merit = unit * max_abs(missed)
-            if merit <= exact and (others or last):  # from zero one more round, to rounding: what rests is not to creep
+            if merit <= exact and (others or last):  # from zero one more round, to rounding: a body at rest must not creep
                 return (w, merit) if i == 0 or self._allow(w) else None
             last = merit <= exact
         return None
 
     def _allowed(self, w: Array, R: Array, D: Array, u: Array) -> Array | None:
-        """Other impulses that hold all rows still, in their sets, by going to and fro between both; None if none is found soon.
+        """Other impulses in their sets that bring all rows to rest, by alternating projections; None if not found soon.
 
-        Four corners carry what three could: where the nearest choice makes one pull, another does not.
+        Four corners share a load redundantly: if the nearest distribution pulls at one corner, another does not.
         """
         if not self._all_cones:
             return None
@@ -183,7 +183,7 @@ class StickingSolver:
         """Whether impulses are in their sets."""
         if self._cones.size:
             x, y, n = (w if self._all_cones else w[self._cones]).reshape(-1, 3).T
-            # mu n is never below |w_t| where n is negative.
+            # Where n is negative the comparison is false, as it must be.
             if not (np.hypot(x, y) <= self._mu * n).all():
                 return False
         if self._bounded.size:

@@ -1,12 +1,12 @@
 """Semismooth Newton on the complementarity problem of weights and accelerations, for both contact laws.
 
-    find w in the product of the parts, y = D w + y_free answering to it:  w = P(w - y)
+    find w in the product of the parts, y = D w + y_free paired with it:  w = P(w - y)
 
 P is the projection on the parts for the convex law. For Coulomb's it is Alart and Curnier's: a normal weight N = max(p_n, 0),
 and the tangential one cut to the disc of radius mu N, so that De Saxce's term need not be written. D may be
-nonsymmetric (points that slide) and singular (corners of a sole); nothing here knows robots.
+nonsymmetric (points that slide) and singular (corners of a sole); this module knows no robots.
 
-Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on maps that have kinks.
+Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on semismooth maps.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from rbd.problem.force_set import ForceSet
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
 EXACT = 1e-14
-"""Newton stops at this scaled merit; about a hundred roundings."""
+"""Newton stops at this scaled merit; about a hundred times rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """How the columns of `ForceSet` stand for Newton: lines and intervals first, then the cones, three columns each.
+    """Order of the columns of `ForceSet` in Newton's method: lines and intervals first, then cones, three columns each.
 
     Attributes:
-        columns: Number in `ForceSet` of each column, shape (p,); None where nothing moves.
+        columns: Index in `ForceSet` of each column, shape (p,); None where the order is the same.
         singles: Number of lines, half-lines and intervals.
         lower: Their bounds, shape (singles,).
-        upper: Likewise.
+        upper: Upper bounds, shape (singles,).
         mu: Friction of the cones, shape (k,).
         share: 1 / (1 + mu^2).
-        starts: First columns of what is scaled together, in the new order, shape (singles + k,).
+        starts: First columns of the groups that share a scale, in the new order, shape (singles + k,).
         widths: Their numbers of columns, 1 or 3.
     """
 
@@ -53,7 +53,7 @@ class Order:
     widths: Array
 
 
-@lru_cache(maxsize=256)  # parts at rest are kept by their rows' sets; those of moving rows come and go
+@lru_cache(maxsize=256)  # orders of parts at rest are cached by their rows' sets; those of moving rows change
 def order_of(parts: ForceSet) -> Order:
     """The order of a problem's columns."""
     in_cones = parts.cone_columns.ravel()
@@ -68,14 +68,14 @@ def order_of(parts: ForceSet) -> Order:
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """The problem in units of its own: each part's diagonal of D is one, accelerations and bounds are of order one.
+    """The scaled problem: each part's diagonal of D is one, accelerations and bounds are of order one.
 
     Attributes:
         D: Shape (p, p), in the order of `order`.
         q: Free accelerations, shape (p,).
-        order: How the columns stand.
+        order: The order of the columns.
         lower: Scaled bounds of the singles.
-        upper: Likewise.
+        upper: Scaled upper bounds of the singles.
         unit: Weights are `unit` times scaled weights, in the order of `order`, shape (p,).
         rate: Largest free acceleration of a scaled row: scaled accelerations are y unit / rate^2.
     """
@@ -89,7 +89,7 @@ class Scaled:
     rate: float
 
     def weights(self, w: Array) -> Array:
-        """Weights as `ForceSet` has them, of scaled ones."""
+        """Weights in the order and units of `ForceSet`, from scaled ones."""
         out = self.unit * w
         if self.order.columns is None:
             return out
@@ -98,19 +98,19 @@ class Scaled:
         return back
 
     def guess(self, weights: Array) -> Array:
-        """Scaled weights, of those of `ForceSet`."""
+        """Scaled weights, from those of `ForceSet`."""
         return (weights if self.order.columns is None else weights[self.order.columns]) / self.unit
 
 
 def scaled(D: Array, y_free: Array, parts: ForceSet) -> Scaled:
-    """The problem D, y_free in units of its own."""
+    """The problem D, y_free, scaled."""
     order = order_of(parts)
     if order.columns is not None:
         D, y_free = D[np.ix_(order.columns, order.columns)], y_free[order.columns]
     size = np.abs(D.diagonal())
     if len(order.mu):
         size = np.repeat(np.maximum.reduceat(size, order.starts), order.widths)
-    # A row that moves nothing has a zero diagonal, a jammed one (Painleve) may be near it: neither is blown up.
+    # A row without mobility has a zero diagonal, a jammed one (Painleve) may be near it: neither is scaled up.
     floor = 1e-12 * size.max(initial=0.0)
     s = 1.0 / np.sqrt(np.maximum(size, floor if floor > 0.0 else 1.0))
     q = s * y_free
@@ -118,7 +118,7 @@ def scaled(D: Array, y_free: Array, parts: ForceSet) -> Scaled:
     lower, upper = order.lower, order.upper
     if order.singles:
         lower, upper = lower / s[: order.singles], upper / s[: order.singles]
-        rate = max(rate, float(np.maximum(lower, -upper).max()))  # forces that are nowhere near zero
+        rate = max(rate, float(np.maximum(lower, -upper).max()))  # forces far from zero
     rate = rate if rate > 0.0 else 1.0
     return Scaled(D * s * s[:, None], q / rate, order, lower / rate, upper / rate, s * rate, rate)
 
@@ -126,7 +126,7 @@ def scaled(D: Array, y_free: Array, parts: ForceSet) -> Scaled:
 def solve_newton(
     D: Array, y_free: Array, parts: ForceSet, w0: Array, *, coulomb: bool, iterations: int = 50
 ) -> tuple[Array, float, int]:
-    """Weights that answer y = D w + y_free, by damped semismooth Newton steps from a guess.
+    """Weights that solve the problem of y = D w + y_free, by damped semismooth Newton steps from a guess.
 
     Args:
         D: Accelerations of unit weights, shape (p, p); nonsymmetric where points slide.
@@ -134,11 +134,11 @@ def solve_newton(
         parts: The sets of the weights.
         w0: Where to start, shape (p,).
         coulomb: Coulomb's law; else the convex one.
-        iterations: At most.
+        iterations: Largest number.
 
     Returns:
         (w, merit, iterations): the best weights found, in their sets to rounding; the largest entry of |w - P(w - y)| in
-        the problem's own units, where 1e-12 is exact for all purposes; steps taken.
+        the problem's units, where 1e-12 is exact for all purposes; steps taken.
     """
     problem = scaled(D, y_free, parts)
     w, merit, steps = steps_from(problem, problem.guess(w0), coulomb=coulomb, iterations=iterations)
@@ -148,7 +148,7 @@ def solve_newton(
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
 ) -> tuple[Array, float, int]:
-    """`solve_newton` in the problem's own units and order."""
+    """`solve_newton` in the problem's units and order."""
     D, q = problem.D, problem.q
     shifted = D + (proximal - 1.0) * identity(len(w))  # Newton's matrix I - V + V D is I + V (D - I)
     gap, edges = _gap(problem, w, D @ w + q, coulomb)
@@ -176,10 +176,10 @@ def steps_from(
 
 
 def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, iterations: int = 15) -> tuple[Array, float]:
-    """Weights where rows repeat each other and Newton's own steps stall: (w, merit), in the problem's units and order.
+    """Weights where rows are redundant and Newton's steps stall: (w, merit), in the problem's units and order.
 
-    Newton on D + k 1, whose answers stand alone, about the weights of the round before (the proximal-point method), so that
-    what yields is less from round to round and the answer is one of the problem itself.
+    Newton on D + k 1, whose solution is unique, about the weights of the round before (the proximal-point method), so that
+    the regularisation's effect falls from round to round and the limit solves the problem itself.
 
     Args:
         problem: The scaled problem.
@@ -197,15 +197,15 @@ def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, 
         if not merit < least:
             break
         best, least = w, merit
-        if merit <= _STALLS or reached > 1e-9:  # done, or stuck
+        if merit <= _STALLS or reached > 1e-9:  # converged, or stalled
             break
     return best, least
 
 
 def leaves_motion_open(problem: Scaled, w: Array) -> bool:
-    """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not of weights alone.
+    """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not only of weights.
 
-    They do where more points slip together than rigid bodies need to carry the load: shares change the friction.
+    They do where more points slip together than determine the load: its distribution changes the friction.
     """
     n, y = problem.order.singles, problem.D @ w + problem.q
     touches = y[n + 2 :: 3] < _TOUCHES
@@ -215,19 +215,19 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
     R, info = lapack.dpotrf(problem.D[at[:, None], at])
     pivots = R.diagonal()
     if info == 0 and pivots.min() > 1e-5 * pivots.max():
-        return False  # normals that do not depend on each other decide their shares
+        return False  # independent normals determine their shares
     pressed = w.copy()
-    pressed[at] = np.maximum(pressed[at], _TOUCHES)  # one that touches and carries nothing may carry something
+    pressed[at] = np.maximum(pressed[at], _TOUCHES)  # a touching unloaded point may become loaded
     _, edges = _gap(problem, pressed, y, coulomb=True)
     N = null_space(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True), _OPEN)
     return bool(np.abs(N.T @ problem.D).max(initial=0.0) > 1e-8)
 
 
 def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
-    """Change of weights whose modes are right, to what the accelerations y are found to be; not rounded to the weights.
+    """Correction of weights with the right modes, for recomputed accelerations y; not rounded to the weights.
 
-    Newton's own steps add to the weights and so end at their last digit, and the last digit of a force of 10 N moves a
-    milligram at 1e-9 m/s2. This is the change alone, of least norm where rows repeat each other.
+    Newton's steps add to the weights and so stop at their last digit, and the last digit of a force of 10 N moves a
+    milligram at 1e-9 m/s2. This is the change alone, of minimum norm where rows are redundant.
     """
     gap, edges = _gap(problem, w, y, coulomb)
     n, p = problem.order.singles, edges[0]
@@ -239,11 +239,11 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
         O[stuck] = -Y[stuck]
         if coulomb:
             O[slip, 2] = -Y[slip, 2]
-        else:  # along the edge of the cone exactly; across it as it is
+        else:  # along the edge of the cone exactly; across it unchanged
             edge = np.column_stack([mu * x, mu * z, np.ones(len(mu))])[slip] * np.sqrt(problem.order.share[slip, None])
             O[slip] -= edge * (edge * (O[slip] + Y[slip])).sum(axis=1)[:, None]
     A = _matrix(problem, problem.D - identity(len(w)), edges, coulomb)
-    # Complete orthogonal factors rather than singular values: they always end.
+    # Complete orthogonal factors rather than singular values: they always terminate.
     found, _, _, _ = scipy_lstsq(A, gap, cond=_RANK, lapack_driver="gelsy", check_finite=False)
     return np.asarray(found)
 
@@ -251,21 +251,21 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
 _OPEN = 1e-8
-"""The same where directions that move nothing are looked for: answers are good to a merit of 1e-10."""
+"""The same in the search for null directions: answers have a merit of 1e-10."""
 _YIELDS = 1e-5
-"""Compliance of the proximal-point rounds, over the points' own mobility."""
+"""Compliance of the proximal-point rounds, over the points' mobility."""
 _STALLS = 1e-11
 """Their merit does not fall much below this, of rounding."""
 _TOUCHES = 1e-9
 """Scaled accelerations and weights below this are zero in an answer."""
 
 _Edges: TypeAlias = tuple[Array, ...]
-"""Of each cone: p_t over |p_t| (x, y), whether something pushes, the factor of p_t, whether it slips; before them, p."""
+"""P, and for each cone: p_t / |p_t| (x, y), whether it is loaded, the factor of p_t, whether it slips."""
 _SMALL = 1e-200
 
 
 def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, _Edges]:
-    """(P(p) - w, where p stands against the edges of the sets) at p = w - y."""
+    """(P(p) - w, position of p relative to the edges of the sets) at p = w - y."""
     p = w - y
     n, mu = problem.order.singles, problem.order.mu
     out = np.empty(len(p))

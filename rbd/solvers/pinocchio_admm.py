@@ -1,7 +1,7 @@
 """Pinocchio's ADMM on a dense problem: the only file of the algebra side that imports Pinocchio.
 
-The solver wants constraint models; stand-ins that carry nothing but the sets will do. Lines, half-lines and intervals are the
-joint friction of a chain of as many joints, cones are point contacts. No robot is behind them.
+The solver takes constraint models; these carry only the sets. Lines, half-lines and intervals are the
+joint friction of a chain of as many joints, cones are point contacts. They belong to no robot.
 
 Source: [Carpentier2024], the solver and its conventions; impulses are forces here, velocities accelerations.
 """
@@ -18,13 +18,13 @@ from rbd.solvers.newton import Scaled
 
 
 def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, tolerance: float) -> tuple[Array, int]:
-    """(weights, iterations) of one run, in the problem's own units and order; its verdict on itself is not asked.
+    """(weights, iterations) of one run, in the problem's units and order; its own status is not used.
 
     Args:
         problem: With a symmetric D.
         guess: Weights to start from.
         coulomb: Coulomb's law (`solve_ncp`); else its convex relaxation.
-        iterations: At most.
+        iterations: Largest number.
         tolerance: Absolute, on feasibility and complementarity.
     """
     order = problem.order
@@ -37,7 +37,7 @@ def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, toler
     settings.anderson_capacity = 5  # a third of the iterations
     result = pin.ADMMSolverResult()
     result.setConstraintImpulseGuess(guess)
-    delassus = pin.DelassusOperatorDense(np.asfortranarray(problem.D))  # made anew: the solver leaves its damping in it
+    delassus = pin.DelassusOperatorDense(np.asfortranarray(problem.D))  # a new one: the solver stores its damping in it
     pin.ADMMConstraintSolver(len(problem.q)).solve(delassus, problem.q, models, datas, settings, result)
     found = result.retrieveConstraintImpulses()
     return (found if np.isfinite(found).all() else guess), result.iterations
@@ -47,7 +47,7 @@ def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, toler
 def _stand_ins(
     singles: int, mu: tuple[float, ...], lower: bytes, upper: bytes
 ) -> tuple[pin.StdVec_ConstraintModel, pin.StdVec_ConstraintData]:
-    """Constraint models, and their data, that carry the sets: bounds as bytes, to be found again."""
+    """Constraint models, and their data, that carry the sets; bounds as bytes, for the cache."""
     chain, joints, joint = pin.Model(), pin.StdVec_Index(), 0
     for i in range(max(singles, 1)):
         joint = chain.addJoint(joint, pin.JointModelRZ(), pin.SE3.Identity(), str(i))

@@ -21,36 +21,36 @@ from rbd.solvers.kkt import constrained, held_refined, independent_factor
 from rbd.solvers.refinement import rays_refined
 
 POLISH = 1e-12
-"""An answer whose residuals are above this, over the largest numbers of its problem, gets a step on its active rays."""
+"""Residuals above this, over the largest numbers of the problem, call for an active-set refinement."""
 
 _ROUNDING = float(np.finfo(float).eps)
 _POLISHED = 4
-"""Rounds of that step at most: more than one where little weights would turn negative."""
+"""Largest number of its rounds: more than one where small weights would turn negative."""
 _STEEP = 1e4
-"""Friction up to this loses no more than 1e-12 of a normal force."""
+"""Friction coefficients up to this lose at most 1e-12 of a normal force."""
 
 
 @dataclass(frozen=True)
 class ProxQP:
     """Gauss's least-constraint problem, minimise 1/2 |a - a_free|_M^2, as a ProxSuite QP; forces are its multipliers.
 
-    Constraints that hold are equalities; for every ray r of a force cone, r . (J a + offset) >= 0 is one inequality, its
+    Bilateral constraints are equalities; for every ray r of a force cone, r . (J a + offset) >= 0 is one inequality, its
     multiplier is that ray's weight, and the force is the sum of weight times ray. Circular cones are replaced by the
     circumscribed pyramids of their contacts' `facets`.
 
     The QP is posed in z, with a = a_free + L^-T Q z: L L^T = M makes the inertia metric Euclidean, and W = L^-1 J^T = Q R
-    leaves out the directions that no row feels. Its Hessian is the identity whatever the robot's inertia, so ProxSuite
-    needs no preconditioner. Forces between two bounds (dry friction) are rows that give way, at the cost of the bound.
+    leaves out directions in the null space of J. Its Hessian is the identity whatever the robot's inertia, so ProxSuite
+    needs no preconditioner. Forces between two bounds (dry friction) are soft rows, at the cost of the bound.
 
     Attributes:
-        policy: Settings of ProxSuite to try in order; each answer is judged by its own residuals.
+        policy: Settings of ProxSuite to try in order; each answer is checked by its residuals.
     """
 
     policy: tuple[qp.Setting, ...] = qp.POLICY
     law: Law = CONVEX
 
     def reason_unsupported(self, problem: GaussProblem) -> str | None:
-        """Names the first contact that slides, turns or strikes: no pyramid of forces says what its friction does."""
+        """Names the first contact that slides, turns or impacts: no pyramid of forces describes its friction."""
         T = checked(problem).force_set
         if T.impact:
             return f"{T.impact}."
@@ -65,7 +65,7 @@ class ProxQP:
     def solve(self, problem: GaussProblem) -> Answer:
         """The best of the attempts; the first that is `solved`, most often the first of all.
 
-        That rows contradict each other, and what comes nearest then, it leaves to `rbd.solve_problem`.
+        Contradictory rows, and the least violation, are left to `rbd.solve_problem`.
         """
         start = time.perf_counter()
         P = checked(problem)
@@ -85,13 +85,13 @@ class ProxQP:
         return self._best(P, R, answer)
 
     def _best(self, P: GaussProblem, R: Array, answer: Callable[[Array, int], Answer]) -> Answer:
-        """The best of the attempts; `answer` takes weights and iterations."""
+        """The best of the attempts; `answer` maps weights and iterations to an `Answer`."""
         along, opening, holds = _ray_rows(P, R)
         T = P.force_set.pyramids
         bounded = _Bounded(T, along, opening) if T.has_intervals else None
         if bounded is not None:
             along, opening, holds = bounded.along, bounded.opening, bounded.holds
-        # Of the QP's data; far from one, its tolerances would mean nothing.
+        # Scale of the QP's data; if far from one, its tolerances would be meaningless.
         length, rate = _size(math.sqrt(max_abs(P.delassus.diagonal()))), _size(max_abs(opening))
         A: Array | None = along if length == 1.0 else along / length
         b: Array | None = opening * (-1.0 / rate)
@@ -130,10 +130,10 @@ class ProxQP:
 
 
 def eased(answer: Answer) -> Answer:
-    """The same answer of `ProxQP`, its contacts not squeezing each other.
+    """The same answer of `ProxQP`, without large internal forces between contacts.
 
-    ProxSuite's forces between them may be a million times as large as they need be, and leave the rounding of that in what is
-    found from them.
+    ProxSuite's internal forces may be a million times as large as necessary, and leave their rounding in results
+    computed from them.
     """
     P, w, T = answer.problem, answer.weights, answer.problem.force_set.pyramids
     if w is None:
@@ -148,9 +148,9 @@ def eased(answer: Answer) -> Answer:
 
 
 def too_steep(failed: Answer) -> str:
-    """Words on friction so great that rounding of the rays' forces is what is missed; empty where it is not.
+    """Message if friction is so large that rounding of the rays' forces is the residual; else empty.
 
-    A normal force is a sum of rays; their tangential parts, mu times as large, cancel and leave their rounding.
+    A normal force is a sum of rays; their tangential parts, mu times as large, cancel up to rounding.
     """
     P, w, T = failed.problem, failed.weights, failed.problem.force_set
     if w is None or not failed.law.facets or not is_finite(w):
@@ -159,13 +159,13 @@ def too_steep(failed: Answer) -> str:
     for rows, columns in zip(P.rows, T.slices, strict=True):
         own, mu = P.slices[rows.name], T.mu[(T.cone_at >= columns.start) & (T.cone_at < columns.stop)].max(initial=0.0)
         relative = float((terms[own] / failed.residuals.scales.row_forces[own]).max(initial=0.0))
-        lost = _ROUNDING * max(relative, mu)  # of next to no force, what any would lose
+        lost = _ROUNDING * max(relative, mu)  # tolerance for a nearly zero force
         if mu > _STEEP and lost > most:
             most = lost
             out = (
                 f"{rows.name} has friction {mu:.3g}, too much for a pyramid in double precision: its normal force is a sum of "
                 "rays whose tangential forces, as many times as large, cancel up to their rounding. Use rbd.ConeSolver(), "
-                "whose cones are true ones, or friction=None for a bilateral contact"
+                "whose cones are circular, or friction=None for a bilateral contact"
             )
     return out
 
@@ -173,15 +173,15 @@ def too_steep(failed: Answer) -> str:
 class _Bounded:
     """Rows whose weights have bounds other than [0, inf), posed in weights u >= 0: w = base + sign u, u <= room.
 
-    The constant force of the base moves to the rows' acceleration. A row with room gives way: along z + opening + n >= 0 with
+    The constant force of the base moves to the rows' acceleration. A row with room is soft: along z + opening + n >= 0 with
     n >= 0 at a cost of room n, so that its multiplier u stays below the room: dual to the bound, and exact. Weights with
     equal bounds drop out.
 
     Attributes:
-        along, opening, holds: As of `_ray_rows`, of the weights that are left.
+        along, opening, holds: As in `_ray_rows`, for the remaining weights.
         room: Upper bounds of their u; inf for lines and rays.
         soft: Where the room is finite.
-        gives: Whether any is.
+        gives: Whether any is soft.
     """
 
     def __init__(self, rays: ForceSet, along: Array, opening: Array) -> None:
@@ -208,14 +208,14 @@ class _Bounded:
         return H, g, None if A is None else np.hstack([A, np.zeros((len(A), s))]), wide, np.r_[l, np.zeros(s)]
 
     def weights(self, attempt: qp.QPResult, scale: float) -> Array:
-        """The weights w of an attempt, all of them."""
+        """All weights w of an attempt."""
         u = np.zeros(len(self.holds))
         u[self.holds] = attempt.y
         u[~self.holds] = np.maximum(attempt.z[: np.count_nonzero(~self.holds)], 0.0)
         return self._all(u * scale)
 
     def polished(self, weights: Array, few: bool = False) -> Array:
-        """`_polished`, of the weights w."""
+        """`_polished` for the weights w."""
         u = (self.sign * (weights - self.base))[self.kept]
         return self._all(_polished(u, self.along, self.opening, self.holds, self.room, few))
 
@@ -226,13 +226,13 @@ class _Bounded:
 
 
 def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
-    """(along, opening, holds): rays accelerate at `along z + opening`; those that hold must keep still."""
+    """(along, opening, holds): rays accelerate at `along z + opening`; `holds`: with acceleration zero."""
     T, c = P.force_set.pyramids, P.free_row_acceleration
     return (R.T, c, T.is_line) if P.bilateral else (T.H.T @ R.T, T.H.T @ c + T.offset, T.is_line)
 
 
 def _size(top: float) -> float:
-    """The largest entry where it is far from one, else one: ordinary robots are solved as they are."""
+    """The largest entry where it is far from one, else one: ordinary robots are not scaled."""
     return 1.0 if top == 0.0 or 1e-3 <= top <= 1e6 else top
 
 
@@ -252,15 +252,15 @@ def _better(one: Answer, other: Answer) -> Answer:
 def _polished(
     weights: Array, along: Array, opening: Array, holds: Array, room: Array | float = math.inf, few: bool = False
 ) -> Array:
-    """Weights moved, within the rays that carry something but not all they can, so that those rays keep still to rounding.
+    """Corrected weights of the rays strictly inside their bounds, so that their accelerations are zero to rounding.
 
     Args:
         weights: Shape (r,).
-        along: As of `_ray_rows`.
-        opening: Likewise.
-        holds: Likewise.
+        along: As in `_ray_rows`.
+        opening: As in `_ray_rows`.
+        holds: As in `_ray_rows`.
         room: Upper bounds of the weights.
-        few: Let as few rays as can carry the same before.
+        few: First reduce to few rays with the same force.
     """
     moved = _on_few(weights, along, holds, room) if few else weights.copy()
     for _ in range(_POLISHED):
@@ -272,12 +272,12 @@ def _polished(
         pulls = ~holds & (moved < 0.0)
         if not pulls.any():
             break
-        moved[pulls] = 0.0  # those that carried least of all; without them once more
+        moved[pulls] = 0.0  # the least loaded; repeat without them
     return moved
 
 
 def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> Array:
-    """Weights, few of them other than zero, that do the same; themselves where they are not found."""
+    """Weights with the same force and few nonzero entries; the given ones where none are found."""
     moved, some = weights.copy(), holds | ((weights > 0.0) & ~np.isfinite(room))
     E, lines = along[some].T, holds[some]
     u = nonnegative(np.hstack([E, -E[:, lines]]), E @ weights[some])
@@ -290,7 +290,7 @@ def _on_few(weights: Array, along: Array, holds: Array, room: Array | float) -> 
 
 
 def pyramidal_law(P: GaussProblem) -> Law:
-    """The law with what stands for circular cones, e.g. "convex, 4 facets"."""
+    """The law with the pyramids that replace circular cones, e.g. "convex, 4 facets"."""
     return BILATERAL if P.bilateral else _with_facets(P.force_set.facets)
 
 

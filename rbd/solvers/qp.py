@@ -2,10 +2,10 @@
 
     minimise 1/2 x^T H x + g^T x   subject to   A x = b,   l <= C x <= u
 
-One sign: H x + g = A^T y + C^T z, so that z >= 0 where a lower bound holds and z <= 0 where an upper one does: a
-multiplier is the force of its constraint. One retry policy: `attempts` yields one result a setting, best bet first, and its
-caller judges by its own residuals when to stop; programs with H = 1 and g = 0 are asked of nonnegative least squares, too.
-ProxSuite's own status is not asked: it reports infeasible on feasible problems, and solved on NaN.
+One sign: H x + g = A^T y + C^T z, so that z >= 0 where a lower bound is active and z <= 0 where an upper one is: a
+multiplier is the force of its constraint. One retry policy: `attempts` yields one result a setting, most reliable first; its
+caller decides by residuals when to stop; programs with H = 1 and g = 0 are also solved by nonnegative least squares.
+ProxSuite's status is not used: it reports infeasible on feasible problems, and solved on NaN.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from rbd.arrays import Array, check_finite, identity, is_finite, zeros
 from rbd.problem import programs
 from rbd.problem.programs import Work, least_distance, linear_program
 
-# ProxSuite's AVX builds answer in one of two ways, last digits apart, by where malloc puts their buffers; the plain one always
-# alike, for 12 us more a program (docs/design/repeatable.md). To its loader, None is a build that is not there.
+# ProxSuite's AVX builds give one of two answers, last digits apart, depending on the alignment of buffers; the plain one always
+# the same, for 12 us more a program (docs/design/repeatable.md). For its loader, None is a missing build.
 for _build in ("proxsuite_pywrap_avx512", "proxsuite_pywrap_avx2"):
     sys.modules.setdefault(f"proxsuite.{_build}", None)  # type: ignore[arg-type]
 import proxsuite  # noqa: E402
 
 _QP = proxsuite.proxqp.dense.QP
 _NO_GUESS = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
-_UNBOUNDED = 1e20  # what ProxSuite takes for infinity
+_UNBOUNDED = 1e20  # ProxSuite's infinity
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ POLICY = (
     Setting(eps_abs=1e-12, precondition=True, rho=1e-7, mu_eq=1e-5, max_iter=programs.QP_STEPS_LAST),
     Setting(eps_abs=1e-11, rho=1e-8, mu_eq=1e-6, mu_in=1e-3, max_iter=programs.QP_STEPS_LAST),
 )
-"""Settings in the order they are tried."""
+"""Settings in the order in which they are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def attempts(
     policy: tuple[Setting, ...] = POLICY,
     work: Work | None = None,
 ) -> Iterator[QPResult]:
-    """One result a setting, until the caller stops asking or `rbd.problem.programs.QP_WORK` is spent.
+    """One result a setting, until the caller stops or `rbd.problem.programs.QP_WORK` is spent.
 
     Args:
         H: Positive semidefinite, shape (n, n).
@@ -86,15 +86,15 @@ def attempts(
         b: Shape (p,).
         C: Inequalities, shape (k, n), or None.
         l: Lower bounds, shape (k,); -inf where there is none, None where there are none.
-        u: Upper bounds, likewise.
+        u: Upper bounds, shape (k,); inf where there is none, None where there are none.
         policy: Settings to try, in order.
-        work: What is left for several programs together; `rbd.problem.programs.QP_WORK` for this one if not given.
+        work: Remaining work for several programs together; `rbd.problem.programs.QP_WORK` for this one if not given.
 
     Raises:
-        InputError: if an entry is NaN or infinite: ProxSuite would run on and call it solved.
+        InputError: if an entry is NaN or infinite: ProxSuite would continue and report `solved`.
     """
     n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
-    unit = H is identity(n) and g is zeros(n)  # our own constants need no look
+    unit = H is identity(n) and g is zeros(n)  # internal constants are not checked
     for what, value in zip("AbCHg", (A, b, C) if unit else (A, b, C, H, g), strict=False):
         if value is not None and not is_finite(value):
             check_finite(f"{what} of the QP", value)
@@ -112,10 +112,10 @@ def attempts(
         s.eps_abs, s.eps_rel, s.initial_guess, s.max_iter = setting.eps_abs, 0.0, _NO_GUESS, min(setting.max_iter, steps)
         s.max_iter_in = programs.QP_INNER_STEPS
         if k:
-            # Else it calls solved what pushes at bounds 1e-3 away. Of an objective of 1e5, 1e-9 is below rounding: hence 1e-10.
+            # Else it accepts forces at bounds 1e-3 away. For an objective of 1e5, 1e-9 is below rounding: thus 1e-10.
             s.check_duality_gap, s.eps_duality_gap_abs, s.eps_duality_gap_rel = True, 10.0 * setting.eps_abs, 1e-10
-        # A strictly convex program is never dual infeasible; at the default 1e-4 its test says so of 81 in 100 states of
-        # Talos full, in `a`. Its test for primal infeasibility stays: it is what ends hopeless runs.
+        # A strictly convex program is never dual infeasible; at the default 1e-4 its test claims it for 81 in 100 states of
+        # Talos full, in `a`. Its test for primal infeasibility stays: it ends infeasible runs.
         s.eps_dual_inf = 1e-16
         # After the bounds, in order: preconditioner, rho, mu_eq, mu_in. Keywords would cost a tenth of a small solve.
         qp.init(
@@ -134,7 +134,7 @@ def _nearest_to_zero(A: Array | None, b: Array | None, C: Array | None, l: Array
     """The point nearest to zero, by nonnegative least squares: an active-set method [LawsonHanson1974], chapter 23.
 
     With few unknowns and many rows (a hundred contacts on one body) it takes milliseconds where ProxSuite, whose systems have
-    as many unknowns as there are rows, takes seconds; and penalties of rows that repeat each other do not trouble it.
+    as many unknowns as there are rows, takes seconds; and redundant rows do no harm.
     """
     n = A.shape[1] if A is not None else C.shape[1] if C is not None else 0
     p, none = 0 if A is None else len(A), np.zeros((0, n))
@@ -171,9 +171,9 @@ def _all(k: int, value: float) -> Array:
 
 
 def least_violation(A: Array, b: Array, C: Array, l: Array) -> float:
-    """Smallest t for which some x has |A x - b| <= t and C x >= l - t, by a linear program (HiGHS); NaN if it fails.
+    """Smallest t such that some x has |A x - b| <= t and C x >= l - t, by a linear program (HiGHS); NaN if it fails.
 
-    Zero, up to HiGHS's tolerance of about 1e-7, if and only if the constraints can be met.
+    Zero, up to HiGHS's tolerance of about 1e-7, if and only if the constraints can be satisfied.
     """
     if not len(A) and not len(C):
         return 0.0

@@ -1,12 +1,12 @@
-"""An answer made exact in every row by its own terms: iterative refinement of motion and forces together.
+"""Iterative refinement of motion and forces together, until every row is exact to rounding of its terms.
 
-A solve in double precision leaves errors that are small beside the largest numbers in it, and so too large for a light body
-beside heavy ones. Refinement computes what each equation misses, row by row from M, J, rhs and offset themselves, and solves
-for a correction with the matrices at hand; its errors are small beside the correction. One or two rounds leave every row with
-errors of rounding of its own terms [Skeel1980].
+A solve in double precision leaves errors that are small relative to its largest numbers, and so too large for a light body
+next to heavy ones. Refinement computes each equation's residual, row by row from M, J, rhs and offset, and solves
+for a correction with the matrices at hand; its errors are small relative to it. After one or two rounds every row has
+errors of rounding of its terms [Skeel1980].
 
     a <- a + M^-1 (rhs + J^T f - M a),    y = H^T (J a + offset) + centripetal part
-    dw such that w + dw answers the law for the accelerations y + D dw,    w <- w + dw,    a <- a + M^-1 J^T G dw
+    dw such that w + dw satisfies the law for the accelerations y + D dw,    w <- w + dw,    a <- a + M^-1 J^T G dw
 
 dw is added to a before it is rounded to the digits of w: the last digit of a force of 10 N moves a milligram at 1e-9 m/s2.
 """
@@ -26,22 +26,22 @@ from rbd.problem.residuals import ENOUGH
 from rbd.solvers.newton import Scaled, last_step, scaled, steps_from
 
 ROUNDS = 4
-"""Corrections at most; one or two do where the modes of the contacts are right."""
+"""Largest number of corrections; one or two suffice where the modes of the contacts are right."""
 NEAR = 1e-2
-"""Scaled residuals up to which modes may be right, and refinement is tried."""
+"""Scaled residuals up to which the modes can be right and refinement is tried."""
 
 Correction: TypeAlias = Callable[[Array, Array], Array]
-"""The change of forces (of rows, or weights) that answers the row accelerations c, shape (m,), which those given make."""
+"""Takes row accelerations c, shape (m,), and the forces (of rows, or weights) that cause them; gives the forces' change."""
 
 
-@np.errstate(all="ignore")  # numbers near the largest that there are overflow; that ends it
+@np.errstate(all="ignore")  # overflow ends the loop
 def refined(found: Answer, correct: Correction, parts: ForceSet | None = None) -> Answer:
     """The same answer with smaller residuals, or itself where that does not succeed.
 
     Args:
         found: An answer, solved or not.
-        correct: Takes what the rows' accelerations are found to be, and row forces or weights, to the change of these.
-        parts: The sets of the weights; None where `correct` speaks of row forces.
+        correct: Maps recomputed row accelerations, and row forces or weights, to the change of these.
+        parts: The sets of the weights; None where `correct` takes row forces.
     """
     P, best = found.problem, found
     a, x = found.a, found.multipliers if parts is None else found.weights
@@ -68,7 +68,7 @@ def refined(found: Answer, correct: Correction, parts: ForceSet | None = None) -
 
 
 def by_newton(S: Scaled, T: ForceSet, *, coulomb: bool) -> Correction:
-    """Correction of weights by Newton's steps on the law, from the weights that are there.
+    """Correction of weights by Newton's steps on the law, from the given weights.
 
     Args:
         S: The scaled problem; only its D matters.
@@ -87,7 +87,7 @@ def by_newton(S: Scaled, T: ForceSet, *, coulomb: bool) -> Correction:
 
 
 def rays_refined(found: Answer) -> Answer:
-    """`refined`, of an answer with weights of the pyramids."""
+    """`refined` for an answer with weights of the pyramids."""
     P, T = found.problem, found.problem.force_set.pyramids
     S = scaled(T.G.T @ P.delassus @ T.G, T.G.T @ P.free_row_acceleration, T)
     return refined(found, by_newton(S, T, coulomb=False), T)

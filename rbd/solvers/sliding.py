@@ -1,8 +1,8 @@
 """Motions of points that already slide: one, none or several (Painleve's paradox).
 
-A point that slides feels N (-mu t, 1), N >= 0, and its normal acceleration is y = D N + y_0, with
-D = n^T J M^-1 J^T (n - mu t). Friction couples tangent and normal, so D is not symmetric: pressing may pull the point down
-faster than it pushes it up. Where D < 0 a point that would leave anyway (y_0 > 0) may also stay, and one that would sink has
+The force on a sliding point is N (-mu t, 1), N >= 0, and its normal acceleration is y = D N + y_0, with
+D = n^T J M^-1 J^T (n - mu t). Friction couples tangent and normal, so D is not symmetric: the force may pull the point down
+more than it pushes it up. Where D < 0 a point that would leave anyway (y_0 > 0) may also stay, and one that would sink has
 no answer among accelerations. Source: [Painleve1895]; [GenotBrogliato1999] for the regions of the rod.
 """
 
@@ -25,9 +25,9 @@ from rbd.solvers.newton import scaled, solve_newton, steps_from
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
 STARTS = 64
-"""Combinations of pressing and leaving to start Newton from, at most, where contacts at rest rub too."""
+"""Largest number of loaded/separating combinations as Newton's starts, where contacts at rest have friction too."""
 COMPLIANCES = tuple(10.0 ** (-0.5 * i) for i in range(2, 15))
-"""Of points that yield, over their own mobility, one after the other: from 0.1 to 1e-7."""
+"""Sequence of the points' compliances, over their mobility: from 0.1 to 1e-7."""
 
 _OF_MANY = "with so many sliding points not all motions were searched: this is the limit as the points' compliance vanishes"
 
@@ -38,13 +38,13 @@ class SlidingAnswers:
 
     Attributes:
         found: (a, f, w) with different motions, of shapes (nv,), (m,), (p,): acceleration, row forces, weights of
-            `problem.force_set`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions of one point that
-            puts leaving before pressing, as does ground that yields ever so little: where pressing lets a point sink, a
-            pressed ground has no stable equilibrium. Where the friction depends on how a patch shares its load, and
-            nothing decides that, a whole family of motions is met by the one of least norm of the weights; the ends of
-            the family come last.
+            `problem.force_set`. The first has the least Gauss function 1/2 |a - a_free|_M^2. Of two motions, leaving
+            comes before contact, as on slightly compliant ground: where the contact force lets a point sink,
+            compliant ground has no stable equilibrium. Where the friction depends on how a patch shares its load, and
+            that is undetermined, a family of motions is represented by the one with weights of minimum norm; its ends
+            come last.
         complete: Whether there are no others.
-        reason: Why there is none, or what the several are, in words; empty where there is one.
+        reason: Message: why there is none, or which several there are; empty where there is one.
     """
 
     found: tuple[tuple[Array, Array, Array], ...]
@@ -53,11 +53,11 @@ class SlidingAnswers:
 
 
 def sliding_answers(problem: GaussProblem) -> SlidingAnswers:
-    """All motions, under Coulomb's law, of a problem whose contacts may already slide.
+    """All motions, under Coulomb's law, of a problem whose contacts may slide already.
 
-    Where no contact at rest rubs this is exact: all solutions of the complementarity problem of the weights, by
-    `rbd.solvers.complementarity`. Where some do: what Newton's method finds from every combination of pressing and leaving
-    of the sliding contacts; then `complete` is False.
+    Without friction at contacts at rest this is exact: all solutions of the complementarity problem of the weights, by
+    `rbd.solvers.complementarity`. Otherwise: the answers of Newton's method from every combination of loaded and separating
+    sliding contacts; then `complete` is False.
 
     Every answer is within 1e-9, scaled, by `rbd.problem.residuals`.
 
@@ -71,17 +71,17 @@ def sliding_answers(problem: GaussProblem) -> SlidingAnswers:
 
 
 class _Search:
-    """One problem y = A w + b, and how far its weights move it: |V dw| is the change of a in the metric of inertia."""
+    """One problem y = A w + b, with V from weights to motion: |V dw| is the change of a in the metric of inertia."""
 
     def __init__(self, P: GaussProblem) -> None:
         T = P.force_set
         self.P, self.T = P, T
         A, b = T.H.T @ P.delassus @ T.G, T.H.T @ P.free_row_acceleration + T.offset
-        # Columns of cones at rest have no bounds: to begin with they are lines, contacts that stick.
+        # Columns of cones at rest have no bounds: initially lines, as of sticking contacts.
         self.mixed = Mixed(A, b, P.whitened @ T.G, T.lower, T.upper, [s.column for s in T.sliding])
 
     def answers(self) -> SlidingAnswers:
-        """All that are found, in order."""
+        """All motions found, in order."""
         found = all_solutions(self.mixed)
         good = [i for i, w in enumerate(found.weights) if self._holds(w)]
         family = any(found.family[i] for i in good)
@@ -109,7 +109,7 @@ class _Search:
         return self._certified(w).residuals.within(SOLVED)
 
     def _certified(self, w: Array) -> Answer:
-        """What weights give, refined where they are near an answer."""
+        """The answer of given weights, refined where they are near a solution."""
         w = self.T.project(w)
         f = self.T.G @ w
         found = Answer(self.P, constrained(self.P, f), f, w, COULOMB, "ConeSolver", 1, 0.0)
@@ -123,7 +123,7 @@ class _Search:
         return 0.5 * float(moved @ moved)
 
     def _by_newton(self, stuck: tuple[Array, ...], known: list[Array], family: bool) -> list[Array]:
-        """What Newton's method adds to the known weights, of other motions; from starts with patches pressing or not."""
+        """Weights of further motions by Newton's method, from starts with patches loaded or not."""
         new: list[Array] = []
         V = self.mixed.V
         for w0 in self._starts(stuck):
@@ -133,12 +133,12 @@ class _Search:
                 new.append(self.T.project(w))
         if not family:
             return sorted(known + new, key=self._gauss)
-        return known + sorted(new, key=self._gauss)  # the member of least norm is known; these are others
+        return known + sorted(new, key=self._gauss)  # the member of minimum norm is known; these are other members
 
     def _yielding(self) -> Iterator[Array]:
-        """Where points lead that yield less and less, if Newton's method follows them.
+        """Limits of the answers with compliant points as the compliance vanishes, as far as Newton's method follows.
 
-        With compliance k on the diagonal of the scaled A answers stand alone, and each is a guess of the next one's modes.
+        With compliance k on the diagonal of the scaled A answers are isolated, and each is a guess of the next one's modes.
         """
         S = scaled(self.mixed.A, self.mixed.b, self.T)
         w = np.zeros(len(S.q))
@@ -150,11 +150,11 @@ class _Search:
         yield self.T.project(S.weights(w))
 
     def _undecided(self, w: Array) -> list[str]:
-        """The contacts whose loads can change together with the motion, each contact point kept in its mode."""
+        """The contacts whose loads can change together with the motion, each contact point staying in its mode."""
         M, T = self.mixed, self.T
         scale, y, small = float(np.abs(M.A.diagonal()).max()), M.A @ w + M.b, 1e-9 * max_abs(w)
         free = (w > M.lower + small) & (w < M.upper - small)
-        K = np.where(free[:, None], M.A, scale * np.eye(len(w)))  # K dw = 0 keeps the modes: y = 0, or w where it is
+        K = np.where(free[:, None], M.A, scale * np.eye(len(w)))  # K dw = 0 preserves the modes: y = 0, or w where it is
         for i, mu in zip(T.cone_at.tolist(), T.mu.tolist(), strict=True):
             at, t, n, rate = slice(i, i + 2), float(np.hypot(w[i], w[i + 1])), float(w[i + 2]), float(np.hypot(y[i], y[i + 1]))
             if n <= small:
@@ -172,7 +172,7 @@ class _Search:
         return [r.name for r, c in zip(self.P.rows, T.slices, strict=True) if max_abs(changes[c].ravel()) > 1e-6]
 
     def _starts(self, stuck: tuple[Array, ...]) -> Iterator[Array]:
-        """Weights with the contacts at rest stuck, and every combination of sliding patches pressing or not."""
+        """Weights with the contacts at rest stuck, and every combination of sliding patches loaded or not."""
         M = self.mixed
         yield from (self.T.project(w) for w in stuck)
         groups = list(_groups(self.T.sliding).values())
@@ -185,7 +185,7 @@ class _Search:
         yield self.T.project(np.zeros(len(M.b)))
 
     def _why_none(self, complete: bool) -> str:
-        """Names what contradicts itself: bilateral rows, points that sink the harder they are pressed, or all that slide."""
+        """Message naming the conflict: bilateral rows, points that sink under more normal force, or all sliding points."""
         M, sliding = self.mixed, self.T.sliding
         what = "no motion" if complete else "no motion found, though not all were searched"
         own = np.array([s.column for s in sliding], int)
@@ -205,19 +205,19 @@ class _Search:
             return f"{what}: of {names_of} (sliding) neither contact nor breaking satisfies the law"
         one, names_of = len(at) == 1, _listed(_name(sliding[i], sliding) for i in at)
         return (
-            f"{what}: {names_of} {'slides' if one else 'slide'} at {sliding[at[0]].speed:.3g} m/s, and pressing "
-            f"{'it' if one else 'them'} harder lets {'it' if one else 'them'} sink faster (Painleve's paradox: "
+            f"{what}: {names_of} {'slides' if one else 'slide'} at {sliding[at[0]].speed:.3g} m/s, and a larger normal "
+            f"force makes {'it' if one else 'them'} sink faster (Painleve's paradox: "
             f"n . J M^-1 J^T (n - mu t) = {value:.3g} < 0 at mu = {sliding[at[0]].mu:g}); only an impact without collision, "
             "which no acceleration is, or less friction would end it"
         )
 
     def _several_words(self, weights: list[Array]) -> str:
-        """What the sliding contacts do in each motion."""
+        """Message: what the sliding contacts do in each motion."""
         tells, groups = [], _groups(self.T.sliding)
         for w in weights[:4]:
             load = {name: sum(float(w[s.column]) for s in group) for name, group in groups.items()}
             leaves = {name: N <= 1e-9 * max_abs(w) for name, N in load.items()}
-            tells.append(", ".join(f"{n!r} leaves" if leaves[n] else f"{n!r} presses with {load[n]:.4g} N" for n in load))
+            tells.append(", ".join(f"{n!r} leaves" if leaves[n] else f"{n!r} carries {load[n]:.4g} N" for n in load))
         listed = "; ".join(f"({i}) {tell}" for i, tell in enumerate(tells, 1))
         more = f"; and {len(weights) - 4} more" if len(weights) > 4 else ""
         return f"{len(weights)} motions satisfy Coulomb's law: {listed}{more}"
@@ -236,7 +236,7 @@ class _Search:
 
 
 def _sinking(D: Array) -> tuple[tuple[int, ...], float]:
-    """The fewest points that accelerate downwards when a newton is shared among them, and how fast; () where none do."""
+    """Smallest set of points that accelerate downwards under a newton shared among them, and how fast; () if none."""
     for size in range(1, min(len(D), 4) + 1):
         means = {at: float(D[np.ix_(at, at)].mean()) for at in islice(combinations(range(len(D)), size), 2000)}
         worst = min(means, key=lambda at: means[at])

@@ -124,7 +124,10 @@ class Actuation:
         rows, sets = self.rows, self.loads.sets
         loose = any([r.resultant is None or r.patch is None for r in rows])
         balance = momentum_balance(self.state, wrench, with_base=loose)
-        problem = GaussProblem(self.state.M, rhs, rows, balance, None, self.rest_speed, from_state=self.state.robot.sound)
+        M = self.state.M
+        if not self.state.robot.sound:  # no acceleration is solved for, so M may be singular; rows of zeros are met
+            M = M + np.diag(np.where(M.diagonal() == 0.0, np.finfo(float).tiny, 0.0))
+        problem = GaussProblem(M, rhs, rows, balance, None, self.rest_speed, from_state=True)
         weights = None if problem.bilateral else given_weights(problem.force_set, sets, self.weights)
         return Answer(problem, self.a, sets.G @ self.weights, weights, COULOMB, CHOICE, self.iterations, 0.0)
 

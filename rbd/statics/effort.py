@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class Effort:
 
     torques: float | Sequence[float] | Array | Mapping[str, float] = _ALIKE
     forces: float | Mapping[str, float] = FORCE_WEIGHT
-    normal_force: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    normal_force: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     edge_margin: float = 0.0
 
     def __post_init__(self) -> None:
@@ -54,11 +53,14 @@ class Effort:
             raise InputError(f"normal_force is {self.normal_force!r:.80}; expected {{contact: (least, most)}} [N].")
         for name, bounds in self.normal_force.items():
             pair = [as_float(x) for x in bounds] if isinstance(bounds, Sequence) and not isinstance(bounds, str) else []
-            if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0:
+            if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0 or pair[0] > _MOST:
                 raise InputError(f"normal_force of {name!r:.80} is {bounds!r:.80}; expected (least, most) [N], e.g. (50, inf).")
         for what, least in (("torques", 0.0), ("forces", 1e-12)):
             value = getattr(self, what)
-            values = list(value.values()) if isinstance(value, Mapping) else np.ravel(as_array(what, value)).tolist()
+            if isinstance(value, Mapping):
+                values = list(value.values())
+            else:
+                values = [value] if what == "forces" else np.ravel(as_array(what, value)).tolist()
             if not all(least <= as_float(x) < _MOST for x in values):
                 raise InputError(
                     f"{what} is {value!r:.80}; expected weights {'above' if least else 'of'} 0 {'' if least else 'or more'}."
@@ -89,7 +91,7 @@ class Effort:
         """
         out = np.full(loads.sets.size, FORCE_WEIGHT)
         if not isinstance(self.forces, Mapping):
-            out[:] = self.forces
+            out[:] = float(self.forces)
             return out
         for name in self.forces:
             _known("forces", name, loads.rows)

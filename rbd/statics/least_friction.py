@@ -1,12 +1,12 @@
 """The least coefficient of friction with which contacts balance a robot, under circular cones: bracketed by proofs.
 
-With coefficients mu the question is whether weights w of simple sets and of cones |w_t| <= mu w_n meet
+With coefficients mu equilibrium asks for weights w of simple sets and of cones |w_t| <= mu w_n with
 
     A w = b        |t - T w| <= 1        lower <= w <= upper ,
 
-where no motor is, at the motors, and of what is no cone. A linear program over some rays of each cone gives the least miss
-s = |A w - b|_1 + what the motors exceed their limits by. Its multipliers price all other rays of the circular cone: the best
-one, along the multiplier's own tangent, is added where it would lower s. Either s comes to zero, and forces inside the
+at unactuated coordinates, at motors, and for weights outside cones. A linear program over some rays of each cone minimises
+s = |A w - b|_1 + the torques' excess over their limits. Its multipliers price all other rays of the circular cone: the best
+one, along the multiplier's tangent, is added where it would lower s. Either s reaches zero, and forces inside the
 circular cones balance; or no ray lowers it, and the multipliers separate: none does. Bisection in mu brackets the least one.
 """
 
@@ -22,11 +22,11 @@ from rbd.problem import programs
 from rbd.problem.programs import linear_program
 
 MOST = 10.0
-"""Coefficients above this are not looked for."""
+"""Coefficients above this are not searched."""
 BRACKET = 1e-6
-"""How near the two sides come, relative."""
+"""Relative width of the final bracket."""
 MET = 1e-8
-"""A miss up to this, over the body weight, is none."""
+"""An imbalance up to this, over the body weight, counts as zero."""
 
 
 class LimitReached(Exception):  # noqa: N818  it becomes a message, not raised to a user
@@ -35,12 +35,12 @@ class LimitReached(Exception):  # noqa: N818  it becomes a message, not raised t
 
 @dataclass(frozen=True, eq=False)
 class _Miss:
-    """How far forces are from balance.
+    """Least imbalance of the forces.
 
     Attributes:
-        miss: The least sum of what is missed.
-        price: What a unit of each weight lowers it by, shape (p,).
-        slope: What a unit of the coefficient lowers it by, to first order.
+        miss: The least sum s of violations.
+        price: Decrease of s per unit of each weight, shape (p,).
+        slope: Decrease of s per unit of the coefficient, to first order.
     """
 
     miss: float
@@ -49,12 +49,12 @@ class _Miss:
 
     @property
     def met(self) -> bool:
-        """Whether nothing is missed."""
+        """Whether s is zero."""
         return self.miss <= MET
 
 
 def rounded_up(mu: float) -> str:
-    """A coefficient that was found, rounded up to four digits: so much does."""
+    """A coefficient rounded up to four digits, still sufficient."""
     if mu <= 0.0:
         return "0"
     digit = 10.0 ** (math.floor(math.log10(mu)) - 3)
@@ -63,18 +63,18 @@ def rounded_up(mu: float) -> str:
 
 @dataclass(eq=False)
 class Balance:
-    """What contact forces must meet, in units of the body weight, and of each motor's limit.
+    """The equilibrium conditions on contact forces, in units of the body weight and of each motor's limit.
 
     Attributes:
-        A: Generalised forces where no motor is, of unit weights, shape (e, p).
-        b: What they must come to, shape (e,).
-        T: Likewise at the motors, shape (n, p).
+        A: Generalised forces of unit weights on unactuated coordinates, shape (e, p).
+        b: Their required sum, shape (e,).
+        T: Generalised forces of unit weights at the motors, shape (n, p).
         t: Load of the motors without contact forces, shape (n,).
-        lower: Bounds of the weights, shape (p,); of cones' columns they are not looked at.
-        upper: Likewise.
+        lower: Bounds of the weights, shape (p,); ignored for cones' columns.
+        upper: Upper bounds of the weights, shape (p,); ignored for cones' columns.
         cone_at: First columns of the cones (tangent, tangent, normal), shape (k,).
-        mu: Their own coefficients, shape (k,).
-        yields: Which of them take a larger one, shape (k,), of truth values.
+        mu: Their given coefficients, shape (k,).
+        yields: Which of them may take a larger one, shape (k,), of truth values.
     """
 
     A: Array
@@ -92,13 +92,13 @@ class Balance:
     def least(self) -> float | None:
         """The least coefficient that balances, at all cones that take a larger one; None if none up to `MOST` does.
 
-        What those are given already counts: zero, say, where they balance as they are.
+        The given coefficients are the lower bound: where they suffice, the smallest of them is returned.
 
         Raises:
             LimitReached: where it is not found within the limits.
         """
         self._left, self._rays = programs.FRICTION_PROGRAMS, self._first_rays()
-        low = float(self.mu[self.yields].min()) if self.yields.any() else 0.0  # below, nothing changes
+        low = float(self.mu[self.yields].min()) if self.yields.any() else 0.0  # below, the result is the same
         high = float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
         if self._balances(low).met:
             return low
@@ -109,9 +109,9 @@ class Balance:
         guess, by_newton = 0.5 * (low + high), False
         while high - low > BRACKET * high and high > 1e-6:
             found = self._balances(guess)
-            if found.met:  # where Newton's step led, a touch below it proves that it is the least
+            if found.met:  # after Newton's step, a point slightly below proves that it is the least
                 high, guess, by_newton = guess, guess * (1.0 - 0.9 * BRACKET) if by_newton else low, False
-            else:  # Newton's step, a touch beyond, as the miss falls with mu
+            else:  # slightly beyond Newton's step, as s falls with mu
                 low, by_newton = guess, True
                 guess += found.miss / found.slope + 0.4 * BRACKET * guess if found.slope > 0.0 else high
             if not low < guess < high:
@@ -128,11 +128,11 @@ class Balance:
         return self._balances(0.0).met
 
     def _first_rays(self) -> list[tuple[int, Array]]:
-        """Eight around each cone: (which cone, unit vector of the ray's tangent)."""
+        """Eight initial rays around each cone: (which cone, unit vector of the ray's tangent)."""
         return [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in np.arange(8) * (np.pi / 4.0)]
 
     def _balances(self, mu: float) -> _Miss:
-        """How much is missed with this coefficient, under the circular cones."""
+        """Least imbalance with this coefficient, under the circular cones."""
         coefficients = np.where(self.yields, np.maximum(mu, self.mu), self.mu)
         grows = self.yields & (mu >= self.mu)  # those that a larger coefficient than mu would change
         while self._left > 0:
@@ -146,7 +146,7 @@ class Balance:
                 size = float(np.hypot(q[0], q[1]))
                 # A newton along the best ray of the cone lowers the miss by this much.
                 gain = coefficients[i] * size + float(q[2])
-                if size > 0.0 and gain > max(1e-6 * found.miss, 1e-9):  # less is rounding of HiGHS
+                if size > 0.0 and gain > max(1e-6 * found.miss, 1e-9):  # smaller gains are rounding of HiGHS
                     better.append((i, q[:2] / size))
             new = [(i, d) for i, d in better if not any(j == i and d @ e > 1.0 - 1e-14 for j, e in self._rays)]
             if not new:
@@ -155,7 +155,7 @@ class Balance:
         raise LimitReached
 
     def _program(self, mu: Array, grows: Array) -> _Miss:
-        """The least miss over the rays."""
+        """Least imbalance over the rays in use."""
         p, e, n = len(self.lower), len(self.b), len(self.t)
         loose = np.ones(p, bool)
         for at in self.cone_at.tolist():

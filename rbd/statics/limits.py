@@ -47,15 +47,15 @@ class Limit:
 
     def __str__(self) -> str:
         return {
-            "motor": f"the torque limit of {self.name!r}",
-            "friction": f"friction of {self.name!r}",
-            "edge": f"the edge of {self.name!r}",
-            "normal force": f"the normal force asked of {self.name!r}",
-            "push": f"{self.name!r}, which only pushes",
-            "opens": f"{self.name!r}, which opens and so carries nothing",
-            "slips": f"{self.name!r}, whose slip decides its friction",
+            "motor": f"the torque limit of {self.name!r:.80}",
+            "friction": f"friction of {self.name!r:.80}",
+            "edge": f"the edge of {self.name!r:.80}",
+            "normal force": f"the normal force asked of {self.name!r:.80}",
+            "push": f"{self.name!r:.80}, which only pushes",
+            "opens": f"{self.name!r:.80}, which opens and so carries nothing",
+            "slips": f"{self.name!r:.80}, whose slip decides its friction",
             "base": "the base, which no motor drives",
-            "passive": f"{self.name!r}, which is passive",
+            "passive": f"{self.name!r:.80}, which is passive",
         }[self.kind]
 
 

@@ -23,6 +23,7 @@ from rbd.statics.shortfall import Missing, excess, missing
 
 _NOTHING = 1e-7
 """What is missing below this, over the body weight, is nothing."""
+_TOLD = 8  # limits, contacts or joints that a message names
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,7 @@ class Refusal:
         contacts: The contacts and other constraints.
         external: Other forces.
         effort: What the forces must keep to.
+        friction: "cone" or "inscribed".
         margin: Of friction.
         holds: Whether the robot was to be held still.
         nearest: The nearest possible motion.
@@ -46,6 +48,7 @@ class Refusal:
     contacts: Sequence[Constraint]
     external: External
     effort: Effort
+    friction: str
     margin: float
     holds: bool
     nearest: Callable[[], Actuation]
@@ -70,7 +73,7 @@ class Refusal:
             over = excess(self.loads, self.effort)
         words = f"{name} cannot {does}{self._on()}: {self._why(limits, lack, over)}"
         if limits:
-            words += f" In the way together: {'; '.join(map(str, limits))}."
+            words += f" In the way together: {_listed([str(limit) for limit in limits])}."
         if lack is not None and lack.size > _NOTHING * self.loads.unit:
             words += f" {_capital(str(lack))}."
         if not self.holds:
@@ -78,7 +81,7 @@ class Refusal:
         return kind(words, limits=limits, certificate=proof, missing=lack, excess=over, nearest=self.nearest)
 
     def _on(self) -> str:
-        return " on " + ", ".join(repr(r.name) for r in self.loads.rows) if self.loads.rows else ""
+        return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""
 
     def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> str:
         robot = self.loads.state.robot
@@ -89,7 +92,7 @@ class Refusal:
             return f"a torque limit prevents it. At best {needs} of its limit."
         passive = [repr(limit.name) for limit in limits if limit.kind == "passive"]
         if passive and not any(limit.kind == "base" for limit in limits):
-            return f"{', '.join(passive)} would need torque, and is passive."
+            return f"{_listed(passive, ', ')} would need torque, and is passive."
         if not self.loads.rows:
             return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
         if self.margin and self.without_margin():
@@ -124,13 +127,7 @@ class Refusal:
         if not any(has_friction(c) for c in self.contacts):
             return ""
         try:
-            if (mu := self._circular(limits=True).least()) is not None:
-                return f"friction prevents it; a coefficient of {rounded_up(mu)} at every contact would do, and none below."
-            if (mu := self._circular(limits=False).least()) is not None:
-                return (
-                    f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact "
-                    "on, forces balance it, but motors would need more than their limits."
-                )
+            return self._friction_words()
         except LimitReached:
             return (
                 f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. "
@@ -138,17 +135,42 @@ class Refusal:
             )
         return ""
 
-    def _circular(self, *, limits: bool) -> Balance:
-        """The same question with coefficients to be found, above those given."""
+    def _friction_words(self) -> str:
+        inside = self.friction == "inscribed"
+        if inside and self._circular(limits=True, as_given=True).holds():
+            mu = self._least(limits=True, from_zero=True)
+            enough = "" if mu is None else f" from a coefficient of {rounded_up(mu)} at every contact on"
+            return (
+                f"friction prevents it: circular cones would hold it{enough}, but the pyramids inside them do not. Use "
+                "friction='cone', or give the contacts more facets, e.g. facets=16."
+            )
+        if (mu := self._least(limits=True)) is not None:
+            more = " with circular cones; the pyramids inside them ask for more, unless they have many facets" if inside else ""
+            return f"friction prevents it; a coefficient of {rounded_up(mu)} at every contact would do, and none below{more}."
+        if (mu := self._least(limits=False)) is not None:
+            return (
+                f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact "
+                "on, forces balance it, but motors would need more than their limits."
+            )
+        return ""
+
+    def _least(self, *, limits: bool, from_zero: bool = False) -> float | None:
+        """The least coefficient that would do, the margin kept."""
+        mu = self._circular(limits=limits, from_zero=from_zero).least()
+        return None if mu is None else mu / (1.0 - self.margin)
+
+    def _circular(self, *, limits: bool, as_given: bool = False, from_zero: bool = False) -> Balance:
+        """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
         L, robot = self.loads, self.loads.state.robot
-        rows = rows_of(L.state, [_with_friction(c, 1.0) for c in self.contacts])
+        rows = rows_of(L.state, [c if as_given else _with_friction(c, 1.0) for c in self.contacts])
         P = at_rest(*[r.cone for r in rows])
         per_weight = np.concatenate([r.J for r in rows]).T @ P.G * L.unit
-        own, yields = P.mu.copy(), np.zeros(len(P.mu), bool)
+        own, yields = P.mu * (1.0 - self.margin), np.zeros(len(P.mu), bool)
         for c, span in zip(self.contacts, P.slices, strict=True):
             at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
             if has_friction(c):
-                own[at], yields[at] = c.friction, True  # type: ignore[attr-defined]
+                yields[at] = not as_given
+                own[at] = 0.0 if from_zero else c.friction * (1.0 - self.margin)  # type: ignore[attr-defined]
         limited = L.limited if limits else np.zeros_like(L.limited)
         T, t, limit = per_weight[robot.actuated][limited], L.t[limited], L.limit[limited]
         return Balance(
@@ -160,6 +182,12 @@ class Refusal:
 def _with_friction(contact: Constraint, mu: float) -> Constraint:
     """The contact with at least this coefficient, if it has one."""
     return contact.with_friction(max(mu, contact.friction)) if has_friction(contact) else contact  # type: ignore[attr-defined]
+
+
+def _listed(words: Sequence[str], between: str = "; ") -> str:
+    """The first few, and how many more."""
+    more = f"{between}and {len(words) - _TOLD} more" if len(words) > _TOLD else ""
+    return between.join(words[:_TOLD]) + more
 
 
 def _capital(words: str) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -88,11 +89,13 @@ class WantedMotion:
             raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
         if not all([r.patch is None or r.patch.touches for r in rows]):
             warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
-        if friction not in FRICTIONS:
+        if not isinstance(friction, str) or friction not in FRICTIONS:
             raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
         effort = DEFAULT if effort is None else effort
         if not isinstance(effort, Effort):
             raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
+        if not 0.0 <= as_float(rest_speed) < 1e100:
+            raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
         tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
         return cls(state, a, given, rows, tau_ext, external, effort, friction, rest_speed, holds)
 
@@ -114,8 +117,8 @@ class WantedMotion:
             return found
         allowed, _ = self._allowed(sets, y, still, margin)
         raise Refusal(
-            self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.holds,
-            lambda: self.nearest(sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
+            self._loads(allowed), self.a, self.contacts, self.external, self.effort, self.friction, margin, self.holds,
+            partial(WantedMotion.nearest, self, sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
         ).error()  # fmt: skip
 
     def possible(self, margin: float, *, stacklevel: int) -> Actuation | None:
@@ -132,7 +135,7 @@ class WantedMotion:
                 f"{name} cannot move so: {refusal_words(refused, [r.name for r in self.rows])} m/s2 (or rad/s2). Put the "
                 "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what "
                 "opens.",
-                nearest=lambda: self.nearest(sets, margin),
+                nearest=partial(WantedMotion.nearest, self, sets, margin),
             )
         found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
         return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None

@@ -1,4 +1,4 @@
-"""One problem answered several times: by both laws, by several solvers."""
+"""Comparison of answers to one problem: by both laws, by several solvers."""
 
 from rbd.modules import submodule as _submodule
 from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers

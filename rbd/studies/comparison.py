@@ -1,6 +1,6 @@
-"""One problem answered several times: by every solver that can answer it, and by both contact laws.
+"""Comparison of answers to one problem: by every solver that accepts it, and by both contact laws.
 
-Where the answers differ, and by how much; of the laws, what each contact does under each.
+Differences between solvers; and the behaviour of each contact under each law.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ SAME = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class SolverAnswer:
-    """One solver's answer.
+    """The answer of one solver.
 
     Attributes:
-        solver: Its name, with the law it was asked for.
+        solver: Its name, with its law.
         law: The law of the answer.
         status: What its residuals amount to.
         worst: Largest scaled residual.
@@ -58,12 +58,12 @@ class SolverAnswer:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolverComparison:
-    """What every solver said, and where they differ.
+    """The answers of all solvers, and their differences.
 
     Attributes:
-        answers: In the order asked.
+        answers: In the order of the solvers.
         refused: {solver: why it does not take the problem}.
-        differences: (one, other, in a, in what is unique of the forces) for each pair, over max(1, largest entry).
+        differences: (one, other, in a, in the unique part of the forces) for each pair, over max(1, largest entry).
     """
 
     answers: tuple[SolverAnswer, ...]
@@ -72,13 +72,13 @@ class SolverComparison:
 
     @property
     def worst(self) -> float:
-        """Largest difference between two solved answers of one law; zero where no two share a law."""
+        """Largest difference between two solved answers of one law; zero if no two share a law."""
         law = {x.solver: x.law for x in self.answers}
         return max([max(da, df) for one, other, da, df in self.differences if law[one] == law[other]], default=0.0)
 
     @property
     def agree(self) -> bool:
-        """Whether all are solved, and those of one law give the same, to `SAME`."""
+        """Whether all are solved, and those of one law agree, to `SAME`."""
         return all(x.status is Status.SOLVED for x in self.answers) and self.worst <= SAME
 
     def __repr__(self) -> str:
@@ -108,10 +108,10 @@ def compare_solvers(
     external: External = None,
     rest_speed: float = REST_SPEED,
 ) -> SolverComparison:
-    """Every solver's answer to one problem, and where they differ, in a and in what is unique of the forces.
+    """The answers of all solvers to one problem, and their differences in a and in the unique part of the forces.
 
-    Asked are `KKT`, `ProxQP`, `ConeSolver` under both laws, and, where friction cones occur, `ConeSolver` on ProxQP's own
-    pyramids, so that each law that pyramids stand for has two solvers. What is unique of the forces is their part in the
+    The solvers are `KKT`, `ProxQP`, `ConeSolver` under both laws, and, where friction cones occur, `ConeSolver` on ProxQP's
+    pyramids, so that each law with pyramids has two solvers. The unique part of the forces is their part in the
     range of J: J^T f decides it.
 
     Args:
@@ -174,9 +174,9 @@ def _projector(problem: GaussProblem) -> Array:
 
 
 def _pyramidal(problem: GaussProblem) -> GaussProblem:
-    """The same problem with each cone's rays as rows of their own: weights on rays are nonnegative numbers.
+    """The same problem with a row for each ray of a cone: weights on rays are nonnegative numbers.
 
-    Rays of points that move away are left out, as they carry nothing.
+    Rays of separating points are left out, as their forces are zero.
     """
     rows = []
     for i, r in enumerate(problem.rows):
@@ -189,7 +189,7 @@ def _pyramidal(problem: GaussProblem) -> GaussProblem:
 
 
 def _bent(problem: GaussProblem, i: int) -> Array | None:
-    """The rays of a constraint that push, as columns; None where it has other sets than cones and half-lines."""
+    """The rays of a unilateral constraint, as columns; None if it has sets other than cones and half-lines."""
     r, T = problem.rows[i], problem.force_set.pyramids
     own = at_rest(r.cone).pyramids
     if not own.facets or own.has_lines or own.has_intervals:
@@ -210,7 +210,7 @@ def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array)
 
 @dataclass(frozen=True)
 class ContactUnderLaw:
-    """What one contact does under one law, summed over its points.
+    """Force and motion of one contact under one law, summed over its points.
 
     At rest no power flows yet; these are the rates at which it starts to flow [N m/s2 = W/s].
 
@@ -231,11 +231,11 @@ class ContactUnderLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawComparison:
-    """Convex and Coulomb's law at one state, both with circular cones, as `rbd.solve` answers under each.
+    """Convex and Coulomb's law at one state, both with circular cones, as solved by `rbd.solve` under each.
 
     Attributes:
         convex: The answer of the associated (convex) law.
-        coulomb: The answer of Coulomb's law; where it is one of several motions, the rest are in `coulomb.others`.
+        coulomb: The answer of Coulomb's law; if it is one of several motions, the others are in `coulomb.others`.
         under_convex: {contact: what it does under the convex law}.
         under_coulomb: {contact: what it does under Coulomb's law}.
     """
@@ -252,12 +252,12 @@ class LawComparison:
 
     @property
     def agree(self) -> bool:
-        """Whether the robot moves the same way under both, to `SAME`, and no other motion of Coulomb's law was found."""
+        """Whether the robot has the same motion under both, to `SAME`, and no other motion of Coulomb's law was found."""
         return self.difference <= SAME and not self.coulomb.others
 
     @property
     def normal_ratio(self) -> dict[str, float]:
-        """{contact: normal force of the convex law over Coulomb's}; NaN where Coulomb's carries nothing."""
+        """{contact: normal force of the convex law over Coulomb's}; NaN where Coulomb's is zero."""
         pairs = ((name, self.under_convex[name].normal, c.normal) for name, c in self.under_coulomb.items())
         return {name: convex / normal if normal > CARRIES_NOTHING_N else float("nan") for name, convex, normal in pairs}
 
@@ -292,7 +292,7 @@ def compare_laws(
     external: External = None,
     rest_speed: float = REST_SPEED,
 ) -> LawComparison:
-    """Convex and Coulomb's law side by side, both with circular cones: the gauge of the relaxation.
+    """Convex and Coulomb's law compared, both with circular cones: the effect of the convex relaxation.
 
     Where a loaded point starts to slip, the convex law lets it lift at mu times its tangential acceleration, gives it another
     normal force, and puts back by lifting what friction takes. The two differ too where a point without load breaks with
@@ -307,7 +307,7 @@ def compare_laws(
         rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.
 
     Returns:
-        Both answers with their certificates, and what each contact does under each; print it.
+        Both answers with their certificates, and the behaviour of each contact under each; printable.
 
     Raises:
         NoSolution, ContactMoves, InputError: as `rbd.solve`; a contact that already slides has no convex law.
@@ -326,7 +326,7 @@ def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
         if rows.patch is None:
             continue
         f = solution.corner_forces[rows.name] @ rows.patch.axes
-        motion = np.zeros_like(f) if at_rest(rows.cone).bilateral else T.at_points(y, i)  # what holds keeps still
+        motion = np.zeros_like(f) if at_rest(rows.cone).bilateral else T.at_points(y, i)  # bilateral constraints do not move
         loaded = f[:, 2] > CARRIES_NOTHING_N
         out[rows.name] = ContactUnderLaw(
             normal=float(f[:, 2].sum()),

@@ -1,6 +1,6 @@
-"""What a new constraint and a new solver must pass: `check_constraint`, `check_solver` and the reference problems.
+"""Checks of new constraints and solvers: `check_constraint`, `check_solver` and the reference problems.
 
-Nothing here trusts what it checks. A Jacobian is compared with the motion of the contact point itself, J_dot v with
+The checks are independent. A Jacobian is compared with the motion of the contact point itself, J_dot v with
 its second difference, a solver's answer with the equations of its law, written down here once more, and with closed
 forms.
 

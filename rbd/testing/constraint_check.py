@@ -16,7 +16,7 @@ from rbd.testing.solver_check import ConstraintWrong, corner_rays
 
 STEPS = (5e-3, 6e-4, 8e-5)
 """Time steps of the differences [s]. With speeds of order one, rounding and truncation both stay below 1e-9 at the first. The
-others are tried where it finds something wrong: an error that jumps nearby (an angle at half a turn) is no fault of J, and a
+others are tried if it finds a deviation: an error that jumps nearby (an angle at half a turn) is no fault of J, and a
 wrong J is as wrong at any step."""
 
 _AT = np.arange(-3, 4)
@@ -51,9 +51,9 @@ class ConstraintReport:
     Attributes:
         name: The constraint's name.
         rows: Number of rows.
-        against: What J and J_dot v were compared with: "motion of the patch", "motion of the error", or "its own J",
+        against: Reference of J and J_dot v: "motion of the patch", "motion of the error", or "its own J",
             where the rows give neither patch nor error: then only J_dot v was checked, and a wrong J passes.
-        jacobian: Deviation of J v from the motion; None where there was nothing to compare J with.
+        jacobian: Deviation of J v from the motion; None if there was no reference for J.
         velocity: Deviation of the rows' `velocity` from J v.
         jdot_v: Deviation of J a + J_dot v from the motion.
     """
@@ -69,7 +69,7 @@ class ConstraintReport:
 def check_constraint(
     constraint: Constraint, state: State, *, seed: int = 0, draws: int = 5, tolerance: float = 1e-7, moving: bool = True
 ) -> ConstraintReport:
-    """How far a constraint's J, velocity and J_dot v are from motion along curves of the robot; raises if far.
+    """Deviations of a constraint's J, velocity and J_dot v from motion along curves of the robot; raises if large.
 
     Along q(t) = q (+) (v t + a t^2 / 2) the velocity is v + a t up to t^2, on a floating base too (there v and a are in
     the base's axes). The contact's point and axes are differenced in t, to sixth order, without any Jacobian; an error that
@@ -77,19 +77,19 @@ def check_constraint(
     have `patch` and `resultant` must give
 
         J v            = resultant^T (p', w)
-        J a + J_dot v  = resultant^T (p'', w')      with the patch's axes held still, as `bias` has it,
+        J a + J_dot v  = resultant^T (p'', w')      with the patch's axes fixed, as in `bias`,
 
     p the patch's point and w the angular velocity of its axes (which turn with the body where the resultant is a
-    wrench; where that has no moment about x, of the x axis alone); of a contact against another body, as seen from that
+    wrench; where that has no moment about x, of the x axis only); for a contact with another body, relative to that
     body's frame. Rays of the force cone must push along the patch's normal. Rows with an `error` and no patch must give
     J v = error' and J a + J_dot v = error''. A patch with an error must give them too where its error is zero, the second
-    where J v = 0. Rows with neither have only their J_dot v checked, against the change of their own J; the report says so.
+    where J v = 0. For rows with neither only J_dot v is checked, against the change of J; see the report's `against`.
 
     Of a contact with a surface whose motion is given, what its rows give at v = 0 is the surface's own, and is taken out of
     them first, together with what changes its sign with v: the Coriolis term of a surface that turns, which is not checked.
 
     Args:
-        constraint: What is checked.
+        constraint: The constraint to check.
         state: Where; a generic posture sees more than a symmetric one.
         seed: Of the drawn velocities and accelerations.
         draws: How many.
@@ -99,7 +99,7 @@ def check_constraint(
 
     Raises:
         ConstraintWrong: with the row and the numbers.
-        InputError: if the constraint has no rows at this state: there is nothing to check.
+        InputError: if the constraint has no rows at this state: no check is possible.
     """
     rng, nv = np.random.default_rng(seed), state.robot.nv
     rows = constraint.rows(state.with_velocity(np.zeros(nv)))
@@ -114,7 +114,7 @@ def check_constraint(
         if not moving:
             v -= np.linalg.pinv(rows.J) @ (rows.J @ v)
         at, bias = constraint.rows(state.with_velocity(v)), np.zeros(len(rows))
-        if rows.velocity.any() or rows.bias.any():  # a surface moves by itself: J_dot v is what is quadratic in v
+        if rows.velocity.any() or rows.bias.any():  # a surface has prescribed motion: J_dot v is the part quadratic in v
             bias = 0.5 * (constraint.rows(state.with_velocity(-v)).bias - at.bias) - rows.bias
         wrong = ""
         for step in STEPS:
@@ -154,7 +154,7 @@ def _compared(
 
 
 def _deviation(given: Array, found: Array) -> Array:
-    """How far two are apart, over max(1, the largest entry), shape (m,)."""
+    """Differences of two vectors, over max(1, the largest entry), shape (m,)."""
     return np.abs(given - found) / max(1.0, float(np.abs(found).max()), float(np.abs(given).max()))
 
 
@@ -162,7 +162,7 @@ def _errors(along: list[Rows], rows: Rows, curve: Array) -> Array:
     """The errors along the curve, shape (7, m); those known up to a period without their jumps.
 
     Of the values that an error may have, the one nearest to what the rows expect is taken, error + J v t + ... . With a wrong
-    J its derivative is the motion's own where periods are long against the way, and no smooth function's where they are short.
+    J its derivative is that of the motion if periods are long against the path, and not smooth if they are short.
     """
     errors = np.array([r.error for r in along])
     period = rows.period
@@ -176,7 +176,7 @@ def _errors(along: list[Rows], rows: Rows, curve: Array) -> Array:
 def _motion(
     constraint: Constraint, state: State, rows: Rows, v: Array, a: Array, times: _Times, curve: Array
 ) -> tuple[Array, Array, str, Array | None]:
-    """(J v, J a + J_dot v, whence, the errors of a patch that is at its anchor) as the motion along the curve has them."""
+    """(J v, J a + J_dot v, reference, the errors of a patch that is at its anchor) as the motion along the curve has them."""
     model, q = state.robot.model, state.q
     states = [State(state.robot, pin.integrate(model, q, v * t + 0.5 * a * t * t)) for t in times.nodes]
     along = [constraint.rows(s) for s in states]
@@ -202,9 +202,9 @@ def _motion(
 
 
 def _patch_motion(states: list[State], along: list[Rows], state: State, patch: Patch, of_line: bool) -> Array:
-    """Way and rotation vector of a patch from where it is at `state`, shape (nodes, 6), in world axes.
+    """Displacement and rotation vector of a patch from where it is at `state`, shape (nodes, 6), in world axes.
 
-    Against another body: as seen from its frame, whose axes stand as they do at `state`. Of a line, the turn of its
+    Against another body: relative to its frame, with its axes at `state`. For a line, the rotation of its
     direction x alone, x at `state` cross x.
     """
     y = np.zeros((len(along), 6))
@@ -224,7 +224,7 @@ def _body(state: State, patch: Patch) -> pin.SE3:
 
 
 def _check_normal(rows: Rows) -> None:
-    """Forces that only push must push along the patch's normal, out of the ground."""
+    """Unilateral forces must act along the patch's normal, out of the ground."""
     if rows.patch is None or rows.resultant is None:
         return
     G = corner_rays(rows.cone)

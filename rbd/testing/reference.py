@@ -1,4 +1,4 @@
-"""Problems with their answers, for `rbd.testing.check_solver`: boxes, beads, stops, mechanisms, made-up ones."""
+"""Problems with their answers, for `rbd.testing.check_solver`: boxes, beads, joint limits, mechanisms, constructed ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 
 GRAVITY = 9.81
-"""Standard gravity as Pinocchio has it [m/s2]."""
+"""Standard gravity in Pinocchio [m/s2]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class ReferenceProblem:
         a: {law: acceleration, shape (nv,)} in closed form; "any" for all laws.
         forces: {constraint: as `Solution.forces`}, where they are unique and the same under all laws.
         net_force: Sum of all contacts' forces in world axes, shape (3,) [N], where it is the same under all laws.
-        source: Where the answer comes from.
+        source: Source of the answer.
     """
 
     name: str
@@ -63,7 +63,7 @@ def box(mass: float = 10.0, size: tuple[float, float, float] = (0.4, 0.4, 0.2)) 
 
 
 def reference_problems() -> list[ReferenceProblem]:
-    """Problems with known answers: at rest, held, redundant, sticking, slipping, lifting, closed in loops, rolling.
+    """Problems with known answers: at rest, bilateral, redundant, sticking, slipping, lifting, closed in loops, rolling.
 
     A solver skips, by its `reason_unsupported`, what it does not take.
     """
@@ -176,7 +176,7 @@ def _mechanisms() -> list[ReferenceProblem]:
     loops = {n: _cranks(n, swing, rate) for n in (2, 3)}
     m, I, a, v, w = 2.0, 0.4, 0.3, 1.1, -0.9
     down = 5.0 / 7.0 * GRAVITY * np.sin(0.4)
-    # In the ball's own axes, which turn with 5 rad/s: the derivative of v's numbers has - w x v beside the acceleration.
+    # In the ball's axes, which turn with 5 rad/s: the derivative of v's numbers is the acceleration less w x v.
     rolls = np.array([down, 0.0, 5.0 * 1.0, 0.0, down / 0.2, 0.0])
     carried = 2.0 * GRAVITY * np.array([5.0 / 7.0 * np.cos(0.4) * np.sin(0.4), 0.0, 1.0 - 5.0 / 7.0 * np.sin(0.4) ** 2])
     return [
@@ -238,7 +238,7 @@ def _sleigh(m: float, I: float, a: float, v: float, w: float) -> GaussProblem:  
 
 
 def _rolling(friction: float | None) -> GaussProblem:
-    """A solid ball of 2 kg and 0.2 m, rolling at 1 m/s down a plane of 0.4 rad whose axes are its own."""
+    """A solid ball of 2 kg and 0.2 m, rolling at 1 m/s down a plane of 0.4 rad in the ball's axes."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), _HERE, "root_joint")
     model.appendBodyToJoint(joint, pin.Inertia.FromSphere(2.0, 0.2), _HERE)
@@ -251,7 +251,7 @@ def _rolling(friction: float | None) -> GaussProblem:
 
 
 def _by_hand() -> list[ReferenceProblem]:
-    """A bob on a rod, a bead on a hill, a joint at its stop and with dry friction: arrays without a robot."""
+    """A bob on a rod, a bead on a hill, a joint at its limit and with dry friction: arrays without a robot."""
     m, l, speed, angle = 2.0, 0.5, 3.0, 0.7
     out, along = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
     weight, M = np.array([0.0, -m * GRAVITY]), m * np.eye(2)

@@ -1,4 +1,4 @@
-"""A solver against the equations of its law, written down once more, and against closed forms; errors of broken contracts."""
+"""A solver against the equations of its law, implemented again, and against closed forms; errors of broken contracts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rbd.testing.reference import ReferenceProblem, reference_problems
 
 
 class ContractBroken(RbdError):
-    """A constraint or a solver does not do what it says."""
+    """A constraint or a solver violates its contract."""
 
 
 class ConstraintWrong(ContractBroken):
@@ -28,12 +28,12 @@ class ConstraintWrong(ContractBroken):
 
 @dataclass(frozen=True)
 class SolverReport:
-    """What `check_solver` ran.
+    """Results of `check_solver`.
 
     Attributes:
         ran: {problem: largest residual, scaled as `Solution.residuals`}.
         skipped: {problem: why the solver does not take it}.
-        failed: {problem: what is wrong}.
+        failed: {problem: message}.
     """
 
     ran: dict[str, float]
@@ -42,7 +42,7 @@ class SolverReport:
 
 
 class SolverWrong(ContractBroken):
-    """Answers that miss the law or the closed form.
+    """Answers that violate the law or differ from the closed form.
 
     Attributes:
         report: What ran, what was skipped, what failed.
@@ -60,14 +60,14 @@ def check_solver(
     tolerance: float = 1e-9,
     accuracy: float = 1e-7,
 ) -> SolverReport:
-    """What ran and what was skipped, of all reference problems put to a solver; raises if an answer is wrong.
+    """Results of a solver on all reference problems, passed and skipped; raises if an answer is wrong.
 
     Each answer must satisfy the equations of motion, the constraints and the force sets of the law that it names,
     recomputed here, must agree with the closed form, and must know that it is solved. A floor must push up with the
     weight.
 
     Args:
-        solver: What is checked.
+        solver: The solver to check.
         problems: By default `reference_problems()`.
         tolerance: Largest scaled residual.
         accuracy: Largest deviation of a and of the forces from the closed form, over max(1, largest entry).
@@ -118,12 +118,12 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict
     """Scaled residuals of an answer's law, computed without `rbd.problem.residuals` and without the answer's weights.
 
     Args:
-        problem: What is answered.
-        answer: The answer; its own law says whether pyramids stand for the cones.
+        problem: The problem.
+        answer: The answer; its law gives the pyramids that replace cones.
         law: The solver's law.
 
     Returns:
-        stationarity, feasibility, cone and complementarity, each row and each point over its own terms as in
+        stationarity, feasibility, cone and complementarity, each row and each point over its terms as in
         `rbd.problem.scales`; NaN becomes inf.
     """
     a, f, M = answer.a, answer.multipliers, problem.M
@@ -141,7 +141,7 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict
         if not answer.law.facets and isinstance(rows.cone, WrenchCone | LineCone):
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
-            corners = as_given.corner_forces[rows.name] @ rows.patch.axes  # true cones: the solver says how it is split
+            corners = as_given.corner_forces[rows.name] @ rows.patch.axes  # circular cones: the distribution is the solver's
         cone = _against_motion(rows.cone, rows.velocity, problem.rest_speed)
         terms = np.maximum(np.abs(rows.J) @ np.abs(a) + np.abs(rows.bias) + np.abs(rows.feedback), 1.0)
         mobility = np.einsum("ij,ji->i", rows.J, np.linalg.solve(M, rows.J.T))
@@ -155,7 +155,7 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict
 
 
 def _against_motion(cone: Cone, velocity: Array, rest: float) -> Cone:
-    """The set with the moving components of its boxes at the bound against their motion."""
+    """The set, with moving components of its boxes fixed at the bound that opposes their motion."""
     if isinstance(cone, Product):
         ends = np.cumsum([part.dim for part in cone.cones])[:-1]
         return Product([_against_motion(part, u, rest) for part, u in zip(cone.cones, np.split(velocity, ends), strict=True)])
@@ -168,9 +168,9 @@ def _against_motion(cone: Cone, velocity: Array, rest: float) -> Cone:
 def _gaps(
     cone: Cone, c: Array, f: Array, law: str, corners: Array | None, sizes: tuple[Array, Array]
 ) -> tuple[float, float, float]:
-    """How far c is from where it may be, f from the cone, and the two from being complementary, each over its own terms.
+    """Residuals of c (admissible set), of f (cone) and of their complementarity, each over its terms.
 
-    `sizes`: what the rows' accelerations are made of, and the least forces of the rows that count.
+    `sizes`: the terms of the rows' accelerations, and the least forces of the rows that count.
     """
     terms, least = sizes
     if isinstance(cone, Product):
@@ -186,7 +186,7 @@ def _gaps(
         return float((np.maximum(-c, 0.0) / terms).max()), float((np.maximum(-f, 0.0) / push).max()), works
     if isinstance(cone, Box):
         opens, closes, low, high = np.maximum(c, 0.0), np.maximum(-c, 0.0), np.isfinite(cone.lo), np.isfinite(cone.hi)
-        gap = np.where(low, 0.0, opens) + np.where(high, 0.0, closes)  # where no bound ends the force, nothing may move
+        gap = np.where(low, 0.0, opens) + np.where(high, 0.0, closes)  # unbounded force: no acceleration
         slack = opens * np.abs(f - np.where(low, cone.lo, f)) + closes * np.abs(np.where(high, cone.hi, f) - f)
         beyond = np.maximum(np.maximum(cone.lo - f, f - cone.hi), 0.0)
         reach = push + np.where(low, np.abs(cone.lo), 0.0) + np.where(high, np.abs(cone.hi), 0.0)
@@ -219,7 +219,7 @@ def _gaps(
 
 
 def _corner_map(cone: FrictionCone | WrenchCone | LineCone) -> Array:
-    """Row forces of stacked corner forces: identity for a point, p and c x p for a patch; of a line no moment about it."""
+    """Row forces of stacked corner forces: identity for a point, p and c x p for a patch; for a line no moment about it."""
     if isinstance(cone, FrictionCone):
         return np.eye(3)
     G = np.hstack([np.vstack([np.eye(3), np.cross(c, np.eye(3)).T]) for c in cone.corners])

@@ -31,13 +31,13 @@ MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
 MOST_PICTURES = 100
 WANTED = ("robot", "t", "q", "v", "points", "point_forces", "modes", "events")
 CAPTION_HEIGHT = 34
-"""Of a picture in a strip, in pixels, as animation.css has it."""
+"""Size of a picture in a strip, in pixels, as in animation.css."""
 GAP = 6
 LIVE_FPS = 30.0
 VIEWER_SECONDS = 20.0
-"""How long a replay waits for a browser that it opened itself."""
+"""Time that a replay waits for the browser that it opened [s]."""
 FAR = 5.0
-"""The camera follows a robot that goes so many times its own size, unless asked otherwise."""
+"""By default the camera follows a robot that travels more than this many times its size."""
 
 
 def export_motion(
@@ -71,14 +71,14 @@ def export_motion(
         title: Headline; the robot's name by default.
         start: Time at which the page opens [s]; the first by default.
         external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
-        follow: Whether the camera goes with the robot at first; by default where it goes far.
+        follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
 
     Raises:
-        InputError: no trajectory, fewer than two samples, settings that mean nothing.
+        InputError: not a trajectory, fewer than two samples, invalid settings.
         PictureError: the file cannot be written.
     """
     target = a_page(path)
@@ -113,7 +113,7 @@ def motion_sheet(
     Args:
         trajectory: What `rbd.simulate` returned, two samples at least.
         times: When [s], or how many pictures evenly from the first to the last.
-        png_path: Where the picture goes.
+        png_path: Path of the picture.
         columns: Pictures in a row; all of them by default.
         width: Of one picture, in pixels.
         height: Of one picture without its caption, in pixels.
@@ -125,8 +125,8 @@ def motion_sheet(
         arrow_per_weight: Length of an arrow as large as the weight [m].
 
     Raises:
-        InputError: no trajectory, times outside it, sizes that mean nothing.
-        PictureError: no browser, or no picture came of it.
+        InputError: not a trajectory, times outside it, invalid sizes.
+        PictureError: no browser, or it made no picture.
     """
     if a_path("the picture", png_path).suffix.lower() != ".png":
         raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
@@ -153,7 +153,7 @@ def replay(
 ) -> None:
     """Show a motion live, paced by the clock; returns when it is over. Ctrl-C ends it sooner, and is no error.
 
-    Frames that come too late are left out, so that the motion keeps its time. The picture stays at the last frame shown.
+    Late frames are skipped, so that the motion keeps its pace. The picture stays at the last frame shown.
 
     Args:
         trajectory: What `rbd.simulate` returned, two samples at least.
@@ -248,7 +248,7 @@ def _staged(
     arrow_per_weight: float | None = None,
     scene: Scene | None = None,
 ) -> tuple[MotionPage, Scene]:
-    """The motion of a motion, and a scene with the robot as it starts."""
+    """The frames of a motion, and a scene with the robot at its start."""
     speed = positive("speed", speed, MOST_SPEED, "")
     if speed < LEAST_SPEED:
         raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")

@@ -1,4 +1,4 @@
-"""Frames of a motion: where every body, force and mark is at each picture, and what a page needs to play them, as JSON."""
+"""Frames of a motion: positions of bodies, forces and marks in each picture, as JSON for a page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Pushes: TypeAlias = Iterable[Push] | Push | None
 PushesAt: TypeAlias = Callable[[State, float], Pushes]
 
 FPS = 30.0
-"""Frames a second of playback where nothing turns fast: between two the page goes the straight way."""
+"""Frames a second of playback if no body turns fast: the page interpolates linearly between two."""
 LARGEST_TURN = 0.5
 """Largest turn of a body from one frame to the next [rad]: beyond pi the page would turn it the other way."""
 MOST_FPS = 480.0
@@ -38,9 +38,9 @@ NEAR = 0.25
 MOST_STRETCHES = 400
 MOST_SAMPLES_LOOKED_AT = 400
 LONGEST_ARROW = 0.8
-"""In sizes of the robot: the arrow of an impact of a millisecond would leave the picture."""
+"""Longest arrow in sizes of the robot: the arrow of an impact of a millisecond would leave the picture."""
 LONGEST_WEIGHT = 1.5
-"""Arrows of so many weights are never cut."""
+"""Arrows of up to so many weights are not cut."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
 BINS = 100
 """Marks along the bar: events of one contact in the same hundredth of it share one."""
@@ -58,7 +58,7 @@ class Track:
     Attributes:
         name: Of the contact, or of the frame that is pushed.
         points: In W, shape (n, k, 3) [m]; NaN where there is no such point at that time.
-        forces: On the robot, in W, shape (n, k, 3) [N]; zero where nothing touches.
+        forces: On the robot, in W, shape (n, k, 3) [N]; zero without contact.
     """
 
     name: str
@@ -75,9 +75,9 @@ class Frames:
 
     Attributes:
         times: Shape (n,) [s], increasing; the first and the last are those of the trajectory.
-        joints: Numbers of the joints that carry something that moves.
+        joints: Indices of the joints with moving bodies.
         poses: X_WJ of each of them: position [m] and quaternion x, y, z, w, shape (n, number of joints, 7); a quaternion
-            lies in the half-space of the one before.
+            is in the half-space of the one before.
         com: Centre of mass in W, shape (n, 3) [m]; zero frames, shape (0, 3), of a robot without mass.
         contacts: Each contact's points and forces.
         pushes: Each external force.
@@ -111,7 +111,7 @@ def frames_of(
     speed: float = 1.0,
     external: Pushes | PushesAt = None,
 ) -> Frames:
-    """Frames of a trajectory, evenly in time: its own samples where they are near, else interpolated.
+    """Frames of a trajectory, evenly in time: its samples where they are near, else interpolated.
 
     Joints are interpolated on their manifold, free bases straight and turning evenly, points and forces linearly; modes are
     those of the nearest sample.
@@ -125,7 +125,7 @@ def frames_of(
         external: The external forces of the motion, as `rbd.simulate` was given them: not known to a trajectory.
 
     Raises:
-        InputError: if `external` holds anything but forces at frames.
+        InputError: if `external` contains other than forces at frames.
     """
     times = np.asarray(trajectory.t, float)
     if fps is None:
@@ -164,7 +164,7 @@ def frame_times(times: Array, interval: float) -> Array:
 
 
 def _stretches(times: Array, modes: Sequence[str]) -> list[tuple[float, float, str]]:
-    """(from, to, mode) of each run of equal modes; a sample's mode holds until the next one."""
+    """(from, to, mode) of each run of equal modes; a sample's mode applies until the next one."""
     edges = [0, *(i for i in range(1, len(modes)) if modes[i] != modes[i - 1]), len(modes) - 1]
     return [(float(times[a]), float(times[b]), modes[a]) for a, b in zip(edges, edges[1:], strict=False) if b > a]
 
@@ -175,7 +175,7 @@ def _between(trajectory: Trajectory, i: int, share: float) -> Array:
         return np.array(q[i + int(share)], float)
     model, before, after = trajectory.robot.model, np.array(q[i], float), np.array(q[i + 1], float)
     between = np.array(pin.interpolate(model, before, after, share))
-    # Pinocchio takes a free base along a screw, in a bow that grows with its turn; what flies goes nearly straight.
+    # Pinocchio takes a free base along a screw, in a bow that grows with its turn; a flying body moves nearly straight.
     for joint in model.joints:
         if joint.shortname() == "JointModelFreeFlyer":
             at = slice(joint.idx_q, joint.idx_q + 3)
@@ -184,7 +184,7 @@ def _between(trajectory: Trajectory, i: int, share: float) -> Array:
 
 
 def _blend(values: Array, low: Array, share: Array) -> Array:
-    """Between two samples linearly; where one of them is not there, the other."""
+    """Between two samples linearly; if one of them does not exist, the other."""
     values = np.asarray(values, float)
     before, after, w = values[low], values[low + 1], share[:, None, None]
     blended = np.where(w == 0.0, before, np.where(w == 1.0, after, (1.0 - w) * before + w * after))
@@ -241,7 +241,7 @@ def _pushed(robot: CheckedModel, q: Sequence[Array], times: Array, external: Pus
 
 @dataclass(frozen=True, eq=False)
 class MotionPage:
-    """A motion, ready to be written for the page.
+    """A motion in the form that the page needs.
 
     Attributes:
         frames: Its pictures.
@@ -266,18 +266,18 @@ class MotionPage:
 
     @lazy
     def codes(self) -> Array:
-        """Mode of each constraint at each frame, as its place in `words`, shape (n, number of constraints)."""
+        """Mode of each constraint at each frame, as its index in `words`, shape (n, number of constraints)."""
         place = {word: i for i, word in enumerate(self.words)}
         columns = [[place[mode] for mode in modes] for modes in self.frames.modes.values()]
         return np.array(columns, int).reshape(len(columns), len(self.frames.times)).T
 
     @property
     def longest(self) -> float:
-        """Length at which an arrow is cut [m]."""
+        """Largest length of an arrow [m]."""
         return max(LONGEST_ARROW * self.sizes.body, LONGEST_WEIGHT * self.weight_N * self.sizes.metres_per_newton)
 
     def goes_far(self, times: float) -> bool:
-        """Whether the centre of mass goes farther along the ground than so many sizes of the robot."""
+        """Whether the centre of mass travels farther along the ground than so many sizes of the robot."""
         com = self.frames.com[:, :2]
         return len(com) > 0 and float(np.ptp(com, axis=0).max()) > times * self.sizes.body
 
@@ -326,7 +326,7 @@ class MotionPage:
         return json.dumps({"motion": {**self._setup(), **settings, **played}})
 
     def opening(self, settings: Mapping[str, object]) -> str:
-        """The motion without its frames, as JSON: they come one by one, see `moment`."""
+        """The motion without its frames, as JSON: they follow one by one, see `moment`."""
         return json.dumps({"motion": {**self._setup(), **settings}})
 
     def moment(self, i: int) -> str:

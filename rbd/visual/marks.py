@@ -1,4 +1,4 @@
-"""What is drawn around a robot: where forces act, arrows, friction cones, patches, support polygon, centre of mass."""
+"""Marks drawn around a robot: points of application, arrows, friction cones, patches, support polygon, centre of mass."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
 
-# A contact that presses with less than this share of all contact forces is not drawn as support.
+# A contact with less than this share of all contact forces is not drawn as support.
 LOADED_SHARE = 1e-6
 # How far outside its patch rounding may put a centre of pressure.
 SLACK_M = 1e-6
@@ -33,7 +33,7 @@ UPRIGHT = float(np.cos(np.pi / 4.0))
 
 @runtime_checkable
 class Push(Protocol):
-    """An external force at a frame, as `rbd.ExternalForce` is: only what the picture reads."""
+    """An external force at a frame, like `rbd.ExternalForce`: only the members that a picture needs."""
 
     @property
     def frame(self) -> str:
@@ -50,7 +50,7 @@ class Push(Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ShownForce:
-    """What a contact does to the robot, and where.
+    """Force of a contact on the robot, and its point of application.
 
     Attributes:
         name: The contact's name.
@@ -58,7 +58,7 @@ class ShownForce:
         force: Resultant force on the robot in W, shape (3,) [N].
         start: Point in W where the resultant acts, shape (3,) [m]: see `acting_point`.
         corner_forces: Force at each corner of the patch in W, shape (k, 3) [N]; k = 0 where there is no split.
-        friction_used: |f_t| / (mu f_n) of the resultant; None where there is no coefficient or nothing is carried. A
+        friction_used: |f_t| / (mu f_n) of the resultant; None without a coefficient or without load. A
             patch may slip at one corner though its resultant is inside the cone: that is not seen here.
     """
 
@@ -88,8 +88,8 @@ def corners_in_world(patch: Patch) -> Array:
 def acting_point(patch: Patch, wrench: Array) -> Array:
     """Point in W where the resultant of a contact acts, shape (3,) [m].
 
-    For a patch that presses this is the centre of pressure, p + n x m / (n . f). The patch's own point is taken for a
-    point contact, and where the centre of pressure is not inside the patch (a held sole can pull).
+    For a loaded patch this is the centre of pressure, p + n x m / (n . f). The patch's reference point is used for a
+    point contact, and where the centre of pressure is not inside the patch (a bilateral sole can pull).
 
     Args:
         patch: The contact.
@@ -127,7 +127,7 @@ def pushes(state: State, external: Iterable[Push] | Push | None) -> list[tuple[s
     """Name, point in W [m] and force in W [N] of every push. Moments are not drawn.
 
     Raises:
-        InputError: if `external` holds anything but external forces at named frames.
+        InputError: if `external` contains other than external forces at named frames.
     """
     if external is None:
         return []
@@ -150,7 +150,7 @@ def pushes(state: State, external: Iterable[Push] | Push | None) -> list[tuple[s
 def support_polygon(contacts: Iterable[ShownForce]) -> Array:
     """Corners of the support polygon on the ground, counter-clockwise, shape (k, 2) [m].
 
-    The convex hull of all corners of the contacts that press, projected along z. It answers for flat ground only:
+    The convex hull of all corners of the loaded contacts, projected along z. It is valid for flat ground only:
     contacts whose normal leans more than 45 degrees and those between two bodies are left out, friction and torque limits
     are ignored. Fewer than three corners come out where the contacts are points, or lie on a line.
     """
@@ -159,7 +159,7 @@ def support_polygon(contacts: Iterable[ShownForce]) -> Array:
 
 
 def support_outline(contacts: Iterable[ShownForce]) -> Array:
-    """The corners of `support_polygon` in W, shape (k, 3) [m]: each on the plane that its contact stands on.
+    """The corners of `support_polygon` in W, shape (k, 3) [m]: each on the plane of its contact.
 
     On z = 0 of contacts whose plane is not known. On stairs the corners have different heights.
     """
@@ -176,7 +176,7 @@ def support_outline(contacts: Iterable[ShownForce]) -> Array:
 def ground_under(point: Array, contacts: Iterable[ShownForce]) -> float:
     """Height of the ground in W under a point, for the mark below the centre of mass [m].
 
-    Of the plane that all contacts stand on; on stairs that of the lowest; zero where none is known.
+    That of the plane of all contacts; on stairs the lowest; zero if none is known.
     """
     planes = [c.patch.on for c in contacts if c.patch.against is None and c.patch.axes[2, 2] > UPRIGHT]
     return min((_height(plane, point) for plane in planes), default=0.0)
@@ -187,7 +187,7 @@ def _height(plane: Ground | None, point: Array) -> float:
 
 
 def _supporting(contacts: Iterable[ShownForce]) -> list[ShownForce]:
-    """Contacts with the ground that press, on what is not steeper than 45 degrees."""
+    """Loaded contacts with ground that is not steeper than 45 degrees."""
     given = [c for c in contacts if c.patch.against is None]
     least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in given)
     return [c for c in given if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]
@@ -198,7 +198,7 @@ class Mark:
     """One coloured shape in the world.
 
     Attributes:
-        path: Where it stands in the viewer's tree, such as 'forces/left_sole/arrow'.
+        path: Path in the viewer's tree, such as 'forces/left_sole/arrow'.
         mesh: Triangles in W [m].
         color: '#rrggbb'.
         opacity: 1 is solid.
@@ -241,7 +241,7 @@ class Sizes:
 
     @property
     def lift(self) -> float:
-        """Height above the ground of what lies on it, so that the two do not flicker [m]."""
+        """Height of marks above the ground, so that the two do not flicker [m]."""
         return 0.0012 * self.body
 
 
@@ -322,7 +322,7 @@ def com_marks(com: Array, sizes: Sizes, ground: float = 0.0) -> list[Mark]:
 def legend(
     title: str, contacts: Iterable[ShownForce], colors: Mapping[str, str], pushed: Iterable[tuple[str, float]]
 ) -> dict[str, object]:
-    """What the colours mean, as data for the page: names, sizes of forces [N], friction used.
+    """The legend, as data for the page: names, sizes of forces [N], friction used.
 
     Args:
         title: Headline.
@@ -344,7 +344,7 @@ def legend(
 
 
 def scale_note(metres_per_newton: float, weight_N: float) -> str:
-    """What a metre of arrow stands for, in newtons and in weights of the robot."""
+    """The force of a metre of arrow, in newtons and in weights of the robot."""
     per_metre = 1.0 / metres_per_newton
     times = per_metre / weight_N if weight_N else 0.0
     share = ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
@@ -373,5 +373,5 @@ def _ordered(contact: ShownForce) -> Array:
 
 
 def _node(name: str) -> str:
-    """A name that can stand in a Meshcat path, where a slash would open a new level."""
+    """A name for a Meshcat path, where a slash would open a new level."""
     return name.replace("/", "|") or "unnamed"

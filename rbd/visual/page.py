@@ -1,6 +1,6 @@
 """One HTML page that shows a scene: its messages recorded, the page written, and photographed by a headless browser.
 
-A page has everything inside for a file, or is fed by a socket for a live viewer.
+A page is self-contained, for a file, or receives data by a socket, for a live viewer.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rbd.model.forks import renewed_after_fork
 from rbd.model.output_files import check_place, write_file, write_text
 from rbd.visual.style import a_count, a_path, is_there
 
-# The page forbids the browser every request: what is not inside the file cannot be loaded.
+# The page forbids all requests of the browser: only the contents of the file are loaded.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
     "img-src data: blob:; worker-src blob:; connect-src {connect}"
@@ -84,11 +84,11 @@ FLAGS = (
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:
-    """A page that holds the whole scene and the viewer, and loads nothing from anywhere.
+    """A self-contained page with the whole scene and the viewer.
 
     Args:
         title: Shown on the browser's tab.
-        messages: What a `Recorder` kept.
+        messages: Messages from a `Recorder`.
     """
     return _page(title, _script(messages), connect="'none'")
 
@@ -120,7 +120,7 @@ def _script(messages: Iterable[bytes | str]) -> str:
 
 
 def script_safe(text: str) -> str:
-    """JSON that can stand inside a script element, whatever names it holds."""
+    """JSON that is safe inside a script element, for any names."""
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
@@ -150,7 +150,7 @@ class Command(Protocol):
 class Recorder:
     """The `window` of a `meshcat.Visualizer` that needs no server.
 
-    It keeps what a viewer must receive to show the present scene, oldest first, and passes every new message on to
+    It stores the messages that a viewer needs to show the present scene, oldest first, and passes every new message to
     one listener, such as a live server. Messages are bytes (packed Meshcat commands) or text (JSON for our own page).
     """
 
@@ -162,13 +162,13 @@ class Recorder:
         renewed_after_fork(self)
 
     def renew_after_fork(self) -> None:
-        """In a forked child: a new lock, and nobody listens, because a live server's thread stays with the parent."""
+        """In a forked child: a new lock, and no listener, because a live server's thread stays with the parent."""
         self._lock, self._listener = threading.Lock(), None
 
     def send(self, command: Command) -> None:
-        """Keep a Meshcat command; a newer one of the same kind on the same path replaces it.
+        """Store a Meshcat command; a newer one of the same kind on the same path replaces it.
 
-        A deletion takes all commands at and below its path away, and is kept itself for viewers that have seen them.
+        A deletion removes all commands at and below its path, and is stored for viewers that have received them.
         """
         data = command.lower()
         path, kind = data["path"], data["type"]
@@ -180,17 +180,17 @@ class Recorder:
             self._keep((path, kind + "/" + data.get("property", "")), packed)
 
     def post(self, topic: str, text: str) -> None:
-        """Keep a message for our own page; a newer one on the same topic replaces it."""
+        """Store a message for our page; a newer one on the same topic replaces it."""
         with self._lock:
             self._keep(("", topic), text)
 
     def messages(self, *, after: int = 0) -> tuple[list[bytes | str], int]:
-        """What a viewer must receive that has seen the first `after` messages, oldest first, and the count till now."""
+        """Messages for a viewer that has received the first `after` of them, oldest first, and their count so far."""
         with self._lock:
             return [message for number, message in self._kept.values() if number > after], self._count
 
     def listen(self, listener: Callable[[bytes | str], None] | None) -> None:
-        """Pass every later message to `listener`; None: to nobody."""
+        """Pass every later message to `listener`; None: to none."""
         with self._lock:
             self._listener = listener
 
@@ -215,18 +215,18 @@ def screenshot(
     height: int = 960,
     at: float | None = None,
 ) -> Path:
-    """Draw a page in headless Chromium and write what it shows as a PNG; returns the picture's path.
+    """Draw a page in headless Chromium and write it as a PNG; returns the picture's path.
 
     Args:
         html_path: The page, as `Scene.export` writes it.
-        png_path: Where the picture goes.
+        png_path: Path of the picture.
         width: Pixels across.
         height: Pixels down.
         at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
 
     Raises:
         InputError: if the size is no number of pixels, or the time is none.
-        PictureError: if there is no page, no browser, or no picture came of it.
+        PictureError: if there is no page, no browser, or it made no picture.
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
     width, height = a_count("width", width), a_count("height", height)

@@ -44,7 +44,7 @@ BEADS = 60
 
 
 def plot_sticks(ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | Array, *, count: int = 9) -> list[Artist]:
-    """The chain at some moments of a motion, the earliest faint, the last dark, over the path of its end point.
+    """The chain at some times of a motion, the earliest faint, the last dark, over the path of its end point.
 
     The dashed arcs bound what it can reach. Poses are spread evenly over the samples: over time, if these are.
 
@@ -79,15 +79,15 @@ def plot_sticks(ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | A
 def plot_ellipses(
     ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | Array, *, kind: str = "manipulability", count: int = 5
 ) -> list[Artist]:
-    """The ellipse of the end point at some poses: where it moves easily, and where it pushes easily.
+    """The ellipse of the end point at some poses: directions of large velocity, and of large force.
 
     - "manipulability": all velocities that joint rates of unit length, |qd| <= 1 rad/s, can give [Yoshikawa1985], filled the
-      darker the larger its area is, with the manipulability sqrt(det(J J^T)) [m^2] beside it;
+      darker the larger its area is, with the manipulability sqrt(det(J J^T)) [m^2] next to it;
     - "velocity": the same ellipses as outlines with their axes;
     - "force": all forces that joint torques of unit length, |tau| <= 1 N m, can balance: long where the other is short, and cut
       off (its axis dashed) where one direction costs no torque at all.
 
-    All ellipses of a picture have one scale; its title says which.
+    All ellipses of a picture have one scale; see its title.
 
     Args:
         ax: Matplotlib axes, empty.
@@ -148,7 +148,7 @@ def _spread(samples: int, count: int) -> Array:
 
 
 def _along(path: Array, count: int) -> Array:
-    """Numbers of at most `count` samples, evenly along a path: ellipses over each other show nothing."""
+    """Numbers of at most `count` samples, evenly along a path: overlapping ellipses would be unreadable."""
     far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     if far[-1] == 0.0 or count == 1:
         return _spread(len(path), count)
@@ -223,7 +223,7 @@ def _axes(ax: Axes, ellipse: Ellipse, scale: float, longest: float, kind: str) -
 
 
 def _tag(ax: Axes, ellipse: Ellipse, scale: float, text: str) -> Artist:
-    """The number beside the flank of the ellipse that looks away from the base."""
+    """The number next to the ellipse, on the side away from the base."""
     across = ellipse.directions[:, 1]
     side = across if across @ ellipse.centre >= 0.0 else -across
     at = ellipse.centre + scale * ellipse.semi_axes[1] * side
@@ -235,12 +235,12 @@ def _tag(ax: Axes, ellipse: Ellipse, scale: float, text: str) -> Artist:
 
 
 def _short(value: float, largest: float) -> str:
-    """Two digits of the largest, so that all numbers of a picture end alike."""
+    """Two digits of the largest, so that all numbers of a picture have the same decimals."""
     return f"{value:.{max(0, 1 - int(np.floor(np.log10(largest))))}f}"
 
 
 def _key(ax: Axes, scale: float, kind: str, size: float) -> Artist:
-    """What a length on paper means, above the axes."""
+    """The scale of lengths on paper, above the axes."""
     per, unit = ("1 N m", "N") if kind == "force" else ("1 rad/s", "m/s")
     bar = 10.0 ** np.floor(np.log10(0.25 * size))
     title = f"{kind} ellipses: {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
@@ -251,7 +251,7 @@ def _key(ax: Axes, scale: float, kind: str, size: float) -> Artist:
 
 @dataclass(frozen=True, eq=False)
 class _Played:
-    """What the pages of `rbd.visual.animation` want of a motion; nothing touches, so there are no forces."""
+    """The data of a motion for the pages of `rbd.visual.animation`, without contacts or forces."""
 
     robot: Robot
     t: Array
@@ -268,7 +268,7 @@ def export_planar(
 ) -> Path:
     """Write a planar motion as one HTML page that needs no network; returns its path.
 
-    The chain stands upright in W, its x to the right and its y up, with the path of the end point behind it. It is seen from
+    The chain is vertical in W, its x to the right and its y up, with the path of the end point behind it. It is seen from
     the front, and can be turned.
 
     Args:
@@ -279,7 +279,7 @@ def export_planar(
         start: Time at which the page opens [s]; the first by default.
 
     Raises:
-        InputError: no motion, or settings that mean nothing.
+        InputError: not a motion, or invalid settings.
         PictureError: the file cannot be written.
     """
     check_motion(motion)
@@ -298,7 +298,7 @@ def replay_planar(motion: PlanarMotion, *, speed: float = 0.5) -> None:
         speed: Seconds of motion a second.
 
     Raises:
-        InputError: no motion, or a speed that means nothing.
+        InputError: not a motion, or an invalid speed.
     """
     check_motion(motion)
     with _played(motion) as played:
@@ -307,7 +307,7 @@ def replay_planar(motion: PlanarMotion, *, speed: float = 0.5) -> None:
 
 @contextmanager
 def _played(motion: PlanarMotion) -> Iterator[Any]:
-    """The motion of a robot that looks like the chain, its file kept as long as it is shown."""
+    """The motion of a robot that looks like the chain, its file existing as long as it is shown."""
     from rbd.planar.urdf import robot_coordinates, to_urdf
 
     if len(motion) < 2:
@@ -348,7 +348,7 @@ def _drawn(text: str, motion: PlanarMotion) -> str:
     for a, b in zip(points[:-1], points[1:], strict=True):
         along, middle = b - a, 0.5 * (a + b)
         length = float(np.hypot(*along))
-        # A cylinder lies along z: turned about y it lies in the plane. Longer by its width, so that bends have no gaps.
+        # A cylinder is along z: turned about y it is in the plane. Longer by its width, so that bends have no gaps.
         turn = (0.0, float(np.arctan2(along[0], along[1])), 0.0)
         size_ = {"radius": 0.004 * size, "length": length + 0.002 * size}
         _visual(links["base"], (middle[0], 0.0, middle[1]), turn, "cylinder", **size_)

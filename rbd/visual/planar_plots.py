@@ -36,16 +36,16 @@ ROWS = {
 PARTS = ("tangential", "centripetal", "coriolis")
 ANGLES = {"joint": "joint angles", "segment": "segment angles", "vertical": "angles from the vertical"}
 _BURST, _OFTEN = 4.0, 92.0
-"""A curve that goes beyond so many times what it keeps within in so many per cent of the samples is cut off, with a note."""
+"""(factor, per cent): a curve beyond this factor times the range of so many per cent of its samples is cut off, with a note."""
 _BEATS = 21
 """Dots along a path, evenly in time: close together where it is slow."""
 
 
 def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) -> list[Artist]:
-    """Displacement, velocity, acceleration and jerk over time, of the end point and of the angles: the text's 2 x 4 panels.
+    """Displacement, velocity, acceleration and jerk over time, of the end point and of the angles: 2 x 4 panels.
 
     The space in which the motion was planned is the upper row, what follows from it the lower one. Where a curve shoots up
-    beside a singular pose the axis is cut off, and the panel says how far the curve goes.
+    near a singular pose the axis is cut off, with a note of the curve's maximum.
 
     Args:
         axes: Eight empty Matplotlib axes, shape (2, 4), as `Figure().subplots(2, 4, sharex=True)` gives them.
@@ -82,7 +82,7 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
 
 
 def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artist]:
-    """The path in the plane, and the path in the space of the angles: what is straight in one is bent in the other.
+    """The path in the plane, and the path in the space of the angles: a straight path in one is curved in the other.
 
     Dots lie evenly in time, close together where the motion is slow. Of two links the second angle is drawn over the first,
     of more links each further one; the one angle of one link over time.
@@ -126,7 +126,7 @@ def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
 
 
 def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artist]:
-    """The three parts of the end point's acceleration, each before the whole, which stands thick and pale behind it.
+    """The three parts of the end point's acceleration, each in front of the sum, a thick pale line.
 
     Tangential: what angular accelerations give; centripetal: what squares of angular velocities give; Coriolis: what products
     of two different ones give. Which is which depends on the chain's angles; their sum does not.
@@ -179,7 +179,7 @@ def some_axes(axes: object, shape: tuple[int, ...]) -> Array:
 
 
 def check_motion(motion: object) -> None:
-    """Refuse what is no motion of a planar chain.
+    """Refuse an object that is not a motion of a planar chain.
 
     Raises:
         InputError: if it is none.
@@ -212,7 +212,7 @@ def _path(ax: Axes, motion: PlanarMotion, across: Array, up: Array, color: str, 
 
 
 def _window(values: Array) -> tuple[float, float]:
-    """The part of an axis that shows most samples of all columns well, and everything where nothing shoots up."""
+    """Limits of an axis that show most samples of all columns well, and all of them if there is no peak."""
     low, high = float(values.min()), float(values.max())
     usual = [float(np.percentile(values, p)) for p in (100.0 - _OFTEN, _OFTEN)]
     within = values[(np.abs(values) <= _BURST * max(map(abs, usual)))]
@@ -222,7 +222,7 @@ def _window(values: Array) -> tuple[float, float]:
 
 
 def _cut(ax: Axes, t: Array, values: Array, title: str) -> list[Artist]:
-    """Limits of the axis, and a note where a curve goes beyond them."""
+    """Limits of the axis, and a note if a curve exceeds them."""
     low, high = _window(values)
     flat = values.min() == values.max()
     if not flat:

@@ -1,4 +1,4 @@
-"""What all plots share, and the ranges of forces that go with one motion.
+"""Common parts of plots, and the ranges of forces that go with one motion.
 
 Axes first, artists out, no window, no global state. Only Matplotlib's own objects are used.
 """
@@ -21,7 +21,7 @@ _NET, _CORNER = 9.0, 4.0
 
 
 def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
-    """How far each normal force could go with the same motion: a bar a contact, a thin one a corner, the answer marked.
+    """Ranges of normal forces with the same motion: a bar a contact, a thin one a corner, the answer marked.
 
     Ranges without an end run to the edge of the axes and end in an arrow. Colours are those of the scene.
 
@@ -33,7 +33,7 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
         What was drawn: for every range its bar (a line) and its mark, then arrows.
 
     Raises:
-        InputError: if `ax` are no axes, or `uniqueness` is something else.
+        InputError: if `ax` are not axes, or `uniqueness` is not a `Uniqueness`.
     """
     an_axis(ax)
     if not isinstance(uniqueness, Uniqueness):
@@ -63,7 +63,7 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
 
 
 def an_axis(ax: object) -> None:
-    """Refuse what is no axes.
+    """Refuse an object that is not axes.
 
     Raises:
         InputError: if it is none.
@@ -81,7 +81,7 @@ def frame(ax: Axes, grid: Literal["x", "y", "both"] | None = None) -> None:
 
 
 def note(ax: Axes, x: float, y: float, text: str, **style: Any) -> Artist:
-    """Small print on a white ground in a corner of the axes, as where a curve is cut off."""
+    """Small print on a white ground in a corner of the axes, e.g. where a curve is cut off."""
     ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": style.pop("pad")}
     return ax.text(x, y, text, transform=ax.transAxes, ha="right", color="0.3", bbox=ground, zorder=5, **style)
 

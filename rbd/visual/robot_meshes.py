@@ -1,4 +1,4 @@
-"""What the robot looks like: its meshes as triangles, or a skeleton where its file has none.
+"""Appearance of a robot: its meshes as triangles, or a skeleton if its file has none.
 
 Collada files (.dae) are read here because the usual readers lose some: Meshcat drops parts of them silently, and Coal 3.0
 joins the triangles of a part with several materials to the wrong vertices (ANYmal's trunk looks torn). The file's unit is
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 INERTIA_OPACITY = 0.55
 COLLISION_OPACITY = 0.25
 PLACEHOLDER = 5.0
-"""Collision shapes wider than so many of the longest bones are left out of a picture of bones."""
+"""Collision shapes wider than this many times the longest bone are omitted from a skeleton."""
 Element = ElementTree.Element
 Rgba = tuple[float, float, float, float]
 
@@ -46,7 +46,7 @@ class RobotPart:
         name: Name of the geometry in the robot's file, or of the skeleton's joint.
         joint: Number of the joint that carries it; 0 is the world.
         placement: X_JG, pose of the piece in its joint's frame.
-        mesh: Its triangles in its own frame [m].
+        mesh: Its triangles in its frame [m].
         color: '#rrggbb'.
         opacity: 1 is solid.
     """
@@ -110,7 +110,7 @@ def _hexadecimal(rgba: Array) -> str:
 
 
 def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
-    """Pieces of a Collada mesh with their colours; nothing for other files, and for those that cannot be read."""
+    """Pieces of a Collada mesh with their colours; empty for other files, and for those that cannot be read."""
     if Path(obj.meshPath).suffix.lower() != ".dae":
         return []
     try:
@@ -121,7 +121,7 @@ def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
     pieces = []
     for piece in read:
         sized = Mesh(piece.mesh.vertices * np.asarray(obj.meshScale), piece.mesh.faces)
-        # A colour in the URDF goes before those in the mesh file.
+        # A colour in the URDF overrides those in the mesh file.
         own = given if piece.rgba is None or (obj.overrideMaterial and given[:3].any()) else np.array(piece.rgba)
         if len(sized.faces):
             pieces.append((shapes.creased(sized), own))
@@ -129,7 +129,7 @@ def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
 
 
 def triangles(geometry: coal.CollisionGeometry) -> Mesh | None:
-    """Triangles of a Coal geometry in its own frame [m]; None for kinds that have none (planes, octrees)."""
+    """Triangles of a Coal geometry in its frame [m]; None for kinds without (planes, octrees)."""
     match geometry:
         case coal.BVHModelBase():
             # A coal.Triangle has no iterator: it must be read entry by entry (0.7 us each).
@@ -163,9 +163,9 @@ def _hull_mesh(points: Array) -> Mesh | None:
 
 
 def inertia_ellipsoids(model: pin.Model) -> list[RobotPart]:
-    """A uniform ellipsoid with the mass, centre and moments of each body; none for bodies without mass or moments.
+    """A uniform ellipsoid with the mass, centre and moments of inertia of each body; none for bodies without mass or inertia.
 
-    Semi-axes a_i = sqrt(5 / (2 m) (I_1 + I_2 + I_3 - 2 I_i)). Moments that no body has make one of them imaginary: it is
+    Semi-axes a_i = sqrt(5 / (2 m) (I_1 + I_2 + I_3 - 2 I_i)). Unphysical moments of inertia make one of them imaginary: it is
     drawn as a twentieth of the longest. What an identity matrix in the file would make as large as the robot is cut: to
     0.7 times the body's own longest bone (a rod's is 0.65), or a third of the robot's longest.
     """
@@ -226,13 +226,13 @@ def _longest(bones: dict[int, list[Array]]) -> float:
 
 
 def hull_of(joint: int, parts: Sequence[RobotPart]) -> Array:
-    """The outermost points of all that a joint carries, in its frame, shape (n, 3) [m]."""
+    """The outermost points of a joint's bodies, in its frame, shape (n, 3) [m]."""
     placed = [p.mesh.placed(p.placement.rotation, p.placement.translation).vertices for p in parts if p.joint == joint]
     return outermost(np.vstack(placed))
 
 
 def largest_color(parts: Sequence[RobotPart]) -> str:
-    """Colour of the largest part that moves: what a legend says of the robot as it is drawn."""
+    """Colour of the largest moving part, for the legend."""
     moving = [part for part in parts if part.joint] or list(parts)
     largest = max(moving, key=lambda part: float(np.ptp(part.mesh.vertices, axis=0).max(initial=0.0)), default=None)
     return SKELETON_COLOR if largest is None else largest.color

@@ -1,4 +1,4 @@
-"""Many robots on one picture, each standing on its feet with the forces that carry it."""
+"""Many robots on one picture, each standing on its feet with its contact forces."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def contact_sheet(
 ) -> Path:
     """Draw robots side by side, each at rest on its feet with the contact forces that carry it; returns the picture's path.
 
-    The forces are those of `solve` under the torques of `hold`; every cell has a scale of its own. A robot is seen from
+    The forces are those of `solve` under the torques of `hold`; every cell has a separate scale. A robot is seen from
     its front left, if its soles show where that is.
 
     Args:
         robots: Robots that stand (`robot.standing()`, `robot.feet()`), or their names.
-        png_path: Where the picture goes.
+        png_path: Path of the picture.
         columns: Robots in a row.
         width: Of one robot's picture, in pixels.
         height: Of one robot's picture without its caption, in pixels.
@@ -69,8 +69,8 @@ def contact_sheet(
     Raises:
         InputError: no robots, or sizes that are not positive.
         ModelError: one that has no posture or no feet.
-        CannotHold: one that cannot stand.
-        PictureError: no browser, or no picture came of it.
+        CannotHold: a robot that cannot stand.
+        PictureError: no browser, or it made no picture.
     """
     columns, width, height = a_count("columns", columns, 100), a_count("width", width, 4000), a_count("height", height, 4000)
     a_picture(png_path)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
 
-# Newtons that one metre of arrow stands for where a robot has no weight (no mass, or no gravity).
+# Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
 FRONT_LEFT = (1.0, 0.62, 0.34)
 BESIDE_OPACITY = 0.55
@@ -45,7 +45,7 @@ class Scene:
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
     scale for the whole scene, stated in the legend. A sole's big arrow is the resultant at the centre of pressure, its
     thin ones are the corner forces; an arrow that leaves its translucent cone slips. Between two bodies, the thin pale
-    arrow the other way is what the second feels. Marks shine faintly through the robot. Moments, joint torques and the
+    opposite arrow is the force on the second. Marks shine faintly through the robot. Moments, joint torques and the
     forces of loops and limits are not drawn.
 
         with Scene(robot) as scene:
@@ -59,7 +59,7 @@ class Scene:
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
             front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
-        legend: Whether to write names, forces and the scale beside the picture.
+        legend: Whether to write names, forces and the scale next to the picture.
     """
 
     def __init__(
@@ -210,7 +210,7 @@ class Scene:
             shown: Name of the pose that `show` drew, which the legend then lists too, in the colour of its largest part.
 
         Raises:
-            InputError: if something else is given, or a state has another size.
+            InputError: if an entry is not a state, or has another size.
             PictureError: if nothing has been shown yet.
         """
         self._shown()
@@ -228,7 +228,7 @@ class Scene:
             data = model.createData()
             pin.forwardKinematics(model, data, np.asarray(state.q, float))
             for j, part in enumerate(self._parts):
-                if part.joint:  # what is fixed to the world is in the picture already
+                if part.joint:  # shapes fixed to the world are already in the picture
                     path = f"beside/{i}/{j}"
                     tint = MeshPhongMaterial(color=rgb_number(colors[name]), opacity=BESIDE_OPACITY)
                     self._send_mesh(path, part.mesh, tint)
@@ -241,7 +241,7 @@ class Scene:
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
 
-        The camera stands so that robot and arrows fill the view; it can be turned in the browser.
+        The camera is placed so that robot and arrows fill the view; it can be turned in the browser.
 
         Raises:
             PictureError: if nothing has been shown, or the file cannot be written.
@@ -255,12 +255,12 @@ class Scene:
         """The page that `export` writes, as text; its title is the robot's name unless one is given."""
         self._shown()
         assert self._data is not None
-        # A live viewer keeps its camera while the robot moves; a page is framed for what it shows.
+        # A live viewer keeps its camera while the robot moves; a page is framed for its contents.
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
     def stage_motion(self, motion: str, around: Array) -> None:
-        """Hand the page all that it needs to move the robot by itself, in place of the marks; the next `show` ends that.
+        """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
         Args:
             motion: JSON, as `MotionPage` writes it.
@@ -274,7 +274,7 @@ class Scene:
         self._recorder.post("view", self._view(self._data))
 
     def stage_moment(self, moment: str) -> None:
-        """Move the robot of a live scene, as `stage_motion` said how; JSON."""
+        """Move the robot of a live scene to a frame (JSON) of the motion from `stage_motion`."""
         self._recorder.post("moment", moment)
 
     def wait_for_viewer(self, seconds: float) -> bool:
@@ -312,7 +312,7 @@ class Scene:
         for i, part in enumerate(self._parts):
             shine = MeshPhongMaterial(color=rgb_number(part.color), opacity=part.opacity)
             shine.properties.update(specular=0x222222, shininess=20)
-            if part.opacity < 0.5:  # what is inside must be drawn, whatever the order
+            if part.opacity < 0.5:  # inner parts must be drawn, in any order
                 shine.properties.update(depthWrite=False)
             self._send_mesh(f"robot/{i}", part.mesh, shine)
 
@@ -353,7 +353,7 @@ class Scene:
 
     def _send_mesh(self, path: str, mesh: Mesh, material: MeshLambertMaterial | MeshPhongMaterial) -> None:
         geometry = TriangularMeshGeometry(mesh.vertices, mesh.faces)
-        # Meshcat's own names are made of the network card's number and the clock: ours keep pages equal and private.
+        # Meshcat's names contain the network card's number and the clock: these make pages reproducible and private.
         geometry.uuid, material.uuid = f"{path}#geometry", f"{path}#material"
         node = meshcat.geometry.Mesh(geometry, material)
         node.uuid = f"{path}#mesh"
@@ -377,7 +377,7 @@ class Scene:
         self._recorder.post("legend", json.dumps({"legend": {**what, "entries": listed + entries, "notes": notes}}))
 
     def _view(self, data: pin.Data) -> str:
-        """Camera, light and ground for the present scene, as the page takes them."""
+        """Camera, light and ground for the present scene, in the page's format."""
         drawn = [mark.mesh.vertices for mark in self._drawn]
         if self._cloud is None:  # costly, and the same until the next state
             self._cloud = self._extremes(data)

@@ -20,21 +20,21 @@ from rbd.errors import PictureError
 from rbd.model.forks import renewed_after_fork
 from rbd.visual.page import Recorder, live_page
 
-# Meshcat's own server listens on every network card; this one cannot be reached from another machine.
+# Meshcat's server listens on every network card; this one cannot be reached from another machine.
 HOST = "127.0.0.1"
-# A page elsewhere could point its own name at this machine: requests under other names are refused.
+# A page elsewhere could resolve its name to this machine: requests under other names are refused.
 ALLOWED_HOSTS = r"^(127\.0\.0\.1|localhost)$"
 _WITH_PORT = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?", re.ASCII)
 _COUNT = re.compile(r"[0-9]{1,15}", re.ASCII)
 LARGEST_REQUEST = 10_000
-"""Bytes: browsers ask for a page and listen, they have nothing to send."""
+"""Largest message of a browser [bytes]: browsers request a page and listen, and send nothing."""
 MOST_UNREAD = 400_000_000
-"""Bytes that wait for one browser; one that reads no more is sent away. Talos is 12 MB."""
+"""Largest backlog of one browser [bytes]; one that stops reading is disconnected. Talos is 12 MB."""
 START_SECONDS = 10.0
 
 
 class LiveServer:
-    """Serves what a recorder keeps to any number of browsers, from a thread of its own.
+    """Serves a recorder's messages to any number of browsers, from a separate thread.
 
     Args:
         recorder: Whose messages to pass on.
@@ -123,7 +123,7 @@ class LiveServer:
             browser.pass_on(message)
 
     def page(self, host: str) -> str:
-        """The present scene, as a page that asks for what comes after it.
+        """The present scene, as a page that requests the later messages.
 
         Args:
             host: Name and port under which the browser knows this server: it may connect to no other.
@@ -132,14 +132,14 @@ class LiveServer:
         return live_page(self._title, messages, f"ws://{host}/changes?after={count}")
 
     def welcome(self, browser: _Socket, after: int) -> None:
-        """Tell a new browser what came after its page was made, and then all that follows."""
+        """Send a new browser the messages since its page was made, and then all later ones."""
         self._sockets.add(browser)
         for message in self._recorder.messages(after=after)[0]:
             browser.pass_on(message)
         self._watched.set()
 
     def farewell(self, browser: _Socket) -> None:
-        """Forget a browser that left."""
+        """Remove a browser that has disconnected."""
         self._sockets.discard(browser)
 
 
@@ -149,7 +149,7 @@ class _PageHandler(RequestHandler):
 
     def get(self) -> None:
         host = self.request.host.lower()
-        if not _WITH_PORT.fullmatch(host):  # the name was compared, but not what may stand after it
+        if not _WITH_PORT.fullmatch(host):  # the name was compared, but not text after it
             raise HTTPError(400)
         self.set_header("Cache-Control", "no-store")
         self.set_header("X-Content-Type-Options", "nosniff")
@@ -169,7 +169,7 @@ class _Socket(WebSocketHandler):
         self._after = self._unread = 0
 
     def prepare(self) -> None:
-        """Refuse what is no count, before the connection becomes a socket."""
+        """Refuse an invalid count, before the connection becomes a socket."""
         after = self.get_query_argument("after", "0")
         if not _COUNT.fullmatch(after):
             raise HTTPError(400)
@@ -185,7 +185,7 @@ class _Socket(WebSocketHandler):
         self._server.farewell(self)
 
     def pass_on(self, message: bytes | str) -> None:
-        """Send to this browser; one that has just gone is no error, and one that does not read is sent away."""
+        """Send to this browser; one that has just closed is no error, and one that does not read is disconnected."""
         size = len(message)
         if self._unread + size > MOST_UNREAD:
             self._server.farewell(self)

@@ -1,4 +1,4 @@
-"""Triangles of the things a picture of forces is made of: arrows, cones, tubes, polygons, balls."""
+"""Triangles of the shapes in a picture of forces: arrows, cones, tubes, polygons, balls."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def capsule(radius: float, length: float) -> Mesh:
 
 
 def box(half_sides: Array) -> Mesh:
-    """A box about the origin with these half sides, shape (3,) [m]; every face has vertices of its own."""
+    """A box about the origin with these half sides, shape (3,) [m]; every face has separate vertices."""
     square = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
     two = np.array([[0, 1, 2], [0, 2, 3]])
     sides = []
@@ -108,7 +108,7 @@ def box(half_sides: Array) -> Mesh:
 
 
 def creased(mesh: Mesh, *, angle_deg: float = 35.0) -> Mesh:
-    """The same triangles with vertices doubled along sharp edges, so that shading rounds only what is round.
+    """The same triangles with vertices doubled along sharp edges, so that shading smooths only round parts.
 
     Viewers average normals over the triangles that share a vertex. Here two triangles share one only if a chain of
     edges flatter than `angle_deg` leads from one to the other around it.
@@ -185,7 +185,7 @@ def ring(centre: Array, axes: Array, radius: float, *, thickness: float) -> Mesh
 
 
 def tube(points: Array, *, radius: float, closed: bool = False) -> Mesh:
-    """A line through `points`, shape (n, 3) [m], thick enough to see: browsers draw plain lines one pixel wide."""
+    """A line through `points`, shape (n, 3) [m], thick enough to be visible: browsers draw plain lines one pixel wide."""
     ends = np.vstack([points, points[:1]]) if closed else np.asarray(points)
     pieces = [ball(radius, centre=ends[0])] if len(ends) else []
     for a, b in zip(ends[:-1], ends[1:], strict=True):
@@ -204,7 +204,7 @@ def _knee(radius: float, centre: Array) -> Mesh:
 
 
 def polygon(points: Array) -> Mesh:
-    """The inside of a convex polygon with these corners in order, shape (n, 3) [m]; nothing for n < 3."""
+    """The inside of a convex polygon with these corners in order, shape (n, 3) [m]; empty for n < 3."""
     n = len(points)
     fan = np.array([[0, i, i + 1] for i in range(1, n - 1)], int).reshape(-1, 3)
     return Mesh(np.asarray(points, float), fan)

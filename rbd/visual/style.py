@@ -54,7 +54,7 @@ def distinct_colors(n: int) -> list[str]:
     """N different colours as '#rrggbb': those of contacts, then others around the circle of hues."""
     out = list(CONTACT_COLORS[:n])
     for i in range(n - len(out)):
-        # The golden ratio's steps never meet; lightness goes round in thirds, so that neighbours in hue differ too.
+        # Steps of the golden ratio never coincide; lightness cycles in thirds, so that neighbours in hue differ too.
         red, green, blue = hls_to_rgb((0.11 + i * GOLDEN) % 1.0, (0.38, 0.52, 0.66)[i % 3], 0.62)
         out.append(hexadecimal((red, green, blue)))
     return out
@@ -71,7 +71,7 @@ def rgb(color: str) -> tuple[float, ...]:
 
 
 def rgb_number(color: str, *, share: float = 1.0) -> int:
-    """'#rrggbb', darkened to a share of its light, as the number 0xrrggbb that Meshcat's materials want."""
+    """'#rrggbb', darkened to a share of its light, as the number 0xrrggbb for Meshcat's materials."""
     parts = bytes.fromhex(color.removeprefix("#"))
     return int.from_bytes(bytes(int(share * part) for part in parts), "big")
 
@@ -92,7 +92,7 @@ def a_page(value: object) -> Path:
     """The path of a page to write.
 
     Raises:
-        PictureError: if it is none, does not end in .html, or nothing can be written there.
+        PictureError: if it is invalid, does not end in .html, or cannot be written.
     """
     target = a_path("the page", value)
     if target.suffix.lower() not in (".html", ".htm"):
@@ -105,7 +105,7 @@ def a_picture(value: object) -> Path:
     """The path of a picture to write.
 
     Raises:
-        PictureError: if it is none, or nothing can be written there.
+        PictureError: if it is invalid, or cannot be written.
     """
     target = a_path("the picture", value)
     check_place(target, PictureError)
@@ -113,7 +113,7 @@ def a_picture(value: object) -> Path:
 
 
 def is_there(path: Path) -> bool:
-    """Whether it is a file; False where the system will not say."""
+    """Whether it is a file; False if the system refuses the information."""
     try:
         return path.is_file()
     except OSError:

@@ -1,4 +1,4 @@
-"""Motions on axes that are given: forces with what each contact does, energies, joints with their limits.
+"""Motions on axes that are given: forces with contact modes, energies, joints with their limits.
 
 Axes first, artists out, no window, no global state. Colours of contacts are those of the scene.
 """
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _BOLD, _FINE, _HAIR = 1.7, 0.9, 0.6
-"""Line widths of what is looked at first, of its companions, of marks [points]."""
+"""Line widths of main curves, of secondary curves, of marks [points]."""
 _GREY = "0.45"
 _ROW = 0.045
 """Height of a contact's band, as a share of the axes' height."""
@@ -36,29 +36,29 @@ _MODES: dict[str, dict[str, Any]] = {
     PUSHES: {"alpha": 0.45, "linewidth": 0.0},
     SLIPS: {"hatch": "//////", "linewidth": _HAIR},
 }
-"""How each mode is filled; what is open is left empty."""
+"""Fill of each mode; open contacts are empty."""
 _BURST, _OFTEN = 3.0, 98.0
-"""A peak of so many times what is passed in so many per cent of the samples is cut off."""
+"""(factor, per cent): a peak beyond this factor times the percentile of the samples is cut off."""
 WHATS = ("q", "v", "a", "tau")
 _NONE = 1e100
-"""Limits beyond it are how a file says that there are none."""
+"""Limits beyond it mean that there are none."""
 
 
 def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None = None) -> list[Artist]:
-    """Forces over time, and below them what each contact does: sticks, slips, or nothing.
+    """Forces over time, and below them the mode of each contact: sticks, slips or open.
 
     Of a contact the vertical force is a bold line and the size of the horizontal one a fine one (world axes, on the robot); of
     any other constraint each row is a line. Hairlines mark beginnings and ends of contact, the dotted line the weight of a
-    floating robot, where a force comes near it. A peak that would flatten all else is cut off, with a note. The impulse of an
+    floating robot, if a force comes near it. A peak that would hide all else is cut off, with a note. The impulse of an
     impact is no force: it is in `trajectory.events`.
 
     Args:
         ax: Matplotlib axes, empty. The band is a child of them and carries the time axis.
         trajectory: What `rbd.simulate` returns.
-        names: Which constraints; all contacts by default, or all constraints if nothing is a contact.
+        names: Names of constraints; all contacts by default, or all constraints if there is no contact.
 
     Returns:
-        What was drawn: two lines a contact and one a row of what is none, then bands, hairlines and notes.
+        The artists: two lines a contact and one a row of other constraints, then bands, hairlines and notes.
 
     Raises:
         InputError: if `ax` are no axes, or a name is unknown.
@@ -94,7 +94,7 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
 
 
 def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
-    """Kinetic, potential and total energy over time; potential from what it is at the start.
+    """Kinetic, potential and total energy over time; potential relative to the start.
 
     Args:
         ax: Matplotlib axes, empty.
@@ -130,7 +130,7 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
         ax: Matplotlib axes, empty.
         trajectory: What `rbd.simulate` returns.
         joint: A joint's name, or several; of a joint with several degrees of freedom one of its coordinates, as "root_joint.z".
-        what: "q" (a continuous joint's angle goes on beyond a turn), "v", "a" or "tau".
+        what: "q" (a continuous joint's angle is not wrapped), "v", "a" or "tau".
 
     Returns:
         A line a joint, then the dashed limits that are in sight, then hairlines at contact events.
@@ -184,7 +184,7 @@ def _dress(ax: Axes, trajectory: Trajectory, label: str) -> None:
 
 
 def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
-    """Limits of the axis, and a note where a peak goes beyond them."""
+    """Limits of the axis, and a note if a peak exceeds them."""
     size = np.max(np.abs(curves), axis=0) if curves else np.zeros(1)
     peak, usual = float(size.max()), float(np.percentile(size, _OFTEN))
     if not usual or peak <= _BURST * usual:
@@ -197,7 +197,7 @@ def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
 
 
 def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None) -> list[Artist]:
-    """A hairline for each time at which a contact begins or ends, in its colour or grey; fainter where there are many."""
+    """A hairline for each time at which a contact begins or ends, in its colour or grey; fainter if there are many."""
     out: list[Artist] = []
     for name in names:
         times = sorted({e.t for e in trajectory.events if e.name == name and e.kind in ("touches", "leaves")})
@@ -229,7 +229,7 @@ def _bands(ax: Axes, trajectory: Trajectory, names: Sequence[str], colors: dict[
 
 
 def _spans(t: Array, there: Array) -> list[tuple[float, float]]:
-    """(begin, length) of each run of samples; a sample stands for the time till the next one."""
+    """(begin, length) of each run of samples; a sample covers the time to the next one."""
     edges = np.flatnonzero(np.diff(np.r_[False, there, False]))
     ends = np.r_[t, t[-1]]
     return [(t[a], ends[b] - t[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -240,7 +240,7 @@ def _filled(color: str, style: dict[str, Any]) -> dict[str, Any]:
 
 
 def _keys(trajectory: Trajectory, names: Sequence[str]) -> list[Artist]:
-    """What bold, fine and each filling mean, in grey."""
+    """Legend of bold and fine lines and of each fill, in grey."""
     from matplotlib.patches import Patch
 
     out: list[Artist] = []
@@ -309,7 +309,7 @@ def joint_curves(trajectory: Trajectory, joints: str | Sequence[str], what: str)
     """The curves of joints, all of one unit.
 
     Raises:
-        InputError: an unknown joint or quantity; a joint without a motor, if torques are asked; several units.
+        InputError: an unknown joint or quantity; a joint without a motor, if torques are requested; several units.
     """
     if not isinstance(what, str) or what not in WHATS:
         raise InputError(f"what is {what!r:.80}; expected one of {', '.join(map(repr, WHATS))}.")
@@ -356,7 +356,7 @@ def _quantity(coordinate: Coordinate, what: str) -> tuple[str, str]:
 
 
 def _limits(robot: CheckedModel, i: int, what: str) -> tuple[float, ...]:
-    """Limits of entry i; none where the file states none."""
+    """Limits of entry i; none if the file states none."""
     model = robot.model
     if what == "q":
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])

@@ -115,5 +115,5 @@ def test_a_slipping_point_that_pulls_is_refused() -> None:
     """A normal force of the wrong sign, as of an answer that is none: friction would push along the slip."""
     s = moved([BEAD], (80.0, 0.0, 0.0))
     assert s.weights is not None
-    with pytest.raises(NotDifferentiable, match="pulls at the ground"):
+    with pytest.raises(NotDifferentiable, match="has negative normal force"):
         ActiveSet(replace(s, weights=-s.weights, multipliers=-s.multipliers))

@@ -20,6 +20,7 @@ from rbd.analysis import extent, force_choice
 from rbd.errors import CannotHold, InputError, NoSolution, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.problem import programs
+from rbd.solvers import conic
 from rbd.testing import box
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -266,17 +267,24 @@ class TestWork:
             force_choice.minimum_norm(s.problem, s.a, s.multipliers, s.weights, s.law)
 
     def test_whether_a_robot_can_be_held_may_not_be_found(self, monkeypatch, talos):
-        """Not "cannot be held": nobody knows."""
-        monkeypatch.setattr(programs, "PROGRAM_PIVOTS", 0)
-        monkeypatch.setattr(programs, "PROGRAM_SECONDS", 0.0)
-        with pytest.raises(CannotHold, match="was not found within"):
-            rbd.hold(talos.standing(), talos.soles(0.5))
+        """Not "cannot be held": nobody knows, so there is no proof and nothing is named."""
+        monkeypatch.setattr(conic, "_by_newton", lambda program: None)
+        for steps, seconds in ((1, conic.CONIC_SECONDS), (conic.CONIC_STEPS, 0.0)):
+            monkeypatch.setattr(conic, "CONIC_STEPS", steps)
+            monkeypatch.setattr(conic, "CONIC_SECONDS", seconds)
+            with pytest.raises(CannotHold, match="was not found within") as caught:
+                rbd.hold(talos.standing(), talos.soles(0.5))
+            assert caught.value.certificate is None and caught.value.limits == ()
 
-    def test_a_hold_that_does_not_converge_is_refused(self, monkeypatch, talos):
-        """The linear program says that it can be held; no setting finds how."""
-        monkeypatch.setattr("rbd.statics.equilibrium.qp.attempts", lambda *_, **__: iter(()))
-        with pytest.raises(CannotHold, match="in principle"):
-            rbd.hold(talos.standing(), talos.soles(0.5))
+    def test_a_hold_that_newtons_method_does_not_find_is_found(self, monkeypatch, talos):
+        """By the interior point alone, to the digits that it has."""
+        expected = rbd.hold(talos.standing(), talos.soles(0.5))
+        assert expected.method == "Newton"
+        monkeypatch.setattr(conic, "_by_newton", lambda program: None)
+        monkeypatch.setattr(conic, "newton_steps", lambda *_: None)
+        found = rbd.hold(talos.standing(), talos.soles(0.5))
+        assert found.method == "Clarabel" and np.abs(found.tau - expected.tau).max() < 1e-3
+        assert found.status == "solved"
 
     def test_derivatives_without_a_program_are_refused(self, monkeypatch):
         """A box on four points: whether its forces have room takes a linear program."""

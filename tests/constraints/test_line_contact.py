@@ -219,5 +219,5 @@ def test_a_normal_that_is_none_is_refused():
 def test_a_line_that_stands_on_the_ground_is_refused():
     """Its x axis along the normal: the placement is turned."""
     upright = pin.SE3(pin.exp3(np.array([0.0, np.pi / 2, 0.0])), np.zeros(3))
-    with pytest.raises(rbd.InputError, match="90 degrees off its surface"):
+    with pytest.raises(rbd.InputError, match="90 degrees to its surface"):
         rbd.LineContact("edge", "box", half_length=0.1, placement=upright, on=rbd.Ground(normal=(0.0, 0.0, 1.0))).rows(_at())

@@ -141,7 +141,7 @@ def test_a_blade_of_a_free_box_is_in_the_momentum_balance():
 def test_a_blade_that_stands_on_end_is_refused():
     """Its direction is the plane's normal, so it has no side."""
     state = rbd.State(box(), pin.neutral(box().model))
-    with pytest.raises(rbd.InputError, match="stands upright on its plane"):
+    with pytest.raises(rbd.InputError, match="is normal to its plane"):
         rbd.KnifeEdge("blade", "box", direction=(0, 0, 1)).rows(state)
 
 

@@ -181,7 +181,7 @@ def test_a_contact_that_leaves_splits_nothing():
             lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), Rows("row", np.eye(1), np.zeros(1), rbd.problem.Free(1))),
             "single Rows",
         ),
-        (lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), [3.0]), "rows hold a float"),
+        (lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), [3.0]), "rows contain a float"),
         (lambda: rbd.KKT().solve("problem"), "a solver wants a GaussProblem, got 'problem'"),
     ],
 )

@@ -172,7 +172,7 @@ def test_constraints_that_ask_for_no_place_are_refused_by_name_and_not_by_what_f
     slips = rbd.PointContact("slips", "rocker_tip", friction=0.5, anchor=(0.0, 0.0, 0.0))
     for given, error, match in (
         ([*loops, slips], rbd.InputError, "'slips' can slip or break"),
-        ([rbd.JointFriction("rubs", "crank", 1.0)], rbd.InputError, "no constraint says where .*'rubs' resists a motion"),
+        ([rbd.JointFriction("rubs", "crank", 1.0)], rbd.InputError, "determines a position .*'rubs' resists motion"),
         ([*loops, *loops], rbd.errors.DuplicateName, "two constraints are called 'loop'"),
     ):
         with pytest.raises(error, match=match):

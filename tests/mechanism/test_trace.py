@@ -228,7 +228,7 @@ def test_a_structure_and_a_joint_that_does_not_move_are_refused():
     still = rbd.JointLock("brake", "output", position=1.0)
     six, six_loops = six_bar()
     q6 = np.array([0.7, 0.0, 1.5, 0.0, 1.0])
-    with pytest.raises(rbd.InputError, match="stands still"):
+    with pytest.raises(rbd.InputError, match="is at rest while"):
         trace(rbd.State(six, q6), [six_loops[0], still], joint="output", values=(1.0, 1.5), fixed={"link": 0.0})
 
 

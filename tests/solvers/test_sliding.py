@@ -124,7 +124,7 @@ class TestPainlevesRod:
         two = COULOMB.solve(rod_problem(2.0, np.arctan(2.0), 5.0))
         assert two.status == "solved" and two.law.kind == "coulomb" and [o.status for o in two.others] == ["solved"]
         assert two.gauss == 0.0 and two.others[0].gauss > 0.0  # leaving first
-        assert "2 motions" in two.reason and "'tip' leaves" in two.reason and "'tip' presses with" in two.reason
+        assert "2 motions" in two.reason and "'tip' leaves" in two.reason and "'tip' carries" in two.reason
         none = COULOMB.solve(rod_problem(2.0, np.arctan(2.0)))
         assert none.status not in ("solved", "inaccurate") and "Painleve" in none.reason and not none.others
 
@@ -180,7 +180,7 @@ class TestRodThroughTheDoor:
         rate = 9.0
         b, D = self.half * rate**2 * np.sin(self.angle) - G, rod_pressing(self.mu, self.angle, self.mass)
         with pytest.warns(
-            rbd.errors.NonUniqueMotionWarning, match=r"rod has no one motion: 2 motions .*'tip' leaves; .*'tip' presses with"
+            rbd.errors.NonUniqueMotionWarning, match=r"rod has no one motion: 2 motions .*'tip' leaves; .*'tip' carries"
         ):
             s = self.ask(rate)
         assert s.forces["tip"] == pytest.approx(np.zeros(3)) and s.accelerations["tip"][2] == pytest.approx(b)

@@ -1,12 +1,12 @@
-"""Where two convex shapes touch, or would touch first: normal, points and gaps.
+"""Contact geometry of two convex shapes: normal, points and gaps, touching or near.
 
 Coal gives the nearest points and their direction. Where a flat face of one shape is nearly across that direction, the face's
-own normal is taken if it parts the shapes as far: the signed distance of convex shapes is the largest, over all normals n, of
+normal is used if it separates the shapes as far: the signed distance of convex shapes is the largest, over all normals n, of
 
     (lowest p . n of the first) - (highest p . n of the second)
 
-so a better normal can be told from a worse one. Between faces, ends and edges the points are the corners of what the two have
-in common, seen along the normal, each with the gap between the two surfaces there. Else it is the nearest pair alone.
+so normals can be compared. Between faces, ends and edges the points are the corners of the intersection of the two,
+seen along the normal, each with the gap between the two surfaces there. Else it is the nearest pair only.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from rbd.constraints.convex.solids import ConvexShape, across, spread
 NEARLY_ACROSS = 0.99995
 """A face's normal is tried where its cosine with the nearest direction is above this: 0.6 degrees."""
 IN_TOUCH_M, RETREAT_M = 1e-7, 1e-5
-"""Of shapes nearer than the first coal's normal leans by up to 1e-5, and edges that cross seem to meet at an end: the second
-shape is drawn back by the other length, and the distance taken from there."""
+"""For shapes nearer than the first, Coal's normal is off by up to 1e-5, and crossing edges seem to meet at an end: the second
+shape is moved away by the other length, and the distance corrected."""
 LEVEL_M = 1e-4
-"""Points that are less than this behind the nearest one belong to the same face or edge, though they may not touch yet."""
+"""Points that are less than this behind the nearest one belong to the same face or edge, touching or not."""
 LEANING = 0.1
-"""A face whose normal has less than this along the contact's normal is a side."""
+"""A face whose normal has a component below this along the contact's normal is a side face."""
 
 
 class Crossing(NamedTuple):
-    """A point where two shapes may touch.
+    """A possible contact point of two shapes.
 
     Attributes:
-        name: Of the shapes, with the numbers of the corners or edges that meet.
-        first: Number of the point of the first shape that is there; -1 where an edge or a face of it is.
-        second: Likewise.
+        name: Names of the shapes, with the numbers of the corners or edges that meet.
+        first: Number of the first shape's point; -1 where it is on an edge or a face.
+        second: Number of the second shape's point, or -1.
         position: Halfway between the two, in W, shape (3,) [m].
-        gap: From the second to the first along the normal [m]; negative where they overlap.
+        gap: Distance from the second to the first along the normal [m]; negative where they overlap.
     """
 
     name: str
@@ -53,12 +53,12 @@ class Crossing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """How two shapes stand to each other.
+    """Contact geometry of two shapes.
 
     Attributes:
         normal: From the second to the first, unit vector in W, shape (3,).
         carrier: 1 or 2: the shape whose face gives the normal, so that it turns with that body; 0: neither.
-        crossings: Where they may touch, those within the margin.
+        crossings: Possible contact points within the margin.
     """
 
     normal: Array
@@ -68,7 +68,7 @@ class Meeting:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """A shape in W, seen along a normal that points out of what it touches (`sign` 1) or at it (-1)."""
+    """A shape in W, with a normal that points out of the other shape (`sign` 1) or into it (-1)."""
 
     shape: ConvexShape
     X: pin.SE3
@@ -90,7 +90,7 @@ class _Placed:
         return numbers, points @ self.X.rotation.T + self.X.translation
 
     def surface(self, base: Array) -> Array | None:
-        """Heights q . n of the surface where some points are, shape (k,), of the faces across n; None where there are none."""
+        """Heights q . n of the surface where some points are, shape (k,), of the faces across n; None if there are none."""
         N = self.shape.faces[:, :3] @ self.X.rotation.T
         lean = -self.sign * (N @ self.n)
         facing = lean > LEANING
@@ -102,14 +102,14 @@ class _Placed:
 
 
 def meeting(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3, margin: float) -> Meeting | None:
-    """How two shapes stand to each other; None where they are farther apart than `margin`.
+    """Contact geometry of two shapes; None where they are farther apart than `margin`.
 
     Args:
         first: A shape.
-        X_1: Where the joint that carries it is in W.
-        second: Another.
-        X_2: Likewise.
-        margin: Largest gap of points that are given [m].
+        X_1: Pose of its joint in W.
+        second: Another shape.
+        X_2: Pose of its joint in W.
+        margin: Largest gap of points that are returned [m].
     """
     gap, n, p_1, p_2 = _nearest(first, X_1, second, X_2)
     if gap > margin:
@@ -135,7 +135,7 @@ def _nearest(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3
 def _by_coal(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.enable_signed_distance = True
-    # With its own 1e-6 normals of round shapes are wrong by 1e-3; this costs no more.
+    # With the default 1e-6, normals of round shapes are wrong by 1e-3; this costs no more.
     request.gjk_tolerance = request.epa_tolerance = 1e-12
     poses = [X * s.X_JC for X, s in ((X_1, first), (X_2, second))]
     placed = [coal.Transform3s(X.rotation, X.translation) for X in poses]
@@ -147,7 +147,7 @@ def _by_coal(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3
 def _squared(
     first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3, n: Array, gap: float
 ) -> tuple[Array, int, float]:
-    """(normal, carrier, gap) with a face's own normal where one parts the shapes as far."""
+    """(normal, carrier, gap) with a face's normal where one separates the shapes as far."""
 
     def parted(along: Array) -> float:
         return _Placed(first, X_1, along, 1.0).extreme() - _Placed(second, X_2, along, -1.0).extreme()
@@ -167,14 +167,14 @@ def _squared(
 
 
 def _common(A: _Placed, B: _Placed, depth: float) -> list[Crossing]:
-    """Corners of what two faces, or a face and an edge, or two parallel edges, have in common; none for other pairs."""
+    """Corners of the intersection of two faces, of a face and an edge, or of two parallel edges; none for other pairs."""
     plane = across(A.n)
     sides = [_Side(placed, plane, *placed.near(depth)) for placed in (A, B)]
     P, Q = (side.corners for side in sides)
     found = overlap(P, Q)
     if not found:
         return []
-    # A corner within the other's outline may be lower than the corners around it.
+    # A corner within the other's outline can be lower than the corners around it.
     found += [x for x in sides[0].flat if inside(x, Q)] + [x for x in sides[1].flat if inside(x, P)]
     points = [x for i, x in enumerate(found) if not any(same(x, y) for y in found[:i])]
     xy = np.array(points)
@@ -202,7 +202,7 @@ class _Side:
         self.corners = [self.flat[i] for i in self.hull]
 
     def place(self, x: Point) -> tuple[int, str]:
-        """(number of the point that stands at x, or -1; in words: that number, those of the edge's ends, or "face")."""
+        """(number of the point at x, or -1; a label: that number, those of the edge's ends, or "face")."""
         for number, p in zip(self.numbers, self.flat, strict=True):
             if same(x, p):
                 return number, str(number)
@@ -213,11 +213,11 @@ class _Side:
         return -1, f"{low}-{high}"
 
     def heights(self, xy: Array, base: Array) -> Array:
-        """Height q . n of the surface above or below some points: on the shape's faces; of an edge, along it."""
+        """Height q . n of the surface above or below some points: on the shape's faces, or along an edge."""
         if len(self.hull) == 2:
             sign, h = self.placed.sign, self.height.tolist()
             a, b = self.corners
-            # Where two points are seen as one it is the nearer that counts.
+            # Where two points coincide in this view the nearer one counts.
             ends = [sign * min(sign * h[i] for i, p in enumerate(self.flat) if same(p, end)) for end in (a, b)]
             along = np.array([b[0] - a[0], b[1] - a[1]])
             return ends[0] + ((xy - a) @ along) * (ends[1] - ends[0]) / float(along @ along)
@@ -229,7 +229,7 @@ class _Side:
 
 
 def _nearest_crossing(A: _Placed, B: _Placed, p_1: Array, p_2: Array, gap: float) -> Crossing:
-    """The nearest pair alone: a ball, a corner, or edges that cross."""
+    """The nearest pair only: a ball, a corner, or edges that cross."""
     one, other = A.near(1e-6), B.near(1e-6)
     i = one[0][0] if len(one[0]) == 1 else -1
     j = other[0][0] if len(other[0]) == 1 else -1

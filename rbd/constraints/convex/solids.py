@@ -1,17 +1,17 @@
-"""Convex shapes of a robot's bodies, and the points with which they can touch something below them.
+"""Convex shapes of a robot's bodies, and the points with which they can touch a surface below them.
 
-A shape is its corners, its round parts, and its flat faces, all in the axes of the joint that carries it. A mesh counts as its
+A shape is its corners, its round parts, and its flat faces, all in the axes of its joint. A mesh counts as its
 convex hull.
 
-A round part (ball, rim of a cylinder, ellipsoid) knows its lowest point. `up` is the unit normal of what is below it, as the
-body sees it; where the body turns, `up` turns the other way at a rate that the caller knows, and the lowest point wanders over
+A round part (ball, rim of a cylinder, ellipsoid) gives its lowest point. `up` is the unit normal of the surface below, in the
+body's axes; as the body turns, `up` turns the other way at a rate that the caller gives, and the lowest point moves over
 the body at
 
     ball:       p = c - r up                                   p' = -r up'
     rim:        p = c - r e,  e = u / |u|,  u = up - (up . a) a    p' = -r e'
     ellipsoid:  p = c - Q up / s,  s = sqrt(up . Q up)         p' = -Q up' / s + Q up (up . Q up') / s^3
 
-Many points are reduced to a few: those that carry, and those that the body would tip over.
+Many points are reduced to a few: the loaded ones, and those over which the body would tip.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from rbd.arrays import Array
 from rbd.errors import ModelError
 
 RIM_CORNERS = 8
-"""Corners that stand for a rim that lies flat: a regular polygon in it, its edges up to 8 % of the radius inside."""
+"""Corners that replace a flat rim: a regular polygon in it, its edges up to 8 % of the radius inside."""
 FLAT_M = 1e-5
-"""Corners of a mesh that are this near to a face of it lie on the face; of more than eight, eight stand for all."""
+"""Corners of a mesh this near to a face are on the face; of more than eight, eight are used."""
 _LEVEL_M = 1e-7
-"""A rim whose lowest point is less than this below its centre lies flat: all of it is as low."""
+"""A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
 STEEP = 0.1
-"""A rim that leans by more than this (sine) touches at its lowest point alone."""
+"""A rim inclined by more than this (sine) touches only at its lowest point."""
 LOWEST = 8
-"""When contact points are reduced to a few, this many of the lowest are always kept, so that none in contact is dropped."""
+"""When contact points are reduced to a few, this many of the lowest are always included, so that none in contact is dropped."""
 DIRECTIONS = 8
 """Seen from above, the farthest point in each of so many directions is chosen too."""
 MOST_POINTS = LOWEST + DIRECTIONS
 TIPS = 0.1
-"""A point at height h counts as nearer by h over this [rad]: what the body would have to tip far to come down on."""
+"""A point at height h counts as nearer by h over this [rad]: points that touch only after a large tilt."""
 _angles = 2.0 * np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
 _TOWARDS = np.vstack([np.cos(_angles), np.sin(_angles)])
 
@@ -51,17 +51,17 @@ _TOWARDS = np.vstack([np.cos(_angles), np.sin(_angles)])
 class ConvexShape:
     """A convex shape fixed to a body.
 
-    Its points have numbers: first the vertices, then the round parts.
+    Its points are numbered: first the vertices, then the round parts.
 
     Attributes:
-        name: Of the shape in Pinocchio's geometry.
-        joint: Index of the joint that carries it; 0 of what stands in the world.
+        name: Name of the shape in Pinocchio's geometry.
+        joint: Index of its joint; 0 if fixed to the world.
         vertices: Corners, shape (n, 3) [m].
         rounds: Round parts.
         faces: Flat faces (N, d), N x <= d inside, shape (f, 4) [1, m].
         coal: The same for Coal's distances.
-        X_JC: Where `coal` stands.
-        centre: Of a ball around all of it, shape (3,) [m].
+        X_JC: Pose of `coal` in the joint's axes.
+        centre: Centre of a bounding ball, shape (3,) [m].
         reach: Radius of that ball [m].
     """
 
@@ -91,7 +91,7 @@ class ConvexShape:
         object.__setattr__(self, "reach", max([float(away), *balls, *ovals]))
 
     def low(self, up: Array, limit: float) -> tuple[list[int], Array]:
-        """(numbers, points (k, 3) [m]) of what lies not above `limit` [m] along `up`: what can touch, see `spread`.
+        """(numbers, points (k, 3) [m]) of the points not above `limit` [m] along `up`: those that can touch, see `spread`.
 
         Args:
             up: Unit vector in the body's axes, shape (3,).
@@ -129,7 +129,7 @@ def convex_shape(shape: pin.GeometryObject) -> ConvexShape:
     """The shape of a geometry object.
 
     Raises:
-        ModelError: it has no end (a plane, a half-space), or no vertices.
+        ModelError: it is unbounded (a plane, a half-space), or no vertices.
     """
     X, geometry = pin.SE3(shape.placement), shape.geometry
     name, joint = str(shape.name), int(shape.parentJoint)
@@ -183,8 +183,8 @@ def _rim(X: pin.SE3, radius: float, z: float, i: int) -> Rim:
 
 
 def _hull(name: str, joint: int, points: Array) -> ConvexShape:
-    """The convex hull of a mesh, in the joint's axes; of a flat one all of its points, without faces."""
-    from scipy.spatial import ConvexHull, QhullError  # a tenth of a second to import
+    """The convex hull of a mesh, in the joint's axes; for a flat one all of its points, without faces."""
+    from scipy.spatial import ConvexHull, QhullError  # import takes a tenth of a second
 
     if len(points) == 0:
         raise ModelError("is a mesh without vertices")
@@ -198,7 +198,7 @@ def _hull(name: str, joint: int, points: Array) -> ConvexShape:
     number[hull.vertices] = np.arange(len(hull.vertices))
     triangles = number[hull.simplices]
     corners = points[hull.vertices]
-    # Coal wants corners counterclockwise as seen from outside; Qhull leaves them in any order.
+    # Coal wants corners counterclockwise as seen from outside; Qhull gives them in any order.
     a, b, c = (corners[triangles[:, i]] for i in range(3))
     inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
@@ -210,7 +210,7 @@ def _hull(name: str, joint: int, points: Array) -> ConvexShape:
 
 
 def _few(corners: Array, faces: Array) -> Array:
-    """Numbers of the corners without those of large faces for which eight others of the face stand, ascending."""
+    """Indices of the corners, ascending; of large faces only the eight that represent them."""
     on_face = np.abs(corners @ faces[:, :3].T - faces[:, 3]) < FLAT_M
     kept, dropped = set(), set()
     for i in np.flatnonzero(on_face.sum(axis=0) > DIRECTIONS):
@@ -238,7 +238,7 @@ class Round(Protocol):
     """A part of a shape that has one lowest point."""
 
     def lowest(self, up: Array) -> Array | None:
-        """The lowest point, shape (3,) [m]; None where many are as low."""
+        """The lowest point, shape (3,) [m]; None where many are equally low."""
 
     def wander(self, up: Array, rate: Array) -> Array:
         """How fast the lowest point moves over the body while `up` changes at `rate` [1/s], shape (3,) [m/s]."""
@@ -261,7 +261,7 @@ class Ball:
         return self.centre - self.radius * up
 
     def wander(self, up: Array, rate: Array) -> Array:
-        """Against the turn of `up`."""
+        """Opposite to the rate of `up`."""
         return -self.radius * rate
 
 
@@ -273,7 +273,7 @@ class Rim:
         centre: Shape (3,) [m].
         axis: Unit vector, shape (3,).
         radius: [m].
-        corners: Which of the shape's vertices stand on it.
+        corners: Which of the shape's vertices are on it.
     """
 
     centre: Array
@@ -282,13 +282,13 @@ class Rim:
     corners: slice
 
     def lowest(self, up: Array) -> Array | None:
-        """As far down in the rim's plane as it goes; None where the rim lies flat."""
+        """The lowest point in the rim's plane; None where the rim is flat."""
         u = up - float(up @ self.axis) * self.axis
         length = float(np.linalg.norm(u))
         return None if self.radius * length < _LEVEL_M else self.centre - (self.radius / length) * u
 
     def wander(self, up: Array, rate: Array) -> Array:
-        """Along the rim; fast where it lies nearly flat, as a coin does that comes to rest."""
+        """Along the rim; fast where it is nearly flat, as for a coin that comes to rest."""
         u = up - float(up @ self.axis) * self.axis
         length = float(np.linalg.norm(u))
         if self.radius * length < _LEVEL_M:
@@ -298,7 +298,7 @@ class Rim:
         return -self.radius * (du - e * float(e @ du)) / length
 
     def stands(self, up: Array) -> bool:
-        """Whether it leans so much that only its lowest point can touch."""
+        """Whether it is inclined so much that only its lowest point can touch."""
         return 1.0 - float(up @ self.axis) ** 2 > STEEP**2
 
 
@@ -315,7 +315,7 @@ class Oval:
     Q: Array
 
     def lowest(self, up: Array) -> Array | None:
-        """Where the tangent plane is level."""
+        """The point with a horizontal tangent plane."""
         down = self.Q @ up
         return self.centre - down / np.sqrt(up @ down)
 
@@ -326,15 +326,15 @@ class Oval:
 
 
 def spread(points: Array, height: Array, up: Array) -> Array:
-    """Numbers of the chosen among some points, in ascending order; at most `MOST_POINTS`.
+    """Indices of the points chosen among many, in ascending order; at most `MOST_POINTS`.
 
-    The answer is a matter of where the points are now, not of what was chosen before, and changes only far from where the
+    The choice depends only on the present positions, not on earlier choices, and changes only far from where the
     body touches.
 
     Args:
         points: Shape (n, 3) [m].
-        height: Above what they may touch, shape (n,) [m].
-        up: Unit vector away from it, shape (3,).
+        height: Height above the surface, shape (n,) [m].
+        up: Unit vector away from the surface, shape (3,).
     """
     if len(points) <= MOST_POINTS:
         return np.arange(len(points))
@@ -344,7 +344,7 @@ def spread(points: Array, height: Array, up: Array) -> Array:
 
 
 def farthest(flat: Array, height: Array) -> Array:
-    """Number of the farthest point in each direction, less its height over `TIPS`, shape (DIRECTIONS,).
+    """Index of the farthest point in each direction, less its height over `TIPS`, shape (DIRECTIONS,).
 
     Args:
         flat: Points as seen from above, shape (n, 2) [m].

@@ -31,7 +31,7 @@ class Body:
     """A body, or the world.
 
     Attributes:
-        name: Its own, or one made of its number.
+        name: Its name, or one made from its number.
         parent: Index of the body it hangs from, -1 for the world.
         X: Where it is on its parent, in the posture that the file draws.
         joints: In the order in which they move it.
@@ -53,7 +53,7 @@ class Body:
 
 @dataclass
 class _Parts:
-    """What belongs to a body, frames carried out: (element, pose of what is around it, default class)."""
+    """The elements of a body, frames resolved: (element, pose of its parent, default class)."""
 
     bodies: list[tuple[Element, Pose, str | None]] = field(default_factory=list)
     others: dict[str, list[tuple[Element, Pose]]] = field(default_factory=dict)
@@ -61,7 +61,7 @@ class _Parts:
 
 @dataclass(frozen=True)
 class BodyReader:
-    """Reads the bodies of a file; what is wrong is said with the file's name."""
+    """Reads the bodies of a file; faults are reported with the file's name."""
 
     wrong: Complaints
     defaults: Defaults
@@ -72,7 +72,7 @@ class BodyReader:
         """The world and all bodies, each after its parent, branch by branch in the order of the file.
 
         Raises:
-            ModelError: naming what is wrong or not read.
+            ModelError: naming the fault, or what is not read.
         """
         out: list[Body] = []
         taken = {body.get("name") for body in root.iterfind("worldbody//body")}
@@ -95,7 +95,7 @@ class BodyReader:
     def _parts(self, body: Element, childclass: str | None) -> _Parts:
         found = _Parts()
         stack = [(body, at_rest(), body.get("childclass", childclass))]
-        while stack:  # elements in their order: frames are opened where they stand
+        while stack:  # elements in their order: frames are resolved in place
             element, X, inner = stack.pop()
             if element.tag == "frame" or element is body:
                 if element.tag == "frame":
@@ -199,7 +199,7 @@ class BodyReader:
         return Solid(mass, place.p, place.R @ own @ place.R.T)
 
     def _bounded(self, what: str, solid: Solid) -> Solid:
-        """Its mass and moments not below the least ones of the file, and balanced if the file asks for it."""
+        """Its mass and moments of inertia, at least the file's minima, and balanced if the file requires it."""
         settings = self.settings
         if 0.0 < solid.mass < LIGHTEST:
             self.wrong.stop(f"{what} has a mass of {solid.mass:g} kg; expected zero, or at least {LIGHTEST:g} kg.")
@@ -231,7 +231,7 @@ class Shape:
     """A shape on a body.
 
     Attributes:
-        name: Its own; empty if it has none.
+        name: Its name; empty if it has none.
         kind: "sphere", "capsule", "cylinder", "ellipsoid", "box", "plane", "mesh" or "hfield".
         size: Radius; radius and half length; half lengths [m].
         X: Where it is on its body.
@@ -239,7 +239,7 @@ class Shape:
         touches: Whether it takes part in contacts.
         group: Which group it is in.
         rgba: Its colour.
-        element: With what its class says for it.
+        element: The element with its class defaults.
     """
 
     name: str

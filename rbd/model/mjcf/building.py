@@ -16,7 +16,7 @@ _ALIGNED = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 def build(mjcf: Mjcf) -> pin.Model:
     """The model: q, v and the joints in the order of the file, quaternions as x, y, z, w.
 
-    A body with several joints hangs from a chain of them, with nothing between. q of a hinge or a slide is the file's own
+    A body with several joints is attached by a chain of massless ones. q of a hinge or a slide is the file's
     coordinate: `ref` in the posture that is drawn. A floating body's q is its pose in W.
 
     Raises:

@@ -1,8 +1,8 @@
-"""Elements of MJCF: which of them and of their attributes are read or change nothing here, and what defaults say for them.
+"""Elements of MJCF: which of them and of their attributes are read or have no effect here, and their defaults.
 
-Everything else is refused by its name.
+All others are refused by name.
 
-"Changes nothing" means: not the tree, not M, not gravity, not the motors, not a joint's axis or limits. An element or an
+"No effect" means: none on the tree, M, gravity, not the motors, not a joint's axis or limits. An element or an
 attribute that is in neither list may do so, or may come to do so in a later version of MJCF.
 """
 
@@ -32,7 +32,7 @@ ACTUATORS = (
 )
 ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 _PARTIAL = ("size", "gear", "gainprm", "biasprm", "dynprm")
-"""Lists of which an element may give the first few numbers; the others are the default's."""
+"""Attributes of which an element may give only the first numbers; the others are defaults."""
 _CLASSED = ("joint", "geom", "site", "mesh")
 
 
@@ -83,7 +83,7 @@ KNOWN: dict[str, frozenset[str]] = {
 
 SECTIONS = _words("""compiler option default worldbody asset actuator equality tendon keyframe deformable
     size statistic visual custom sensor contact extension""")
-"""Sections of a file; the second line changes nothing here."""
+"""Sections of a file; the second line has no effect here."""
 
 _INSIDE = {
     "worldbody": _words("body geom site camera light frame"),
@@ -132,7 +132,7 @@ def _refuse(wrong: Complaints, tag: str, where: str) -> None:
 
 
 def check_attributes(wrong: Complaints, what: str, element: Element) -> None:
-    """Refuse attributes that are not known to be read right or to change nothing."""
+    """Refuse attributes that are neither read nor known to have no effect."""
     for key in element.keys():
         if key not in KNOWN[element.tag]:
             remedy = f": {_WHY[key]}" if key in _WHY else ", and may change the robot. Take it out if it does not matter"
@@ -192,7 +192,7 @@ class Defaults:
         return copy
 
     def given(self, element: Element, childclass: str | None, kind: str) -> dict[str, str]:
-        """What an element's class says for its kind."""
+        """The defaults of an element's class for its kind."""
         name = element.get("class") or childclass or MAIN
         if name not in self._classes:
             self._wrong.stop(
@@ -203,7 +203,7 @@ class Defaults:
 
 
 def merged(default: dict[str, str], own: dict[str, str]) -> dict[str, str]:
-    """Attributes of one's own over those of a default."""
+    """Attributes of the element over those of a default."""
     out = {key: text for key, text in default.items() if key not in ORIENTATIONS or not any(o in own for o in ORIENTATIONS)}
     for key, text in own.items():
         words = text.split()

@@ -1,7 +1,7 @@
 """The loops of an MJCF file: its <equality> element, read and checked; Pinocchio's model of the file leaves them out.
 
-<connect> and <weld> close loops, <joint> couples two joints or holds one. What else there is, what is switched off, and
-polynomials above the first degree are told, by name, as left out. Softness (solref, solimp) is not read: loops hold exactly.
+<connect> and <weld> close loops, <joint> couples two joints or locks one. Others, inactive ones, and
+polynomials above the first degree are reported, by name, as left out. Softness (solref, solimp) is not read: loops are rigid.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Equality:
     """One equality constraint; bodies, sites and joints by name, as MuJoCo understands them.
 
     Attributes:
-        name: Its own, or one made of its kind and ends.
+        name: Its name, or one made from its kind and ends.
         kind: "connect", "weld" or "joint".
         ends: The two bodies or sites; of a joint equality the joint that follows and, if any, the one it follows.
         sites: Whether the ends are sites.
@@ -45,7 +45,7 @@ class Equality:
 def read_equalities(
     file: str, root: ElementTree.Element, *, off: bool = False
 ) -> tuple[tuple[Equality, ...], tuple[tuple[str, str, str], ...]]:
-    """(what is read, (kind, where, text) of what is left out).
+    """(equalities read, (kind, where, text) of those left out).
 
     Args:
         file: Its name, for messages.
@@ -53,7 +53,7 @@ def read_equalities(
         off: Whether the file switches all of them off.
 
     Raises:
-        ModelError: an equality between things that are not in the file, or with numbers that are none.
+        ModelError: an equality between unknown objects, or with invalid numbers.
     """
     wrong = Complaints(file)
     names = {tag: {e.get("name", "") for e in root.iterfind(f"worldbody//{tag}")} - {""} for tag in ("body", "site", "joint")}
@@ -148,7 +148,7 @@ def _named(wrong: Complaints, what: str, key: str, name: str | None, known: set[
 
 
 def _inactive(root: ElementTree.Element) -> set[str]:
-    """Default classes whose equalities are off unless they say otherwise; "" for those of no class."""
+    """Default classes whose equalities are inactive by default; "" for those without a class."""
     off: set[str] = set()
     for top in root.findall("default"):
         level = [(top, False, True)]

@@ -33,13 +33,13 @@ class Joint:
     """A joint of a body.
 
     Attributes:
-        name: Its own, or one made of its body's name.
+        name: Its name, or one made from its body's name.
         kind: "free", "ball", "hinge" or "slide".
         axis: Unit vector in the body's axes, shape (3,).
         p: Where it is on the body, shape (3,) [m].
         ref: Its coordinate in the posture that the file draws [rad, m].
         range: Its limits [rad, m]; None where it has none. Of a ball joint the largest angle is the second.
-        armature: Rotor inertia, of each freedom [kg m2, kg].
+        armature: Rotor inertia, of each degree of freedom [kg m2, kg].
         damping: [N m s/rad, N s/m].
         friction: Dry friction [N m, N].
         stiffness: Of its spring [N m/rad, N/m].
@@ -63,7 +63,7 @@ def read_joint(wrong: Complaints, body: str, index: int, element: Element, X: Po
     """A <joint> or <freejoint> whose class is carried out; X is the pose of the frames around it, on its body.
 
     Raises:
-        ModelError: naming the joint and what is wrong with it.
+        ModelError: naming the joint and the fault.
     """
     kind = "free" if element.tag == "freejoint" else element.get("type", "hinge")
     name = element.get("name") or (f"{body}_free" if kind == "free" else f"{body}Joint_{index}")
@@ -119,7 +119,7 @@ class Motor:
     """A motor at a joint.
 
     Attributes:
-        name: Its own, or its joint's.
+        name: Its name, or its joint's.
         joint: At which it is.
         effort: Largest torque or force either way [N m, N]; None where there is no limit.
         armature: Its rotor inertia, seen at the joint [kg m2, kg].
@@ -134,7 +134,7 @@ class Motor:
 def read_motors(
     wrong: Complaints, root: Element, defaults: Defaults, settings: Settings, joints: Mapping[str, Joint]
 ) -> tuple[tuple[Motor, ...], tuple[Remark, ...]]:
-    """The motors in the order of the file, and what there is to say about them.
+    """The motors in the order of the file, and remarks about them.
 
     Raises:
         ModelError: an actuator that is no torque at one hinge or slide, or a second one there.
@@ -155,7 +155,7 @@ def read_motors(
 
 
 def _resolved(wrong: Complaints, what: str, raw: Element, defaults: Defaults) -> Element:
-    """With what its class says for actuators; all kinds share one default, but not each other's control laws."""
+    """With its class defaults for actuators; all kinds share one default, but not their control laws."""
     element = defaults.resolved(raw)
     kinds = defaults.given(raw, None, "kind") if raw.get("class", MAIN) else {}
     for key, kind in kinds.items():

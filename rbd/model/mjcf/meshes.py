@@ -1,4 +1,4 @@
-"""The meshes of an MJCF file: found, read once when they are asked for (STL, OBJ, MSH), moved and scaled as the file says."""
+"""The meshes of an MJCF file: found, read once on first use (STL, OBJ, MSH), moved and scaled as in the file."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Meshes:
         defaults: Its default classes.
         settings: Its settings.
         folder: Where it is.
-        folders: Where meshes may lie, beside that folder.
+        folders: Folders of meshes, besides that folder.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Meshes:
         """What a mesh weighs at density one.
 
         Raises:
-            ModelError: one that encloses nothing.
+            ModelError: one that encloses no volume.
         """
         if name not in self._solids:
             element, surface = self.element(what, name), self.surface(what, name)
@@ -201,7 +201,7 @@ class Meshes:
 
 
 def read_mesh(path: Path) -> tuple[Array, Array, int]:
-    """(corners (k, 3), triangles (m, 3), corners of the file's widest face); MuJoCo keeps coordinates in single precision.
+    """(corners (k, 3), triangles (m, 3), corners of the file's widest face); MuJoCo stores coordinates in single precision.
 
     Raises:
         ValueError: why not, to be put behind the file's name.

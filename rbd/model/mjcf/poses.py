@@ -1,4 +1,4 @@
-"""Where an MJCF file puts things: position and orientation in any of its five notations."""
+"""Poses in an MJCF file: position and orientation in any of its five notations."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""An MJCF file and what it includes: bodies, joints and motors as MuJoCo understands them, the rest refused by name.
+"""An MJCF file and what it includes: bodies, joints and motors as in MuJoCo; other elements are refused by name.
 
 Pinocchio's own reader weighs a mesh by its bounding box, knows no actuators, no gravity and no settotalmass, and passes over
-shapes that touch nothing; so it is not used. What cannot be part of M a + h = S^T tau + J^T lam is refused unless `leave_out`
+shapes that cannot touch; so it is not used. What cannot be part of M a + h = S^T tau + J^T lam is refused unless `leave_out`
 names it: springs, gravity compensation, tendons with inertia or springs.
 """
 
@@ -41,7 +41,7 @@ class Mjcf:
         bodies: The world, and each body after its parent.
         motors: In the order of the file; None where the actuators are left out.
         keys: {name: qpos in MuJoCo's order, shape (nq,)}.
-        remarks: (kind, where, text) of what is left out.
+        remarks: (kind, where, text) of ignored contents.
         mass: Of the moving bodies [kg].
         meshes: For those who draw.
         root: Its first element, includes carried out.
@@ -72,7 +72,7 @@ def read_mjcf(
         path: Where it is.
         root: Its first element, <mujoco>; its includes are carried out in place.
         limits: For included files.
-        folders: Where included files and meshes may lie, beside the file's own folder.
+        folders: Folders of included files and meshes, besides the file's folder.
         leave_out: Of `LEAVABLE`.
 
     Raises:
@@ -161,13 +161,13 @@ def _keys(wrong: Complaints, root: Element, joints: list[Joint]) -> dict[str, Ar
 
 
 def carry_out_includes(path: Path, root: Element, limits: FileLimits, folders: tuple[Path, ...] = ()) -> None:
-    """Put what included files say in the places of the <include> elements.
+    """Replace the <include> elements by the contents of the included files.
 
     Args:
         path: The main file.
         root: Its first element, which is changed.
         limits: For each included file, and for all together.
-        folders: Where included files may lie, beside the main file's own folder.
+        folders: Folders of included files, besides the main file's folder.
 
     Raises:
         ModelError: a file that is missing, outside the folders, included twice, or broken.
@@ -203,7 +203,7 @@ class _Includer:
         element[:] = children
 
     def find(self, element: Element, file: Path) -> Path:
-        """The included file; its name starts from the folder of the file it stands in, then from the main file's."""
+        """The included file; its name is relative to the including file's folder, else to the main file's."""
         name = element.get("file", "")
         for start in (file.parent, self.main.parent):
             try:

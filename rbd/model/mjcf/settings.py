@@ -23,8 +23,8 @@ class Settings:
         inertiafromgeom: "auto", "true" or "false": whether shapes weigh where a body has an <inertial>.
         groups: Of the shapes that weigh, from and to.
         least_mass: Of every body [kg].
-        least_moment: Of every principal moment of inertia [kg m2].
-        balance: Whether moments that no body has are replaced by their mean.
+        least_moment: Lower bound of principal moments of inertia [kg m2].
+        balance: Whether moments of inertia that are physically impossible are replaced by their mean.
         total_mass: What all masses are scaled to [kg]; None for none.
         fit_box: Whether shapes that are fitted to a mesh have the size of its box along the axes.
         mesh_folder: Where the files of meshes are.
@@ -52,7 +52,7 @@ class Settings:
 
 
 def read_settings(wrong: Complaints, root: Element) -> Settings:
-    """The settings of a file; of an attribute that comes several times the last is in force.
+    """The settings of a file; of repeated attributes the last one applies.
 
     Raises:
         ModelError: an attribute that is not read, or a value that is none.
@@ -117,10 +117,10 @@ def _together(root: Element, path: str) -> Element:
 
 
 def keyword(wrong: Complaints, what: str, element: Element, key: str, default: str, known: tuple[str, ...]) -> str:
-    """A word of a list.
+    """A value from a list.
 
     Raises:
-        ModelError: another word.
+        ModelError: another value.
     """
     word = element.get(key, default)
     if word not in known:
@@ -155,7 +155,7 @@ def numbers(
 def limited(
     wrong: Complaints, what: str, element: Element, settings: Settings, key: str, range_key: str
 ) -> tuple[float, float] | None:
-    """The range of a limit that is in force, as it stands in the file; None where there is none.
+    """The range of an active limit, as given in the file; None if there is none.
 
     Raises:
         ModelError: a range that is none.

@@ -29,12 +29,12 @@ class Solid:
         return Solid(self.mass * factor, self.centre, self.inertia * factor)
 
     def placed(self, R: Array, p: Array) -> Solid:
-        """In other axes: R (3, 3) turns its own into them, p (3,) is where its own origin is."""
+        """In other axes: R (3, 3) rotates its axes into them, p (3,) is the position of its origin."""
         return Solid(self.mass, p + R @ self.centre, R @ self.inertia @ R.T)
 
 
 def joined(solids: list[Solid]) -> Solid:
-    """Several as one, in common axes; nothing of nothing."""
+    """Several combined, in common axes; zero if there are none."""
     mass = sum(solid.mass for solid in solids)
     if mass == 0.0:
         return Solid(0.0, solids[0].centre if len(solids) == 1 else np.zeros(3), np.zeros((3, 3)))
@@ -47,7 +47,7 @@ def joined(solids: list[Solid]) -> Solid:
 
 
 def shape_solid(kind: str, size: Array, *, shell: bool = False) -> Solid:
-    """A sphere, capsule, cylinder, ellipsoid or box about its own origin, axis along z.
+    """A sphere, capsule, cylinder, ellipsoid or box about its origin, axis along z.
 
     Args:
         kind: Which.
@@ -117,7 +117,7 @@ def mesh_solid(vertices: Array, faces: Array, kind: str) -> Solid:
     Args:
         vertices: Corners (k, 3) [m].
         faces: Indices (m, 3), counter-clockwise as seen from outside.
-        kind: "exact" takes away what lies between the centre and a triangle that faces it; "legacy" adds that too; "shell"
+        kind: "exact" subtracts the volume between the centre and a triangle that faces it; "legacy" adds that too; "shell"
             weighs the surface; "convex" is that of a convex hull, which is given in `faces`.
 
     Raises:

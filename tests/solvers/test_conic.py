@@ -1,0 +1,307 @@
+"""Conic programs: closed forms, another solver, proofs that are recomputed, and programs without this or that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from second_conic import by_scs, proof
+
+from rbd.arrays import Array
+from rbd.problem.cones import project_cones
+from rbd.problem.conic import Certificate, Conic
+from rbd.problem.programs import Outcome
+from rbd.solvers import conic
+from rbd.solvers.conic import solve_conic
+
+NONE = np.zeros(0)
+FREE = (-np.inf, np.inf)
+
+
+def plain(H: Array, g: Array, *, A=None, b=NONE, C=None, low=None, high=None, bounds=FREE, cones=(), mu=()) -> Conic:
+    """A program of n columns; what is not given is not there."""
+    n = len(g)
+    lower, upper = (np.broadcast_to(np.asarray(x, float), n).copy() for x in bounds)
+    at = np.array(cones, int).reshape(-1, 3)
+    A = np.zeros((0, n)) if A is None else np.asarray(A, float)
+    return Conic.of(
+        np.asarray(H, float), np.asarray(g, float), A, np.asarray(b, float), lower, upper, at, np.array(mu, float), C, low, high
+    )
+
+
+def drawn(rng: np.random.Generator, *, strict: bool = True) -> tuple[Conic, Array]:
+    """A program with cones, intervals, equations and rows between bounds, and one of its feasible points."""
+    k, boxes = int(rng.integers(1, 5)), int(rng.integers(0, 4))
+    n = 3 * k + boxes
+    mu = 10.0 ** rng.uniform(-1.5, 0.5, k)
+    cones = rng.permutation(n)[: 3 * k].reshape(k, 3)
+    lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
+    for j in set(range(n)) - set(cones.ravel().tolist()):
+        lower[j], upper[j] = ((0.0, np.inf), (-1.0, 1.0), (-np.inf, 0.5), (0.3, 0.3))[int(rng.integers(4))]
+    x = np.minimum(np.maximum(rng.normal(size=n), lower), upper)
+    x[cones] = project_cones(rng.normal(size=(k, 3)) + [0.0, 0.0, 1.0], mu)
+    e, q = int(rng.integers(0, k + boxes + 1)), int(rng.integers(0, 4))
+    A, C = rng.normal(size=(e, n)), rng.normal(size=(q, n))
+    low, high = C @ x - rng.uniform(0.0, 0.5, q), C @ x + rng.uniform(0.0, 0.5, q)
+    low[rng.random(q) < 0.3] = -np.inf
+    B = rng.normal(size=(n if strict else max(1, n // 2), n))
+    H = B.T @ B + (0.1 * np.eye(n) if strict else 0.0)
+    g = rng.normal(size=n) if strict else H @ rng.normal(size=n)
+    return Conic(H, g, A, A @ x, C, low, high, lower, upper, cones, mu), x
+
+
+def impossible(rng: np.random.Generator) -> Conic:
+    """A program that a drawn combination of its equations refutes: A^T y + r = 0 with r inside the dual of X, y . b > 0."""
+    k = int(rng.integers(1, 4))
+    n, e = 3 * k, int(rng.integers(2, 6))
+    mu, y = 10.0 ** rng.uniform(-1.0, 0.5, k), rng.normal(size=e)
+    r = rng.normal(size=(k, 3))
+    r[:, 2] = 1.1 * mu * np.hypot(r[:, 0], r[:, 1])
+    A, b = rng.normal(size=(e, n)), rng.normal(size=e)
+    A[-1] = -(r.ravel() + y[:-1] @ A[:-1]) / y[-1]
+    b[-1] = (0.1 - y[:-1] @ b[:-1]) / y[-1]
+    return plain(np.eye(n), np.zeros(n), A=A, b=b, cones=np.arange(n), mu=mu)
+
+
+def is_proof(program: Conic, certificate: Certificate | None, rng: np.random.Generator) -> None:
+    """Recomputed from the definition; and for points of X up to the reach the three terms do not come to zero."""
+    assert certificate is not None
+    r, gap, left = proof(program, certificate)
+    assert gap > 0.0 and gap == pytest.approx(certificate.gap, rel=1e-9, abs=1e-15)
+    assert certificate.reach >= 1e3
+    reach = gap / left if left > 0.0 else np.inf
+    assert min(certificate.reach, 1e8) == pytest.approx(min(reach, 1e8), rel=1e-4)  # beyond it is rounding of rounding
+    least = float(certificate.y @ program.b)
+    z, low, high = certificate.z, program.low, program.high
+    least += sum(z[i] * (low[i] if z[i] > 0 else high[i]) for i in np.flatnonzero(z))
+    for size in 10.0 ** rng.uniform(-2, 2, 50):
+        x = program.project(size * rng.normal(size=len(program.g)))
+        if np.abs(x).sum() < certificate.reach:
+            assert least + r @ x > 0.0
+
+
+# --------------------------------------------------------------------------------------------------- closed forms
+
+
+@pytest.mark.parametrize("newton", [True, False])
+def test_the_nearest_point_of_cones_is_their_projection(newton: bool, rng: np.random.Generator) -> None:
+    """Minimise 1/2 |x - p|^2 over cones: inside, on the edge, and at the tip."""
+    mu = np.array([0.1, 0.7, 2.0, 0.5])
+    p = rng.normal(size=(4, 3)) * 2.0
+    p[3] = [0.1, 0.1, -3.0]
+    found = solve_conic(plain(np.eye(12), -p.ravel(), cones=np.arange(12), mu=mu), newton=newton)
+    assert found.solved and found.miss < 1e-11
+    assert found.x == pytest.approx(project_cones(p, mu).ravel(), abs=1e-10)
+    assert found.method == ("Newton" if newton else "Clarabel")
+
+
+@pytest.mark.parametrize("newton", [True, False])
+def test_a_row_between_bounds_has_the_multiplier_of_its_side(newton: bool) -> None:
+    """Least |x|^2 / 2 with 2 <= x1 + x2 <= 3 is (1, 1) with z = 1; with -3 <= x1 + x2 <= -2, (-1, -1) with z = -1."""
+    for low, high, x, z in ((2.0, 3.0, 1.0, 1.0), (-3.0, -2.0, -1.0, -1.0), (-1.0, 1.0, 0.0, 0.0)):
+        program = plain(np.eye(2), np.zeros(2), C=np.ones((1, 2)), low=np.array([low]), high=np.array([high]))
+        found = solve_conic(program, newton=newton)
+        assert found.solved and found.x == pytest.approx([x, x], abs=1e-10) and found.z == pytest.approx([z], abs=1e-9)
+
+
+@pytest.mark.parametrize("newton", [True, False])
+def test_equations_have_multipliers(newton: bool) -> None:
+    """Least |x|^2 / 2 with the sum 1 of five: a fifth each, y = 1/5; with x1 <= 0.1, 0.9 / 4 of the others."""
+    program = plain(np.eye(5), np.zeros(5), A=np.ones((1, 5)), b=[1.0])
+    found = solve_conic(program, newton=newton)
+    assert found.x == pytest.approx(np.full(5, 0.2), abs=1e-11) and found.y == pytest.approx([0.2], abs=1e-10)
+    upper = np.array([0.1, np.inf, np.inf, np.inf, np.inf])
+    found = solve_conic(replace(program, upper=upper), newton=newton)
+    assert found.x == pytest.approx([0.1, *[0.225] * 4], abs=1e-11)
+
+
+def test_without_curvature_the_least_is_at_a_corner() -> None:
+    """x1 + 2 x2 with x1 + x2 >= 1, both >= 0: at (1, 0); a linear program wants no Newton's method."""
+    program = plain(
+        np.zeros((2, 2)), [1.0, 2.0], C=np.ones((1, 2)), low=np.array([1.0]), high=np.array([np.inf]), bounds=(0.0, np.inf)
+    )
+    found = solve_conic(program, newton=False, tolerance=1e-8)
+    assert found.solved and found.x == pytest.approx([1.0, 0.0], abs=1e-8) and program.value(found.x) == pytest.approx(1.0)
+
+
+def test_what_falls_without_end_is_told() -> None:
+    """-x with x >= 0."""
+    found = solve_conic(plain(np.zeros((1, 1)), [-1.0], bounds=(0.0, np.inf)), newton=False)
+    assert found.outcome is Outcome.UNBOUNDED and not found.solved
+
+
+# ---------------------------------------------------------------------------------------------------- another solver
+
+
+def test_another_solver_finds_the_same_least(rng: np.random.Generator, exhaustive: bool) -> None:
+    """Random programs, strictly convex ones by Newton's method first, others by the interior point: value, and feasibility."""
+    methods = set()
+    for i in range(1000 if exhaustive else 40):
+        program, inside = drawn(rng, strict=i % 2 == 0)
+        assert program.outside(inside) < 1e-12
+        found = solve_conic(program, newton=i % 2 == 0)
+        assert found.solved and found.miss <= 1e-9 and program.outside(found.x) < 1e-9
+        methods.add(found.method)
+        value = program.value(found.x)
+        assert value <= program.value(inside) + 1e-9
+        other = by_scs(program, eps=1e-8)
+        if other.status == "solved":
+            assert value == pytest.approx(other.value, rel=1e-5, abs=1e-5)
+    assert methods == {"Newton", "Clarabel"}
+
+
+def test_another_solver_is_met_on_most(rng: np.random.Generator) -> None:
+    """The comparison above compares: SCS solves at least nine of ten."""
+    assert sum(by_scs(drawn(rng)[0], eps=1e-8).status == "solved" for _ in range(20)) >= 18
+
+
+def test_what_is_impossible_is_proved(rng: np.random.Generator, exhaustive: bool) -> None:
+    """Programs that are impossible by construction: told so, with a proof; another solver agrees."""
+    for _ in range(500 if exhaustive else 25):
+        program = impossible(rng)
+        found = solve_conic(program)
+        assert found.outcome is Outcome.INFEASIBLE
+        is_proof(program, found.certificate, rng)
+        assert by_scs(program, steps=20_000).status in ("infeasible", "infeasible_inaccurate")
+
+
+def test_bounds_may_contradict_equations(rng: np.random.Generator) -> None:
+    """Intervals and rows are in a proof, too: 0 <= x <= 1 and sum 3 of two; x1 - x2 >= 3."""
+    box = plain(np.eye(2), np.zeros(2), A=np.ones((1, 2)), b=[3.0], bounds=(0.0, 1.0))
+    row = plain(
+        np.eye(2), np.zeros(2), C=np.array([[1.0, -1.0]]), low=np.array([3.0]), high=np.array([np.inf]), bounds=(-1.0, 1.0)
+    )
+    for program in (box, row):
+        found = solve_conic(program)
+        assert found.outcome is Outcome.INFEASIBLE
+        is_proof(program, found.certificate, rng)
+    assert by_scs(box).status == by_scs(row).status == "infeasible"
+
+
+@pytest.mark.parametrize("mu", [0.05, 0.7, 3.0])
+def test_the_verdict_turns_within_a_millionth_of_a_limit(mu: float, rng: np.random.Generator) -> None:
+    """A cone's force is given: (t mu, 0, 1) turned, with t to one millionth below and above 1; alone, and beside others."""
+    for others in (0, 3):
+        turn = rng.uniform(0.0, 2.0 * np.pi)
+        n = 3 * (1 + others)
+        mixed = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        A = np.zeros((3 + others, n))
+        A[:3, :3] = mixed
+        for k in range(others):
+            A[3 + k, 5 + 3 * k] = 1.0
+        for t, possible in ((1.0 - 1e-6, True), (1.0 + 1e-6, False), (0.5, True), (2.0, False)):
+            b = np.concatenate([mixed @ [t * mu * np.cos(turn), t * mu * np.sin(turn), 1.0], np.ones(others)])
+            program = plain(np.eye(n), np.zeros(n), A=A, b=b, cones=np.arange(n), mu=np.full(1 + others, mu))
+            found = solve_conic(program)
+            assert found.solved == possible, (t, found.outcome)
+            if possible:
+                assert program.outside(found.x) < 1e-9
+            else:
+                is_proof(program, found.certificate, rng)
+
+
+# --------------------------------------------------------------------------------------------------------- degenerate
+
+
+def test_without_columns_equations_hold_or_do_not() -> None:
+    """No unknowns: 0 = 0 is met, 0 = 1 is not, nor is 1 <= 0."""
+    nothing = plain(np.zeros((0, 0)), NONE, A=np.zeros((2, 0)), b=np.zeros(2))
+    assert solve_conic(nothing).solved
+    wrong = replace(nothing, b=np.array([0.0, 1.0]))
+    found = solve_conic(wrong)
+    assert found.outcome is Outcome.INFEASIBLE and found.certificate is not None and found.certificate.gap == 1.0
+    rows = replace(nothing, C=np.zeros((1, 0)), low=np.array([1.0]), high=np.array([2.0]))
+    assert solve_conic(rows).outcome is Outcome.INFEASIBLE
+    assert solve_conic(replace(rows, low=np.array([-1.0]))).solved
+
+
+@pytest.mark.parametrize("newton", [True, False])
+def test_rows_of_zeros_and_twice_the_same_row(newton: bool, rng: np.random.Generator) -> None:
+    """0 = 0 is met; what is said twice holds once; what is said twice differently is refuted."""
+    program, x = drawn(rng)
+    program = replace(program, A=rng.normal(size=(2, len(x))), b=np.zeros(2))
+    program = replace(program, b=program.A @ x)
+    expected = solve_conic(program)
+    twice = replace(
+        program, A=np.vstack([program.A, np.zeros(len(x)), program.A]), b=np.concatenate([program.b, [0.0], program.b])
+    )
+    found = solve_conic(twice, newton=newton)
+    assert found.solved and found.x == pytest.approx(expected.x, abs=1e-7)
+    for wrong in (np.array([0.0, 0.0, 1e-3, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 1e-3])):
+        refuted = solve_conic(replace(twice, b=twice.b + wrong), newton=newton)
+        assert refuted.outcome is Outcome.INFEASIBLE
+        is_proof(replace(twice, b=twice.b + wrong), refuted.certificate, rng)
+
+
+def test_more_equations_than_unknowns(rng: np.random.Generator) -> None:
+    """Five of three: no answer is made of rounding, whose multipliers are 1e17; where they are met, the answer is."""
+    for _ in range(100):
+        x = project_cones(rng.normal(size=(1, 3)) + [0.0, 0.0, 1.0], np.array([0.6]))[0]
+        A, b = rng.normal(size=(5, 3)), rng.normal(size=5)
+        program = plain(np.eye(3), np.zeros(3), A=A, b=b, cones=[0, 1, 2], mu=[0.6])
+        found = solve_conic(program)
+        assert found.outcome is Outcome.INFEASIBLE
+        is_proof(program, found.certificate, rng)
+        met = solve_conic(replace(program, b=A @ x))
+        assert met.solved and met.x == pytest.approx(x, abs=1e-9)
+
+
+@pytest.mark.parametrize("newton", [True, False])
+def test_columns_that_are_fixed(newton: bool) -> None:
+    """They keep their value, and what is left is decided by the others; where all are fixed, the equations are met or not."""
+    one = plain(np.eye(2), np.zeros(2), A=np.ones((1, 2)), b=[1.0], bounds=([0.3, -np.inf], [0.3, np.inf]))
+    found = solve_conic(one, newton=newton)
+    assert found.solved and found.x == pytest.approx([0.3, 0.7], abs=1e-10)
+    fixed = replace(one, lower=np.array([0.3, 0.7]), upper=np.array([0.3, 0.7]))
+    assert solve_conic(fixed, newton=newton).solved
+    wrong = solve_conic(replace(fixed, b=np.array([2.0])), newton=newton)
+    assert wrong.outcome is Outcome.INFEASIBLE and wrong.certificate is not None and wrong.certificate.gap > 0.1
+
+
+def test_without_cones_and_without_rows() -> None:
+    """Bounds alone."""
+    found = solve_conic(plain(np.eye(3), [-2.0, 0.5, 3.0], bounds=(-1.0, 1.0)))
+    assert found.solved and found.x == pytest.approx([1.0, -0.5, -1.0], abs=1e-14)
+
+
+# ------------------------------------------------------------------------------------------------------------- judges
+
+
+def test_a_miss_is_noticed_in_each_part(rng: np.random.Generator) -> None:
+    """Of an answer that is right a hundred-thousandth of x, y or z more is no answer; NaN is none."""
+    program = plain(
+        np.eye(3), [0.3, 0.0, 0.0], A=np.array([[0.0, 0.0, 1.0]]), b=[1.0], C=np.array([[0.0, 1.0, 0.0]]), low=np.array([0.2]),
+        high=np.array([np.inf]), cones=[0, 1, 2], mu=[0.4],
+    )  # fmt: skip
+    found = solve_conic(program)
+    assert found.solved and found.miss < 1e-12 and found.z[0] > 0.01
+    x, y, z = found.x, found.y, found.z
+    for parts in ((x + [1e-5, 0, 0], y, z), (x, y + 1e-5, z), (x, y, z + 1e-5)):
+        assert program.miss(*parts) > 1e-6
+    assert program.miss(x * np.nan, y, z) == program.miss(x, y * np.nan, z) == np.inf
+    assert program.outside(x * np.nan) == np.inf and program.outside(x) < 1e-12
+    assert program.outside(x - [0.0, 0.1, 0.0]) > 0.09
+
+
+def test_what_is_no_proof_is_no_certificate(rng: np.random.Generator) -> None:
+    """Zeros, the opposite sign, and multipliers of a program that can be solved."""
+    program = impossible(rng)
+    right = solve_conic(program).certificate
+    assert right is not None and Certificate.of(program, right.y, right.z) is not None
+    assert Certificate.of(program, -right.y, right.z) is None or Certificate.of(program, -right.y, right.z).reach < 100.0
+    assert Certificate.of(program, 0.0 * right.y, right.z) is None
+    assert Certificate.of(program, np.nan * right.y, right.z) is None
+    possible, _ = drawn(rng)
+    for _ in range(50):
+        proof = Certificate.of(possible, rng.normal(size=len(possible.b)), rng.normal(size=len(possible.low)))
+        assert proof is None or proof.reach < 1e3
+
+
+def test_where_both_methods_are_cut_short_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch, rng) -> None:
+    """Neither solved nor refuted."""
+    program, _ = drawn(rng)
+    monkeypatch.setattr(conic, "CONIC_STEPS", 1)
+    monkeypatch.setattr(conic, "newton_steps", lambda *_: None)
+    found = solve_conic(program)
+    assert found.outcome is Outcome.NOT_FOUND and found.certificate is None
