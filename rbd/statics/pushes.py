@@ -14,9 +14,9 @@ from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
+from rbd.statics.force_program import Program
 from rbd.statics.limits import Limit
 from rbd.statics.loads import Loads
-from rbd.statics.planar_image import Program
 from rbd.statics.standing import TorqueRows, contact_forces, outside, place, standing_loads, torques_left
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from rbd.constraints.convex.polygons import inside_distance
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import Outcome
+from rbd.statics.force_program import Contradiction, Program
 from rbd.statics.loads import Loads
-from rbd.statics.planar_image import WITHIN_M, Contradiction, PlanarSet, Program, area_of, planar_region
+from rbd.statics.planar_image import WITHIN_M, PlanarSet, area_of, planar_region, warn_of_gap
 from rbd.statics.standing import (
     TorqueRows,
     check_area_gap,
@@ -45,12 +46,13 @@ class SupportRegion:
         torque_limits: Whether motors keep within their limits.
         margin: Share of each coefficient of friction that is left unused.
         vertices: Corners, counterclockwise, shape (k, 2) [m]: each proven by forces. Two of a segment, one of a point, none of
-            an empty region. Of a region without end, of its part within `WITHIN_M` of the contacts' middle.
+            an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
         outer: Corners of a polygon that holds the region, shape (j, 2) [m]; those of the region itself with pyramids.
         weights: Forces that prove each corner, as weights of `loads.sets` over the robot's weight, shape (k, p).
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 2); none if it ends.
         contradiction: Of an empty region, the multipliers that prove it; or None.
         programs: How many linear or conic programs that took.
+        cut: Whether the region goes on beyond 10 m from its contacts, with an end or without, and `vertices` end there.
     """
 
     loads: Loads
@@ -63,6 +65,7 @@ class SupportRegion:
     directions: Array
     contradiction: Contradiction | None
     programs: int
+    cut: bool
 
     @property
     def state(self) -> State:
@@ -140,6 +143,7 @@ class SupportRegion:
             return f"support region: without end along {ways}, {how}."
         gap = f" and up to {1e4 * self.area_gap:.2f} more" if self.area_gap > SMALLEST_GAP_M2 else ""
         where = f"centre of mass {1e3 * abs(self.distance()):.1f} mm {'inside' if self.distance() >= 0.0 else 'outside'}"
+        gap += f", cut at {WITHIN_M:g} m" if self.cut else ""
         return f"support region: {1e4 * self.area:.2f} cm2{gap}, {len(self.vertices)} corners, {where}, {how}."
 
     @property
@@ -195,25 +199,26 @@ def support_region(
     loads = standing_loads(state, contacts, friction, margin)
     _check_stands(state)
     program = _program(loads, torque_limits)
-    found, directions = planar_region(program, gap if len(loads.sets.mu) else 0.0)
+    found, directions, cut = planar_region(program, gap if len(loads.sets.mu) else 0.0)
     if found.outcome is Outcome.INFEASIBLE:
         contradiction = found.contradiction or program.contradiction()
         if contradiction is None:
             raise NoSolution(f"{state.robot.name}: whether the region is empty was not found.")
-        return _region(loads, friction, torque_limits, margin, found, np.zeros((0, 2)), contradiction)
+        return _region(loads, friction, torque_limits, margin, found, np.zeros((0, 2)), contradiction, False)
     if found.outcome is not Outcome.SOLVED:
         raise NoSolution(f"{state.robot.name}: a program of the support region was not solved. Use fewer contacts.")
-    return _region(loads, friction, torque_limits, margin, found, directions, None)
+    warn_of_gap(found, gap, stacklevel=3)
+    return _region(loads, friction, torque_limits, margin, found, directions, None, cut)
 
 
 def _region(
     loads: Loads, friction: str, limits: bool, margin: float, found: PlanarSet, directions: Array,
-    contradiction: Contradiction | None,
+    contradiction: Contradiction | None, cut: bool,
 ) -> SupportRegion:  # fmt: skip
     p = loads.A.shape[1]
     return SupportRegion(
         loads, friction, bool(limits), float(margin), found.inner, found.outer, found.x[:, :p], directions, contradiction,
-        found.programs,
+        found.programs, cut,
     )  # fmt: skip
 
 

@@ -25,8 +25,9 @@ from rbd.model.state import State
 from rbd.problem.ground import Ground, On, plane_of
 from rbd.problem.programs import Outcome
 from rbd.problem.rows import Rows
+from rbd.statics.force_program import Program
 from rbd.statics.loads import Loads
-from rbd.statics.planar_image import WITHIN_M, Program, area_of, planar_region
+from rbd.statics.planar_image import WITHIN_M, area_of, planar_region, warn_of_gap
 from rbd.statics.standing import check_area_gap, contact_forces, contact_rows, force_sets, friction_words
 
 if TYPE_CHECKING:
@@ -77,10 +78,12 @@ class ZmpRegion:
         friction: "cone", "inscribed" or "circumscribed".
         pendular: Whether the motions are those of the linear pendulum.
         vertices: Corners on the plane, counterclockwise seen against its normal, in W, shape (k, 3) [m]; none of an empty
-            region; of one without end, of its part within 10 m.
+            region; of one that is `cut`, of its part within 10 m.
         outer: Corners of a polygon that holds the region, shape (j, 3); those of the region itself with pyramids.
         weights: Contact forces that prove each corner, as weights over the robot's weight, shape (k, p).
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 3); none if it ends.
+        cut: Whether the region goes on beyond 10 m from below the centre of mass, with an end or without, and `vertices` end
+            there.
     """
 
     loads: Loads
@@ -91,6 +94,7 @@ class ZmpRegion:
     outer: Array
     weights: Array
     directions: Array
+    cut: bool
 
     @property
     def state(self) -> State:
@@ -178,13 +182,14 @@ def zmp_region(
     rows = contact_rows(state, contacts)
     loads = Loads(state, rows, force_sets(rows, friction, margin), state.h)
     program = (_pendulum if pendular else _any_motion)(loads, ground)
-    found, ways = planar_region(program.around(np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
+    found, ways, cut = planar_region(program.around(np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
     if found.outcome not in (Outcome.SOLVED, Outcome.INFEASIBLE):
         raise NoSolution(f"{state.robot.name}: a program of the region of zero-moment points was not solved.")
+    warn_of_gap(found, gap, stacklevel=3)
     foot, axes = _foot(state, ground)[1], _plane_axes(ground)
     return ZmpRegion(
         loads, ground, friction, bool(pendular), foot + found.inner @ axes.T, foot + found.outer @ axes.T,
-        found.x[:, : loads.sets.size], ways @ axes.T,
+        found.x[:, : loads.sets.size], ways @ axes.T, cut,
     )  # fmt: skip
 
 

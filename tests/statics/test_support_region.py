@@ -295,3 +295,45 @@ def test_bad_input_is_refused_before_anything_is_solved(talos):
     with pytest.warns(DistantContactWarning) as caught:
         support_region(state, talos.soles(on=-0.1))
     assert caught[0].filename == __file__
+
+
+def test_a_region_that_goes_far_is_cut_and_says_so():
+    """Solo12's file lets motors hold a hundred times its weight: wedged between walls its region ends far outside the frame."""
+    solo = rbd.load_robot("solo12")
+    feet = [
+        rbd.PointContact(f.name, f.frame, offset=f.offset, friction=1.5, on=rbd.Ground(normal=(0, side, 0)))
+        for f in solo.feet()
+        for side in [1.0 if "right" in f.name else -1.0]
+    ]
+    free = support_region(solo.standing(), feet, friction="circumscribed")
+    limited = support_region(solo.standing(), feet, friction="circumscribed", torque_limits=True)
+    assert not free.bounded and free.cut
+    assert limited.bounded and limited.cut and "cut at 10 m" in str(limited) and limited.residual < 1e-6
+    assert abs(np.abs(limited.vertices - limited.vertices.mean(axis=0)).max() - 10.0) < 1.0
+
+
+def test_what_the_conic_solver_leaves_is_solved_by_rays(talos, monkeypatch):
+    """Without the conic solver the same region comes of linear programs over rays; so does the proof that there is none."""
+    from rbd.statics.force_program import Program, Support
+
+    state, contacts = talos.standing(), [*talos.soles(0.7), hand()]
+    expected, steep = support_region(state, contacts), support_region(AT, chimney(0.5, 0.1)[:1])
+    nothing = Support(rbd.problem.programs.Outcome.NOT_FOUND, np.zeros(0), np.zeros(0), math.nan, np.zeros(0), np.zeros(0))
+    monkeypatch.setattr(Program, "_farthest_of_cones", lambda self, gain: nothing)
+    found = support_region(state, contacts, area_gap=1e-3)
+    for d in around(24):
+        assert reach(found.vertices, d) <= reach(expected.outer, d) + 1e-7
+        assert reach(expected.vertices, d) <= reach(found.outer, d) + 1e-7
+    assert found.residual < 1e-6 and found.area_gap <= 1e-3
+    empty = support_region(AT, chimney(0.5, 0.1)[:1])
+    assert steep.empty and empty.empty and empty.contradiction is not None and empty.contradiction.gap > 1e-3
+
+
+def test_an_area_that_was_not_reached_is_told(talos, monkeypatch):
+    """After the last program the polygons stand, with their true gap, and a warning."""
+    from rbd.statics import planar_image
+
+    monkeypatch.setattr(planar_image, "POLYGON_PROGRAMS", 20)
+    with pytest.warns(rbd.errors.InaccurateWarning, match="20 programs") as caught:
+        region = support_region(talos.standing(), [*talos.soles(0.7), hand()])
+    assert region.area_gap > 1e-4 and caught[0].filename == __file__
