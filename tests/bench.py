@@ -27,13 +27,15 @@ import rbd
 from rbd.errors import EffortLimitWarning
 
 DRAWS = 300
-MARKS = {
+MARKS: dict[str, tuple[float, ...]] = {
     "held, ProxQP": (10.0, 8.0),
     "frictional, ProxQP": (25.0, 18.0),
     "frictional, ConeSolver coulomb, sticking": (25.0, 18.0),
     "frictional, ConeSolver coulomb, slipping": (60.0, 40.0),
     "frictional, ConeSolver convex, sticking": (25.0, 18.0),
     "frictional, ConeSolver convex, slipping": (60.0, 40.0),
+    "inverse dynamics, no cone at its limit": (12.0,),
+    "inverse dynamics, a cone at its limit": (40.0,),
 }
 
 
@@ -61,6 +63,7 @@ class Draws:
         self.sticking = self._draws(rng, tau, 1.0, slips=False)
         self.slipping = self._draws(rng, tau, 30.0, slips=True)
         self.v = [self._resting_soles(q, 0.1 * rng.normal(size=robot.nv)) for q in self.q]
+        self.inside, self.at_limit = self._wanted(rng)
 
     def _draws(self, rng: np.random.Generator, hold: np.ndarray, noise: float, *, slips: bool) -> list[tuple]:
         """(q, tau) where the frictional soles all stick, or where one slips or opens."""
@@ -72,6 +75,23 @@ class Draws:
             if (max(np.abs(c).max() for c in s.accelerations.values()) > 1e-6) == slips:
                 out.append((q, tau))
         return out
+
+    def _wanted(self, rng: np.random.Generator) -> tuple[list[tuple], list[tuple]]:
+        """(q, v, a) of motions on both soles where least effort takes no point's friction to its limit, and where it does."""
+        inside: list[tuple] = []
+        at_limit: list[tuple] = []
+        while min(len(inside), len(at_limit)) < DRAWS:
+            i = rng.integers(DRAWS)
+            state = rbd.State(self.robot, self.q[i], self.v[i])
+            free = state.M @ (0.5 * rng.normal(size=self.robot.nv)) + state.h  # the nearest that the soles allow to this
+            a = rbd.solve(state, np.zeros(self.robot.nu), self.held, external=free).a
+            try:
+                found = rbd.inverse_dynamics(state, a, self.frictional)
+            except rbd.CannotMove:
+                continue
+            least = min(float(np.nanmin(f, initial=1.0)) for f in found.margins.corner_friction.values())
+            (at_limit if least <= found.margin + 1e-6 else inside).append((self.q[i], self.v[i], a))
+        return inside[:DRAWS], at_limit[:DRAWS]
 
     def _resting_soles(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """V with the soles' motion taken out: where a sole moves, constraintDynamics' drift is another one."""
@@ -157,6 +177,16 @@ def rubbing(d: Draws, solver: rbd.ConeSolver | rbd.ProxQP | None, draws: list[tu
     return run
 
 
+def commanded(d: Draws, draws: list[tuple]) -> Callable[[int], object]:
+    """Torques and forces of least effort from (q, v, a), with their residuals."""
+
+    def run(i: int) -> rbd.Actuation:
+        q, v, a = draws[i]
+        return rbd.inverse_dynamics(rbd.State(d.robot, q, v), a, d.frictional)
+
+    return run
+
+
 def agree(d: Draws) -> float:
     """Largest difference between constraintDynamics and our held accelerations, relative."""
     theirs, mine = constraint_dynamics(d), ours(d, "held", rbd.ProxQP())
@@ -238,6 +268,8 @@ def main() -> None:
             columns[f"rbd frictional, ProxQP, {mode}"] = rubbing(d, rbd.ProxQP(), draws)
             for law in ("coulomb", "convex"):
                 columns[f"rbd frictional, ConeSolver {law}, {mode}"] = rubbing(d, rbd.ConeSolver(law=law), draws)
+        columns["rbd inverse dynamics, no cone at its limit"] = commanded(d, d.inside)
+        columns["rbd inverse dynamics, a cone at its limit"] = commanded(d, d.at_limit)
         medians = interleaved(columns)
         unit = medians["constraintDynamics, held"]
         table = Table(title=f"{name}: nv = {d.robot.nv}, two soles; agreement in a: {agree(d):.1e}")
@@ -245,7 +277,7 @@ def main() -> None:
             table.add_column(heading, justify="left" if not heading else "right")
         for label, seconds in medians.items():
             marks = MARKS.get(label.removeprefix("rbd "))
-            mark = f"{marks[0]:.0f}, {marks[1]:.0f}" if marks else ""
+            mark = ", ".join(f"{each:.0f}" for each in marks or ())
             table.add_row(label, f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", mark)
         for kind in ("held", "frictional"):
             for label, seconds in interleaved(stages(d, kind), rounds=2).items():

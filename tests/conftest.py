@@ -9,6 +9,8 @@ import pytest
 
 import rbd
 
+gc.disable()  # until all is collected
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What takes minutes is run by `make exhaustive`."""
@@ -20,6 +22,7 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 100)
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

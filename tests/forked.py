@@ -8,6 +8,8 @@ import resource
 import select
 import signal
 import time
+import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -37,7 +39,10 @@ def child(judge: Callable[[], Any], failed: Callable[[BaseException], Any], limi
         limits: {resource: most}, soft and hard.
     """
     read, write = os.pipe()
-    if process := os.fork():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of threads beside a fork
+        process = os.fork()
+    if process:
         os.close(write)
         return process, read
     try:
@@ -70,3 +75,16 @@ def ended(start: Callable[[int], tuple[int, int]], numbers: Iterable[int], jobs:
             with open(pipe) as stream:
                 said = stream.read()
             yield Ended(i, said, os.waitpid(process, 0)[1] & 127, pipe in late)
+
+
+def alone(work: Callable[[], Any], seconds: float = 60.0) -> Any:
+    """What some work tells, as JSON, that is done in a child: what would end the process fails the test alone."""
+
+    def failed(error: BaseException) -> dict[str, str]:
+        return {"error": "".join(traceback.format_exception(error))}
+
+    (end,) = ended(lambda _: child(lambda: {"told": work()}, failed, {}), [0], 1, seconds)
+    assert end.said and not end.signal and not end.late, f"it ended by signal {end.signal}, late: {end.late}, without a word"
+    told = json.loads(end.said)
+    assert "told" in told, told["error"]
+    return told["told"]

@@ -380,7 +380,7 @@ def main() -> int:
             story = how.mutant(given.seed, i, how.sources())[2]
             again = f"{'--mjcf ' * given.mjcf}--seed {given.seed} --start {i} --n 1"
             print(f"\n{verdict}: {message}\n  {story}; again: python tests/fuzz.py {again}")
-        if counts.total() % 100 == 0:
+        if counts.total() % 10 == 0:
             print(f"\r{counts.total()} of {given.n}: {dict(counts)}", end="", file=sys.stderr, flush=True)
         if stops:
             break

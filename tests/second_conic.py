@@ -1,13 +1,16 @@
-"""Conic programs by another solver, SCS, an operator splitting: what it says of a program, from its definition alone."""
+"""Conic programs by another solver, SCS, an operator splitting; and the equations of motion with all forces as columns."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 import scs
 from scipy.sparse import csc_matrix
 
+import rbd
 from rbd.arrays import Array
 from rbd.problem.conic import Certificate, Conic
 
@@ -27,7 +30,7 @@ class Second:
     value: float
 
 
-def by_scs(program: Conic, *, eps: float = 1e-10, steps: int = 100_000) -> Second:
+def by_scs(program: Conic, *, eps: float = 1e-9, steps: int = 100_000) -> Second:
     """Minimise 1/2 x P x + c x with M x + s = h, s in a product of cones: (s_0, s_1, s_2) with |(s_1, s_2)| <= s_0."""
     n, I = len(program.g), np.eye(len(program.g))
     rows, side = [program.A], [program.b]
@@ -78,3 +81,68 @@ def proof(program: Conic, certificate: Certificate) -> tuple[Array, float, float
             sideways = (tangent - along) / tangent * max(abs(r[t]), abs(r[s])) if tangent else 0.0
             left = max(left, sideways, abs(float(r[n] - mu * along)))
     return r, gap, left
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """Torques, forces and more, as columns of M a + h - tau_ext = S^T tau + sum of J^T f + more, written down once more.
+
+    Attributes:
+        columns: Generalised forces of units of the columns, shape (nv, n): torques over their limits, forces over the weight.
+        cones: Columns (tangent, tangent, normal) of the points with friction.
+        mu: Their coefficients.
+        lower: Of the columns.
+        upper: Of the columns.
+        nu: How many of them are torques, the first ones.
+    """
+
+    columns: Array
+    cones: Array
+    mu: Array
+    lower: Array
+    upper: Array
+    nu: int
+
+    @classmethod
+    def of(
+        cls, state: rbd.State, contacts: Sequence[rbd.constraints.Constraint], margin: float, more: Array | None = None
+    ) -> Whole:
+        """Of contacts with friction by the Jacobians of their corners, of others by their rows; `more` is free."""
+        robot, weight = state.robot, state.robot.mass * 9.81
+        limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, weight)
+        blocks = [robot.actuation.T * limit]
+        lower, upper = (
+            [np.where(np.isfinite(robot.effort_limit), -1.0, -np.inf)],
+            [np.where(np.isfinite(robot.effort_limit), 1.0, np.inf)],
+        )
+        cones, mu = list[list[int]](), list[float]()
+        at = robot.nu
+        for contact in contacts:
+            rows = contact.rows(state)
+            if getattr(contact, "friction", None):
+                assert rows.patch is not None
+                frame = state.frame(contact.frame)  # type: ignore[attr-defined]
+                for corner in rows.patch.corners @ rows.patch.axes.T:
+                    arm = rows.patch.point + corner - frame.X_WF.translation
+                    J = frame.J[:3] - pin.skew(arm) @ frame.J[3:]
+                    blocks.append(weight * J.T @ rows.patch.axes)
+                    cones.append([at, at + 1, at + 2])
+                    mu.append((1.0 - margin) * contact.friction)  # type: ignore[attr-defined]
+                    at += 3
+            else:
+                blocks.append(weight * rows.J.T)
+                at += len(rows.J)
+        if more is not None:
+            blocks.append(more)
+        columns = np.hstack(blocks)
+        free = np.full(columns.shape[1] - robot.nu, np.inf)
+        return cls(
+            columns, np.array(cones, int).reshape(-1, 3), np.array(mu), np.concatenate([*lower, -free]),
+            np.concatenate([*upper, free]), robot.nu,
+        )  # fmt: skip
+
+    def program(self, need: Array, squares: Array, g: Array) -> Conic:
+        """Least sum of squares x^2 / 2 + g . x; the equations over the largest entries of their rows."""
+        top = np.maximum(np.abs(self.columns).max(axis=1), 1e-12)
+        A = self.columns / top[:, None]
+        return Conic.of(np.diag(squares), g, A, need / top, self.lower, self.upper, self.cones, self.mu)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from forked import alone
 
 import rbd
 from rbd import dynamics
@@ -375,9 +377,8 @@ refused(lambda: rbd.load_robot("bomb.urdf"))
 
 @pytest.mark.parametrize("what", CRASHERS)
 def test_nothing_ends_the_process(what: str, tmp_path: Path) -> None:
-    """What has crashed Pinocchio, or might, in a process of its own, which must end by itself and well."""
+    """What has crashed Pinocchio, or might, in a process of its own; where it is about lifetimes, to the interpreter's end."""
     script = f"""
-import faulthandler; faulthandler.enable()
 import numpy as np, rbd
 r = rbd.load_robot("talos"); s = r.standing(); q = s.q.copy()
 def refused(*asked):
@@ -386,7 +387,16 @@ def refused(*asked):
         except rbd.RbdError: continue
         raise SystemExit("taken")
 {CRASHERS[what]}
-print("well")
 """
+
+    def run() -> str:
+        os.chdir(tmp_path)
+        exec(script, {})
+        return "well"
+
+    if what != "lifetimes":
+        assert alone(run) == "well"
+        return
+    script = f"import faulthandler; faulthandler.enable()\n{script}\nprint('well')"
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "well\n"), done.stderr[-2000:]

@@ -88,6 +88,7 @@ def test_the_page_is_written(tmp_path):
         (["talos", "--friction", "nan"], ["friction", "nan"]),
         (["talos", "--push", "0,80,0"], ["--at"]),
         (["talos", "--at", "torso_2_link"], ["--push"]),
+        (["talos", "--braced"], ["--braced", "--push"]),
         (["talos", "--push", "0,eighty,0", "--at", "torso_2_link"], ["0,eighty,0", "newtons"]),
         (["talos", "--push", "0,inf,0", "--at", "torso_2_link"], ["finite"]),
         (["talos", "--push", "0,80", "--at", "torso_2_link"], ["three numbers"]),
@@ -120,6 +121,69 @@ def test_a_pose_that_cannot_be_held_ends_with_code_1(monkeypatch):
     assert code == 1
     assert "cannot be held" in complaint and "_joint'" in complaint and "torque limit" in complaint
     assert "left_sole" not in out
+
+
+def pushed(*arguments: str) -> tuple[int, list[str], str]:
+    """(exit code, lines, complaints) of Talos pushed at its torso."""
+    code, out, complaint = run("stand", "talos", "--at", "torso_2_link", *arguments)
+    return code, out.splitlines(), " ".join(complaint.split())
+
+
+def test_the_first_lines_of_a_push_say_whether_motors_could_withstand_it(tmp_path):
+    """Talos tips at 118.262 N: below, the torques of the unpushed pose are told beside those that withstand it."""
+    file = tmp_path / "out.json"
+    code, lines, _ = pushed("--push", "0,118,0", "--json", str(file))
+    assert code == 0 and lines[1].startswith("Motors can withstand the push: the largest torque is 42.3 % of its limit")
+    assert any("the torques of the unpushed pose" in line and "1.37" in line for line in lines[2:5])
+    data = json.loads(file.read_text())
+    assert data["withstood"]["possible"] is True and data["braced"] is False
+    assert max(data["withstood"]["share_of_limit"].values()) == pytest.approx(0.423, abs=5e-4)
+    robot = rbd.load_robot("talos")
+    push = rbd.ExternalForce("torso_2_link", (0.0, 118.0, 0.0))
+    against = rbd.hold(robot.standing(), robot.feet(0.7), external=push)
+    assert np.abs(np.array(list(data["withstood"]["tau"].values())) - against.tau).max() < 1e-9
+    assert np.abs(np.array(list(data["tau"].values())) - against.tau).max() > 10.0
+    total = sum(np.array(c["force"]) for c in data["withstood"]["contacts"].values())
+    assert np.abs(total - [0.0, -118.0, robot.mass * 9.81]).max() < 1e-9  # statics
+    used = data["withstood"]["friction_used"]
+    assert used == pytest.approx({name: 1.0 - left for name, left in against.margins.friction.items()}, abs=1e-9)
+    assert "right_sole uses 95.0 % of its friction" in " ".join(" ".join(lines).split())
+
+
+def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_happens(tmp_path):
+    """At 119 N it tips over the edges of its soles: no friction and no motor is named. Upwards, its feet lift."""
+    file = tmp_path / "out.json"
+    code, lines, _ = pushed("--push", "0,119,0", "--json", str(file))
+    text = " ".join(" ".join(lines).split())
+    assert code == 0 and lines[1] == "No motor torques withstand the push: it tips."
+    assert "In the way together: the edge of 'left_sole'; the edge of 'right_sole'; the base" in text
+    assert (
+        "The base misses (0, -" in text and "Below, under the torques of the unpushed pose" in text and "friction used" in text
+    )
+    data = json.loads(file.read_text())
+    assert data["withstood"]["possible"] is False
+    assert [limit["kind"] for limit in data["withstood"]["limits"]] == ["edge", "edge", "base"]
+    force, moment = (np.array(data["withstood"]["missing"][part]) for part in ("force", "moment"))
+    assert force[1] < 0.0 < moment[0]  # help against the push, and against its moment
+    _, lines, _ = pushed("--push", "0,0,2000")
+    assert lines[1] == "No motor torques withstand the push: left_sole and right_sole would have to pull."
+    _, lines, _ = pushed("--push", "0,89,0", "--friction", "0.1")
+    assert "its feet slip" in lines[1]
+    _, lines, _ = pushed("--push", "0,88.5,0", "--friction", "0.1")
+    assert "only with friction up to its limit" in " ".join(" ".join(lines[1:3]).split())
+
+
+def test_braced_motors_withstand_the_push_or_there_is_no_answer(tmp_path):
+    """--braced: nothing moves, and both feet together carry weight and push; beyond 118.262 N there is no solution."""
+    file = tmp_path / "out.json"
+    code, lines, _ = pushed("--push", "0,80,0", "--braced", "--json", str(file))
+    assert code == 0 and any("under those torques" in line and "(0.000, 0.000, 0.000) m/s2" in line for line in lines[2:5])
+    data = json.loads(file.read_text())
+    assert data["braced"] is True and data["tau"] == data["withstood"]["tau"]
+    assert np.abs(data["a"]).max() < 1e-8 and data["contacts"]["right_sole"]["normal"] < 200.0
+    code, lines, complaint = pushed("--push", "0,119,0", "--braced")
+    assert code == 1 and "no solution: talos cannot be held" in complaint and "edge of 'left_sole'" in complaint
+    assert not any("friction used" in line for line in lines)
 
 
 def test_a_push_to_the_left_may_start_with_a_minus():

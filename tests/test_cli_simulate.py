@@ -191,7 +191,7 @@ def test_what_is_set_up_by_itself():
 
 def test_a_fall_is_called_a_fall(tmp_path):
     """Solo12 without torque collapses; the verdict says how high its centre of mass still is."""
-    code, out, _ = run("solo12", "--free", "--duration", "0.4", "--step", "2e-3", "--json", str(tmp_path / "out.json"))
+    code, out, _ = run("solo12", "--free", "--duration", "0.25", "--step", "2e-3", "--json", str(tmp_path / "out.json"))
     assert code == 0 and "it has fallen" in out
     assert json.loads((tmp_path / "out.json").read_text())["verdict"].startswith("it has fallen")
 

@@ -68,3 +68,13 @@ def test_the_plot_of_the_push_is_drawn_on_the_axes_given():
     assert len(artists) == 3 and all(artist.axes is axes for artist in artists)
     assert "[N]" in axes.get_xlabel() and "[N]" in axes.get_ylabel()
     assert "pyplot" not in Path(module.__file__).read_text(encoding="utf-8")
+
+
+def test_the_torques_of_the_crouch_are_drawn(tmp_path, monkeypatch):
+    """main(show=True) writes one picture, into out/."""
+    module, _, _ = run(TOP / "examples" / "24_torques_of_a_crouch.py")
+    monkeypatch.chdir(tmp_path)
+    with contextlib.redirect_stdout(io.StringIO()):
+        module.main(show=True)
+    (picture,) = [file for file in tmp_path.rglob("*") if file.is_file()]
+    assert picture.read_bytes().startswith(b"\x89PNG")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import fuzz
 import pytest
+from forked import alone
 
 import rbd
 
@@ -49,12 +50,12 @@ def test_a_mutant_is_always_the_same() -> None:
 
 
 def test_every_way_to_break_a_file_comes_up() -> None:
-    """In 400 mutants there is each step, and nine in ten files are changed."""
+    """In 250 mutants there is each step, and nine in ten files are changed."""
     files = fuzz.sources()
-    drawn = [fuzz.mutant(5, i, files) for i in range(400)]
+    drawn = [fuzz.mutant(5, i, files) for i in range(250)]
     steps = Counter(word for _, _, story in drawn for word in re.findall(r"\w+", story.split(": ")[1]))
     assert {*fuzz._Breaker.TREE, *fuzz._Breaker.TEXT, *fuzz._Breaker.BYTES} <= set(steps)
-    assert sum(data not in files.values() for data, _, _ in drawn) > 360
+    assert sum(data not in files.values() for data, _, _ in drawn) > 225
 
 
 @pytest.mark.parametrize(
@@ -96,6 +97,22 @@ def test_crashes_and_time_outs_are_failures(load, why: str, monkeypatch: pytest.
     ended = list(fuzz.run(0, range(2), keep=tmp_path / "kept"))
     assert [(verdict, why in message) for _, verdict, message in ended] == [("failure", True)] * 2
     assert len(list((tmp_path / "kept").iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("work", "seconds", "why"),
+    [
+        (lambda: os.kill(os.getpid(), signal.SIGKILL), 60.0, "signal 9"),
+        (lambda: time.sleep(60.0), 0.3, "late: True"),
+        (lambda: os._exit(0), 60.0, "without a word"),
+        (lambda: 1 / 0, 60.0, "ZeroDivisionError"),
+    ],
+)
+def test_what_is_done_alone_fails_alone(work, seconds: float, why: str) -> None:
+    """A crash, a hang, an end or an error in a child is told by an assertion; an answer comes back."""
+    with pytest.raises(AssertionError, match=why):
+        alone(work, seconds)
+    assert alone(lambda: [1, "a"]) == [1, "a"]
 
 
 def test_a_message_that_fills_screens_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,12 +14,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from forked import alone
 
 import rbd
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import FrameNotFound, InputError, ModelError, ModelWarning
 from rbd.model.meshes import Geometry, _equivalent_box, load_geometry
 from rbd.robots.underside import flat_underside
+from rbd.visual.robot_meshes import robot_parts
 
 MM = 1e-3
 ROUNDING_M = 1e-12  # Pinocchio and coal keep origins and sizes as doubles
@@ -207,19 +209,18 @@ def test_broken_meshes_are_boxes_and_end_nothing(package):
     shapes = [f'<visual><geometry><mesh filename="../meshes/{name}"/></geometry></visual>' for name in [*BROKEN, "good.stl"]]
     (package / "urdf").mkdir()
     (package / "urdf" / "it.urdf").write_text(urdf('<sphere radius="1"/>', more="".join(shapes)))
-    code = f"""import warnings, rbd
-from rbd.visual.robot_meshes import robot_parts
-robot = rbd.load_robot({str(package / "urdf" / "it.urdf")!r}, package_dirs=[{str(package.parent)!r}])
-with warnings.catch_warnings(record=True) as told:
-    warnings.simplefilter("always")
-    parts = robot_parts(robot)
-print(*[type(o.geometry).__name__ for o in robot.visual_model.geometryObjects], len(parts), len(told))
-print(told[0].message)
-"""
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr[-2000:]
-    first, message = done.stdout.splitlines()[:2]
-    assert first.split() == ["Sphere", *["Box"] * len(BROKEN), "BVHModelOBBRSS", str(len(BROKEN) + 2), "1"], first
+
+    def load() -> tuple[list[str], int, list[str]]:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("ignore")
+            robot = rbd.load_robot(package / "urdf" / "it.urdf", package_dirs=[package.parent])
+            warnings.simplefilter("always")
+            parts = robot_parts(robot)
+        shapes = [type(o.geometry).__name__ for o in robot.visual_model.geometryObjects]
+        return shapes, len(parts), [str(warning.message) for warning in told]
+
+    shapes, parts, (message,) = alone(load)
+    assert (shapes, parts) == (["Sphere", *["Box"] * len(BROKEN), "BVHModelOBBRSS"], len(BROKEN) + 2)
     assert f"boxes in place of {len(BROKEN)} meshes" in message and "load_robot(..., package_dirs=[folder])" in message
     assert "missing.stl' is not there" in message and "more" in message
 

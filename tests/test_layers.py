@@ -6,6 +6,8 @@ import ast
 import re
 import subprocess
 import sys
+from collections import defaultdict
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -51,8 +53,19 @@ def _modules() -> dict[str, Path]:
 MODULES = _modules()
 
 
-def imports(source: str) -> set[str]:
-    """Modules below rbd that a source imports: at the top, inside functions, for types only, or by a string.
+@cache
+def parsed(module: str) -> ast.Module:
+    """The syntax tree of a module; do not change it."""
+    return ast.parse(MODULES[module].read_text())
+
+
+def called(node: ast.Call) -> str:
+    """The last part of the name of what is called, "" where it has none."""
+    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+
+
+def imports(tree: ast.Module) -> set[str]:
+    """Modules below rbd that a module imports: at the top, inside functions, for types only, or by a string.
 
     Left out are those of `rbd.visual` inside functions that draw.
     """
@@ -68,18 +81,21 @@ def imports(source: str) -> set[str]:
             assert not node.level, "imports are absolute"
             inner = [f"{node.module}.{alias.name}" for alias in node.names]
             names = [name if name.removeprefix("rbd.") in MODULES else node.module or "" for name in inner]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ("import_module", "__import__"):
+        elif isinstance(node, ast.Call) and called(node) in ("import_module", "__import__"):
             names = re.findall(r"rbd[.\w]*", ast.unparse(node.args[0]))
         ours = {name.removeprefix("rbd").strip(".") for name in names if name.split(".")[0] == "rbd"}
         found.update(name for name in ours if not (draws and name.split(".")[0] == "visual"))
         for child in ast.iter_child_nodes(node):
             visit(child, draws)
 
-    visit(ast.parse(source), False)
+    visit(tree, False)
     return found
 
 
-IMPORTS = {module: imports(path.read_text()) - {module} for module, path in MODULES.items()}
+@cache
+def all_imports() -> dict[str, set[str]]:
+    """{module: what it imports}; read when a test asks, for a second of every process that collects."""
+    return {module: imports(parsed(module)) - {module} for module in MODULES}
 
 
 def room(module: str) -> str:
@@ -96,7 +112,7 @@ def test_imports_go_down():
     """A module imports from lower rooms and from its own."""
     upward = [
         f"{module} imports {other or 'rbd'}"
-        for module, others in IMPORTS.items()
+        for module, others in all_imports().items()
         for other in others
         if module and room(other) != room(module) and not LAYERS.get(room(other), 99) < LAYERS[room(module)]
     ]
@@ -106,7 +122,7 @@ def test_imports_go_down():
 def test_no_import_goes_round_in_a_circle():
     """The imports of all modules can be put in an order; so no two files import each other."""
     try:
-        TopologicalSorter({module: others for module, others in IMPORTS.items() if module}).prepare()
+        TopologicalSorter({module: others for module, others in all_imports().items() if module}).prepare()
     except CycleError as error:
         pytest.fail(f"circle: {error.args[1]}")
 
@@ -115,7 +131,7 @@ def test_no_name_hides_a_module():
     """`import rbd.a.b` gives the module wherever there is one: nothing is named as a module beside it, or as its own."""
     hidden = []
     for module, path in MODULES.items():
-        tree = ast.parse(path.read_text())
+        tree = parsed(module)
         own = [node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
         if module.rpartition(".")[2] in own:
             hidden.append(f"{module}.{module.rpartition('.')[2]}")
@@ -166,7 +182,7 @@ ASKS_NO_KINDS = (
 
 def kinds_of_constraints() -> set[str]:
     """Names of the classes of `rbd.constraints` that have rows, and of those that gather several."""
-    trees = [ast.parse(path.read_text()) for module, path in MODULES.items() if room(module) == "constraints"]
+    trees = [parsed(module) for module in MODULES if room(module) == "constraints"]
     classes = {node.name: node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
     own = {
         name for name, node in classes.items() if any(isinstance(x, ast.FunctionDef) and x.name == "rows" for x in node.body)
@@ -174,12 +190,12 @@ def kinds_of_constraints() -> set[str]:
     return own | {name for name, node in classes.items() if any(ast.unparse(base) in own for base in node.bases)}
 
 
-def asked_types(source: str) -> set[str]:
-    """Names of the types that a source asks for: by isinstance, issubclass, type(...) is, a match, or a type's name."""
+def asked_types(tree: ast.Module) -> set[str]:
+    """Names of the types that a module asks for: by isinstance, issubclass, type(...) is, a match, or a type's name."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree):
         asked: list[ast.AST] = []
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass"):
+        if isinstance(node, ast.Call) and called(node) in ("isinstance", "issubclass"):
             asked = list(node.args[1:])
         elif isinstance(node, ast.Compare) and any(
             re.match(r"type\(|.*__class__|.*__name__", ast.unparse(x)) for x in [node.left]
@@ -197,7 +213,7 @@ def test_no_room_above_the_constraints_asks_for_their_kinds():
     assert {"PointContact", "JointLimit", "LoopClosure", "RollingWheel", "CollisionContacts", "Stabilised"} <= kinds
     rooms = {m for m in MODULES if room(m) in ASKS_NO_KINDS or m in ("robots.merge", "robots.posture", "robots.loops")}
     shared = {"constraints.constraint", "constraints.contact_points", "constraints.ground_points"}
-    asks = {module: asked & kinds for module in rooms | shared if (asked := asked_types(MODULES[module].read_text())) & kinds}
+    asks = {module: asked & kinds for module in rooms | shared if (asked := asked_types(parsed(module))) & kinds}
     assert not asks
 
 
@@ -205,17 +221,25 @@ def test_the_reader_of_asked_types_sees_all_ways():
     """The test above can fail."""
     ways = ["isinstance(c, LoopClosure | A)", "issubclass(k, (JointLimit, B))", "type(c) is C", "type(c).__name__ == 'D'"]
     ways.append("match c:\n    case E(): pass")
-    assert {"LoopClosure", "A", "JointLimit", "B", "C", "D", "E"} <= {name for way in ways for name in asked_types(way)}
+    assert {"LoopClosure", "A", "JointLimit", "B", "C", "D", "E"} <= {
+        name for way in ways for name in asked_types(ast.parse(way))
+    }
 
 
 def _users(library: str) -> set[str]:
-    out = set()
-    for module, path in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text())):
+    return _libraries()[library]
+
+
+@cache
+def _libraries() -> dict[str, set[str]]:
+    """{library: modules that import it}."""
+    out = defaultdict(set)
+    for module in MODULES:
+        for node in ast.walk(parsed(module)):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            if any(name.split(".")[0] == library for name in names):
-                out.add(module)
+            for name in names:
+                out[name.split(".")[0]].add(module)
     return out
 
 
@@ -224,7 +248,7 @@ class TestWhatStandsOnTop:
 
     def test_type_checkers_are_told_the_same_names(self):
         """The imports for types and the table say one thing, and each name is there."""
-        tree = ast.parse(MODULES[""].read_text())
+        tree = parsed("")
         for_types = next(node for node in tree.body if isinstance(node, ast.If))
         told = {alias.name: node.module for node in for_types.body if isinstance(node, ast.ImportFrom) for alias in node.names}
         assert told == rbd._HOME | {"dynamics": "rbd.model"}
@@ -280,4 +304,4 @@ def plot():
 import rbd.problem.cones
 import numpy
 """
-    assert imports(source) == {"robots.robot", "solvers.qp", "", "simulation.trajectory", "problem.cones"}
+    assert imports(ast.parse(source)) == {"robots.robot", "solvers.qp", "", "simulation.trajectory", "problem.cones"}

@@ -12,6 +12,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,12 @@ def problems(count: int, seed: int) -> Iterator[tuple[str, rbd.GaussProblem]]:
         yield f"{i} ({root})", rbd.gauss_problem(state, tau, contacts_on(rng, robot, held))
 
 
+@cache
+def drawn(count: int, seed: int) -> list[tuple[str, rbd.GaussProblem]]:
+    """The same problems for all solvers, made once."""
+    return list(problems(count, seed))
+
+
 def misses(P: rbd.GaussProblem, s: rbd.Solution) -> dict[str, float]:
     """Largest share of its own terms by which each kind of equation is missed, of any row and any point.
 
@@ -157,7 +164,7 @@ def judged(P: rbd.GaussProblem, solver: rbd.ProxQP | rbd.ConeSolver | rbd.KKT) -
 def test_what_is_solved_holds_in_every_row_by_its_own_terms(name: str) -> None:
     """A link of a milligram sinks as seldom as one of a kilogram: nothing that is `solved` misses 1e-8 of its own terms."""
     solver, solved, taken = SOLVERS[name], 0, 0
-    for what, P in problems(120, 2):
+    for what, P in drawn(120, 2):
         if solver.reason_unsupported(P):
             continue
         s, miss, of = judged(P, solver)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,17 @@ def _report(name: str):
     return report_mechanism(robot, robot.neutral() if q is None else q)
 
 
+_known = cache(_report)
+"""Reports that are only read."""
+
+
 @pytest.mark.parametrize(
     ("name", "finite", "branches"),
     [("four_bar", 1, 2), ("slider_crank", 1, 2), ("five_bar", 2, 2), ("six_bar", 1, 4), ("parallel_leg", 2, 8)],
 )
 def test_closed_loops_have_their_mobility_and_branches(name, finite, branches):
     """Planar mechanisms: by Gruebler, and two ways to close each loop of two bars."""
-    report = _report(name)
+    report = _known(name)
     m = report.mobility
     assert m.count.value == m.instantaneous == m.finite == finite
     assert report.branches is not None and len(report.branches) == branches
@@ -45,7 +50,7 @@ def test_closed_loops_have_their_mobility_and_branches(name, finite, branches):
 )
 def test_what_rolls_is_tested_for_integrability(name, growth):
     """Heading, place and wheel angles are reached by two velocities; of two wheels one relation stays."""
-    report = _report(name)
+    report = _known(name)
     assert report.integrable is not None and report.integrable.growth == growth
     assert "branches" in report.left_out or report.branches is None
 
@@ -85,13 +90,13 @@ def test_the_legend_lists_every_branch(name, tmp_path):
     assert answer.exit_code == 0
     legend = json.loads(re.search(r'stage\.note\(\{"legend": (.*?)\}\);', page.read_text(encoding="utf-8"))[1])
     listed = {entry["name"]: entry["color"] for entry in legend["entries"] if entry["name"].startswith("branch")}
-    count = len(_report(name).branches)
+    count = len(_known(name).branches)
     assert sorted(listed) == [f"branch {i}" for i in range(count)] and len(set(listed.values())) == count
 
 
 def test_a_pose_that_is_none_of_the_branches_hides_none():
     """Where the search missed the branch of the pose itself, all that it found are drawn beside it."""
-    report = _report("four_bar")
+    report = _known("four_bar")
     assert report.shown in ("branch 0", "branch 1")
     found = tuple(b for i, b in enumerate(report.branches.found) if f"branch {i}" != report.shown)
     missed = replace(report, branches=replace(report.branches, found=found))
@@ -100,7 +105,7 @@ def test_a_pose_that_is_none_of_the_branches_hides_none():
 
 def test_a_whole_turn_is_the_same_pose():
     """A branch is told by its pose, not by how often a joint has turned."""
-    report, arm = _report("four_bar"), rbd.load_robot("ur5", root="fixed")
+    report, arm = _known("four_bar"), rbd.load_robot("ur5", root="fixed")
     q = np.linspace(-1.0, 1.0, arm.nq)  # plain angles, that a whole turn does not change to themselves
     found = tuple(replace(report.branches.found[0], q=x) for x in (q + 0.1, q + 2.0 * np.pi))
     assert replace(report, robot=arm, state=arm.at(q), branches=replace(report.branches, found=found)).shown == "branch 1"

@@ -15,7 +15,7 @@ import rbd
 
 TOP = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted(path.stem for path in (TOP / "examples").glob("[0-9][0-9]_*.py"))
-FEW = ("01_stand", "10_four_bar", "12_unicycle")
+FEW = ("01_stand", "12_unicycle")
 """Examples that are run in every test; the others by `make exhaustive`."""
 
 

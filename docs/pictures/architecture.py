@@ -21,7 +21,11 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
     [("solution", "answer and proof"), ("least_constraint", "solve")],
-    [("statics", "hold"), ("mechanism", "assemble, trace,\nmobility"), ("control", "torques over time")],
+    [
+        ("statics", "hold, least effort"),
+        ("mechanism", "assemble, trace,\nmobility"),
+        ("control", "inverse dynamics,\ncontrollers"),
+    ],
     [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
     [("visual", "pages, plots"), ("testing", "checks of your own\nkinds, solvers"), ("studies", "both laws,\nseveral solvers")],
     [("cli", "rbd stand, simulate, mechanism, plane")],

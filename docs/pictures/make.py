@@ -20,6 +20,7 @@ from PIL import Image
 import rbd
 from rbd.cli.mechanism_report import report_mechanism
 from rbd.visual import Scene, contact_sheet, motion_sheet, plot_region, screenshot
+from rbd.visual.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
 TOP = PICTURES.parents[1]
@@ -43,8 +44,8 @@ def talos() -> Path:
 
 
 def hand_on_a_wall() -> Path:
-    """Example 24: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
-    result = _result("24_hand_on_a_wall")
+    """Example 25: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
+    result = _result("25_hand_on_a_wall")
     held = result.held
     with tempfile.TemporaryDirectory() as folder, Scene(held.state.robot) as scene:
         scene.show(held.state, held, external=rbd.ExternalForce("torso_2_link", (0.0, 140.0, 0.0)))
@@ -119,6 +120,50 @@ def fists() -> Path:
         return screenshot(page, PICTURES / "fists.png", width=1100, height=900)
 
 
+def crouch() -> Path:
+    """The plot of examples/24_torques_of_a_crouch.py, as it writes it."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+        _example("24_torques_of_a_crouch").main(show=True)
+        with Image.open(next(Path(folder).rglob("*.png"))) as drawn:
+            drawn.resize((770, 462), Image.Resampling.LANCZOS).save(PICTURES / "crouch.png")
+    return PICTURES / "crouch.png"
+
+
+def inverse_dynamics() -> Path:
+    """The plot of docs/inverse_dynamics.md: what Talos' hips cost on their way to the left, and what is possible of it."""
+    robot = rbd.load_robot("talos")
+    state, soles, held = robot.standing(), robot.soles(friction=0.7), robot.soles(friction=None)
+    weight, wanted, shares, reached, lateral = 9.81 * robot.mass, np.linspace(0.0, 3.0, 121), [], [], np.zeros(robot.nv)
+    for rate in wanted:
+        lateral[1] = rate
+        a = rbd.solve(state, np.zeros(robot.nu), held, external=state.M @ lateral + state.h).a
+        try:
+            way = rbd.inverse_dynamics(state, a, soles)
+            friction = 1.0 - min(way.margins.friction.values())
+            shares.append((1.0 - way.margins.torque.min(), friction, way.contacts["left_sole"].normal / weight))
+        except rbd.CannotMove as error:
+            way = error.nearest()
+        reached.append((a[1], way.a[1]))
+    figure = Figure(figsize=(8.6, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    words = ("largest torque, of its limit", "most friction of a foot, of its cone", "left foot, of the weight")
+    colors = ("#0072b2", "#d55e00", "#009e73")
+    for share, label, color in zip(100.0 * np.array(shares).T, words, colors, strict=True):
+        left.plot(np.array(reached)[: len(shares), 0], share, color=color, label=label)
+    left.set(ylabel="[%]", ylim=(0.0, 135.0), yticks=range(0, 101, 20), xlim=(0.0, 2.0))
+    left.legend(frameon=False, loc="upper left")
+    right.plot(*np.array(reached).T, color="#0072b2", label="possible")
+    right.plot(*[np.array(reached)[:, 0]] * 2, ":", color="0.4", label="wanted")
+    right.set(ylabel="nearest that is possible [m/s2]", xlim=(0.0, reached[-1][0]), ylim=(0.0, reached[-1][0]))
+    right.legend(frameon=False, loc="upper left")
+    for ax in (left, right):
+        frame(ax, "y")
+        ax.axvline(reached[len(shares) - 1][0], ls="--", color="0.4")
+        ax.set_xlabel("hips to the left, wanted [m/s2]")
+    figure.savefig(PICTURES / "inverse_dynamics.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "inverse_dynamics.png"
+
+
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
     width, height = 560, 440
@@ -159,6 +204,7 @@ def _example(name: str) -> ModuleType:
 
 
 if __name__ == "__main__":
-    scenes = (make() for make in (talos, fists, mechanisms, robots, hand_on_a_wall, where_it_can_stand))
+    singles = (talos, fists, mechanisms, robots, crouch, inverse_dynamics, hand_on_a_wall, where_it_can_stand)
+    scenes = (make() for make in singles)
     for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
         print(made.relative_to(TOP))

@@ -31,7 +31,7 @@ from rbd.cli.terminal import (
     timed,
     write_json,
 )
-from rbd.errors import InputError, ModelWarning, SimulationStopped
+from rbd.errors import CannotHold, InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
@@ -73,6 +73,7 @@ def stand(
     law: Law = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
+    braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
@@ -82,19 +83,23 @@ def stand(
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
 
     Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
-    the contact law, and prints what each foot carries.
+    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
+    if none do, which limits prevent it.
     """
-    from rbd.cli.robot_reports import StandReport
+    from rbd.cli.robot_reports import StandReport, holding
     from rbd.least_constraint import solve
     from rbd.model.dynamics import ExternalForce
     from rbd.problem.cones import check_friction
     from rbd.robots.robot import load_robot
     from rbd.solvers.default import slip_law
+    from rbd.statics.actuation import Actuation
     from rbd.statics.equilibrium import hold
 
     console = open_console()
     with answering(stand):
         force = _push(push, at)
+        if braced and force is None:
+            raise InputError("--braced came without --push X,Y,Z: there is nothing to withstand.")
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
         check_friction(friction, facets)
         slip_law(law)
@@ -109,11 +114,14 @@ def stand(
         for e in external:
             loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "hold"):
-            held = hold(state, feet)
+            against = holding(state, feet, external) if external else None
+            if braced and isinstance(against, CannotHold):
+                raise against
+            held = against if braced and isinstance(against, Actuation) else hold(state, feet)
         with timed(seconds, "solve"):
             solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
-        report = StandReport(held, solution, force, at, seconds)
+        report = StandReport(held, solution, force, at, seconds, against, braced)
         if html is not None or show:
             from rbd.visual import Scene
 
@@ -135,9 +143,7 @@ def stand(
 @app.command()
 def region(
     robot: RobotName,
-    torque_limits: Annotated[
-        bool, typer.Option("--torque-limits", help="Motors keep within their limits, at this pose.")
-    ] = False,
+    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Motors keep within their limits.")] = False,
     friction: Friction = 0.7,
     margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
@@ -149,22 +155,16 @@ def region(
 
     For example: rbd region talos --torque-limits --png region.png
     """
-    from rbd.cli.region_report import RegionReport, draw, regions_of
-    from rbd.robots.robot import load_robot
+    from rbd.cli.region_report import draw, report_region
 
     console = open_console()
     with answering(region):
         check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
-        seconds: dict[str, float] = {}
-        with timed(seconds, "load"):
-            loaded = load_robot(robot, package_dirs=package_dir or ())
-        with timed(seconds, "regions"):
-            found = regions_of(loaded, posture, friction=friction, margin=margin, torque_limits=torque_limits)
-        report = RegionReport(found, seconds)
+        report = report_region(robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits)
         write_json(json_, report)
         console.print(report)
         if png is not None:
-            print_path(console, "picture", draw(found, png))
+            print_path(console, "picture", draw(report.regions, png))
 
 
 @app.command()

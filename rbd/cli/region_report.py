@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Group
 
-from rbd.cli.terminal import Table, counted, facts, rounded, save_figure
+from rbd.cli.terminal import Table, counted, facts, rounded, save_figure, timed
 from rbd.errors import InputError
 from rbd.problem.cones import check_friction
-from rbd.robots.robot import Robot
+from rbd.robots.robot import load_robot
 from rbd.statics.regions import SupportRegion, support_region
 
 LARGEST_TORQUES = 3
@@ -93,20 +93,25 @@ class RegionReport:
         return table
 
 
-def regions_of(
-    robot: Robot, posture: str | None, *, friction: float, margin: float, torque_limits: bool
-) -> dict[str, SupportRegion]:
-    """{what it is: the region} of a robot on its feet; with torque limits asked for, that region first.
+def report_region(
+    name: str, package_dirs: Sequence[Path], posture: str | None, *, friction: float, margin: float, torque_limits: bool
+) -> RegionReport:
+    """The report of a robot on its feet; with torque limits asked for, that region first.
 
     Raises:
         InputError: no feet are known, or the numbers are none.
     """
     check_friction(friction, 4)
+    seconds: dict[str, float] = {}
+    with timed(seconds, "load"):
+        robot = load_robot(name, package_dirs=package_dirs)
     if not robot.source.feet:
         raise InputError(f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do.")
-    state, feet = robot.standing(posture), robot.feet(friction)
-    out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
-    return out | {"torques of any size": support_region(state, feet, margin=margin)}
+    with timed(seconds, "regions"):
+        state, feet = robot.standing(posture), robot.feet(friction)
+        out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
+        out["torques of any size"] = support_region(state, feet, margin=margin)
+    return RegionReport(out, seconds)
 
 
 def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:

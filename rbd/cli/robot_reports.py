@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,10 @@ from rich.text import Text
 
 from rbd.arrays import Array
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
-from rbd.errors import ModelWarning, RbdError
+from rbd.constraints.constraint import Constraint
+from rbd.errors import CannotHold, ModelWarning, RbdError
+from rbd.model.dynamics import ExternalForce
+from rbd.model.state import State
 from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
 from rbd.robots.robot import Robot, doctor, load_robot
@@ -144,11 +147,13 @@ class StandReport:
     """A robot in equilibrium on its feet, optionally pushed.
 
     Attributes:
-        held: Torques found without the push.
+        held: The torques that act: found without the push, or against it.
         solution: Motion and forces under those torques and the push.
         push: World force [N], or None.
         at: Frame that is pushed, or None.
         seconds: {what: time taken [s]}.
+        against: Torques that withstand the push, or why there are none; None without a push.
+        braced: Whether `held` are those.
     """
 
     held: Actuation
@@ -156,6 +161,8 @@ class StandReport:
     push: Array | None
     at: str | None
     seconds: Mapping[str, float]
+    against: Actuation | CannotHold | None = None
+    braced: bool = False
 
     @property
     def com_acceleration(self) -> tuple[Array, Array]:
@@ -181,6 +188,8 @@ class StandReport:
             "robot": robot.name,
             "mass": robot.mass,
             "push": None if self.push is None else {"force": self.push.tolist(), "frame": self.at},
+            "withstood": self._withstood(),
+            "braced": self.braced,
             "status": str(s.status),
             "law": str(s.law),
             "solver": s.solver,
@@ -201,6 +210,28 @@ class StandReport:
             "seconds": dict(self.seconds),
         }  # fmt: skip
 
+    def _withstood(self) -> dict[str, Any] | None:
+        """Whether motors could withstand the push: their torques, or the limits in the way and what is missing."""
+        if self.against is None:
+            return None
+        names = self.held.state.robot.actuated_names
+        if isinstance(self.against, Actuation):
+            return {
+                "possible": True,
+                "tau": dict(zip(names, self.against.tau.tolist(), strict=True)),
+                "share_of_limit": dict(zip(names, (1.0 - self.against.margins.torque).tolist(), strict=True)),
+                "friction_used": {name: 1.0 - left for name, left in self.against.margins.friction.items()},
+                "margin": self.against.margin,
+                "contacts": {name: {"force": f[:3].tolist()} for name, f in self.against.forces.items()},
+            }
+        lack = self.against.missing
+        return {
+            "possible": False if self.against.limits else None,
+            "limits": [{"kind": limit.kind, "name": limit.name} for limit in self.against.limits],
+            "missing": None if lack is None else {"force": lack.force.tolist(), "moment": lack.moment.tolist()},
+            "why": in_options(str(self.against)),
+        }
+
     def _contact(self, name: str, c: ContactForce) -> dict[str, Any]:
         force = self.solution.forces[name]
         return {
@@ -214,12 +245,25 @@ class StandReport:
         }
 
     def __rich__(self) -> Group:
-        """The tables of the command line."""
-        return Group(self._contacts_table(), self._torques_table(), self._summary_table())
+        """The lines and tables of the command line."""
+        lines = [Text(line) for line in (self._headline(), *self._push_lines())]
+        return Group(*lines, self._contacts_table(), self._torques_table(), self._summary_table())
+
+    def _push_lines(self) -> list[str]:
+        """Whether motors could withstand the push, and what the torques that act do."""
+        if self.against is None:
+            return []
+        acceleration = f"the centre of mass accelerates at ({rounded(self.com_acceleration[0], 3)}) m/s2."
+        if isinstance(self.against, Actuation):
+            lines = [f"Motors can withstand the push: {_strain(self.against)}."]
+        else:
+            lines = [_refusal(self.against), in_options(str(self.against))]
+        which = "those torques" if self.braced else "the torques of the unpushed pose"
+        return [*lines, f"Below, under {which} and the push: {acceleration}"]
 
     def _contacts_table(self) -> Table:
         numbers = ("force x, y, z [N]", "normal [N]", "tangential [N]", "friction used", "centre of pressure [m]")
-        table = Table(self._headline(), ("contact",), numbers)
+        table = Table(None, ("contact",), numbers)
         for name, c in self.solution.contacts.items():
             used = "-" if c.friction_used is None else f"{100 * c.friction_used:.1f} %"
             cop = "-" if c.centre_of_pressure is None else rounded(c.centre_of_pressure, 3)
@@ -237,7 +281,11 @@ class StandReport:
 
     def _torques_table(self) -> Table:
         robot, tau = self.held.state.robot, self.held.tau
-        table = Table("largest holding torques", ("joint",), ("torque [N m]", "limit [N m]", "of limit"))
+        table = Table(
+            f"largest {'bracing' if self.braced else 'holding'} torques",
+            ("joint",),
+            ("torque [N m]", "limit [N m]", "of limit"),
+        )
         used = np.abs(tau) / robot.effort_limit
         limited = bool(np.isfinite(robot.effort_limit).any())
         for i in np.argsort(-used if limited else -np.abs(tau))[:LARGEST_TORQUES]:
@@ -261,3 +309,41 @@ class StandReport:
             rows.append((f"residual: {name}", f"{float(getattr(s.residuals, name)):.1e} {UNITS[name]} (scaled {scaled:.1e})"))
         rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
         return facts("motion and proof", rows)
+
+
+def holding(state: State, feet: Sequence[Constraint], external: Sequence[ExternalForce]) -> Actuation | CannotHold:
+    """The torques that withstand external forces, or why there are none."""
+    try:
+        return hold(state, feet, external=external)
+    except CannotHold as error:
+        return error
+
+
+def _strain(held: Actuation) -> str:
+    """How near torques and friction come to their limits."""
+    robot, used = held.state.robot, 1.0 - held.margins.torque
+    told = []
+    if np.isfinite(robot.effort_limit).any():
+        worst = int(np.argmax(used))
+        told.append(f"the largest torque is {100 * used[worst]:.1f} % of its limit ({robot.actuated_names[worst]})")
+    friction = held.margins.friction
+    if friction:
+        most = min(friction, key=lambda name: friction[name])
+        told.append(f"{most} uses {100 * (1.0 - friction[most]):.1f} % of its friction")
+    if not held.margin:
+        told.append("only with friction up to its limit")
+    return ", ".join(told) or "no limits are stated"
+
+
+def _refusal(error: CannotHold) -> str:
+    """In a few words, what would give way."""
+    if not error.limits:
+        return "Whether motors can withstand the push was not found."
+    named: dict[str, list[str]] = {}
+    for limit in error.limits:
+        named.setdefault(limit.kind, []).append(limit.name)
+    gives = {"edge": "it tips", "friction": "its feet slip", "motor": "motors are too weak"}
+    told = [words for kind, words in gives.items() if kind in named]
+    if "push" in named:
+        told.append(f"{' and '.join(named['push'])} would have to pull")
+    return f"No motor torques withstand the push{': ' + ', or '.join(told) if told else ''}."

@@ -125,23 +125,26 @@ class LoopClosure:
         """
         check_state(state, self.name)
         self.check(state.robot)
-        X_Wa, J_a, v_a, b_a = state.moving(self.frame_a, _HERE, pin.LOCAL)
-        X_Wb, J_b, v_b, b_b = state.moving(self.frame_b, _HERE, pin.LOCAL)
+        X_Wa, *moving_a = state.moving(self.frame_a, _HERE, pin.LOCAL)
+        X_Wb, *moving_b = state.moving(self.frame_b, _HERE, pin.LOCAL)
+        A, B = _side_by_side(*moving_a), _side_by_side(*moving_b)  # each product is taken of all three at once
         R, X_ab = X_Wa.rotation, X_Wa.actInv(X_Wb)
         on_robot = R if state.robot.site(self.frame_b)[0] else -R  # minus the force on the ground is the force on the robot
         x, R_ab = X_ab.translation, X_ab.rotation
-        X, turning = cross_matrix(x), cross_matrix(v_a[3:])
-        # Relative to frame_a, in its axes, which turn with v_a[3:]: - turning @ x and Coriolis' - 2 turning @ vx.
-        Jx = R_ab @ J_b[:3] - J_a[:3] + X @ J_a[3:]
-        vx = R_ab @ v_b[:3] - v_a[:3] - turning @ x
-        ax = R_ab @ b_b[:3] - b_a[:3] + X @ b_a[3:] - turning @ (turning @ x + 2.0 * vx)
+        turning = cross_matrix(A[3:, -2])
+        # As frame_a sees it, in its axes, which turn: of the velocity x x v_a[3:] = - turning @ x, and Coriolis' term.
+        linear = R_ab @ B[:3] - A[:3] + cross_matrix(x) @ A[3:]
+        linear[:, -1] -= turning @ (turning @ x + 2.0 * linear[:, -2])
         if self.kind == "planar":
             T = self._axes[:, :2]
-            return self._made(T.T @ Jx, T.T @ vx, T.T @ ax, T.T @ x, on_robot @ T)
+            across = T.T @ linear
+            return self._made(across[:, :-2], across[:, -2], across[:, -1], T.T @ x, on_robot @ T)
+        Jx, vx, ax = linear[:, :-2], linear[:, -2], linear[:, -1]
         if self.kind == "point":
             return self._made(Jx, vx, ax, x, on_robot)
-        Jw, w = R_ab @ J_b[3:] - J_a[3:], R_ab @ v_b[3:] - v_a[3:]
-        aw = R_ab @ b_b[3:] - b_a[3:] - turning @ w
+        angular = R_ab @ B[3:] - A[3:]
+        Jw, w = angular[:, :-2], angular[:, -2]
+        aw = angular[:, -1] - turning @ w
         turn, E, bias = self._hinge(R_ab, w, aw) if self.kind == "revolute" else _weld(R_ab, w, aw)
         resultant = np.zeros((6, 3 + len(turn)))
         resultant[:3, :3], resultant[3:, 3:] = on_robot, on_robot @ E.T
@@ -173,6 +176,13 @@ class LoopClosure:
         bias = (k2 * ds * ds + k1 * float(u @ ddz)) * y + 2.0 * k1 * ds * dy + k * (U @ ddz)
         E = -np.outer(k1 * y, u @ Z) - k * (U @ Z)
         return T.T @ (k * y), T.T @ E, T.T @ bias
+
+
+def _side_by_side(J: Array, v: Array, bias: Array) -> Array:
+    """A frame's Jacobian, velocity and bias as columns of one matrix, shape (6, nv + 2)."""
+    out = np.empty((6, J.shape[1] + 2))
+    out[:, :-2], out[:, -2], out[:, -1] = J, v, bias
+    return out
 
 
 def _weld(R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:

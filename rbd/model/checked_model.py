@@ -63,6 +63,7 @@ class CheckedModel:
         self.nv: int = model.nv
         self.joints = Joints(model, self.name)
         self._frames = _frame_ids(model)
+        self._links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
         self._sites: dict[str, tuple[int, pin.SE3]] = {}
         self.passive = self._check_passive(passive)
         roots = tuple(i for i in range(1, model.njoints) if model.parents[i] == 0)
@@ -111,6 +112,10 @@ class CheckedModel:
     def frames(self) -> list[str]:
         """Names of all frames: links, joints and fixed marks."""
         return list(self._frames)
+
+    def links(self) -> list[str]:
+        """Names of the links, in the order of the model's frames."""
+        return list(self._links)
 
     def loops(self) -> tuple[Any, ...]:
         """Constraints that close its tree; none of a bare model, see `rbd.Robot.loops`."""

@@ -221,9 +221,11 @@ def link_angles(state: State) -> dict[str, float]:
     """
     if not isinstance(state, State):
         raise InputError(f"link_angles wants a State, got {type(state).__name__}. Make one: robot.at(q).")
-    out = {}
-    for name in (frame.name for frame in state.robot.model.frames if frame.type.name == "BODY"):
-        R = state.frame(name).X_WF.rotation
+    out, names = {}, state.robot.links()
+    sites = [state.robot.site(name) for name in names]  # not by `frame`, whose Jacobians take longer than all the rest
+    turned, _ = state.joint_places([joint for joint, _ in sites])
+    for name, (_, X_JL), R_WJ in zip(names, sites, turned, strict=True):
+        R = R_WJ @ X_JL.rotation
         if abs(R[1, 1] - 1.0) > 1e-9:
             raise InputError(
                 f"link {name!r:.80} of {state.robot.name} is turned out of the x-z plane; link_angles is for flat mechanisms."

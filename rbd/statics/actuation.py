@@ -191,11 +191,10 @@ class Actuation:
         loads, sets = self.loads, self.loads.sets
         free = np.flatnonzero(sets.lower < sets.upper)
         N = null_space(loads.A[:, free])
-        forces, corners = sets.G[:, free] @ N, _corner_map(sets)[:, free] @ N
         return ActuationUniqueness(
-            rank_of(loads.T[:, free] @ N) if N.size else 0,
-            rank_of(forces) if N.size else 0,
-            rank_of(corners) if N.size else 0,
+            _rank_along(loads.T[:, free], N),
+            _rank_along(sets.G[:, free], N),
+            _rank_along(_corner_map(sets)[:, free], N),
             _has_inside(self.program),
         )
 
@@ -222,6 +221,12 @@ class Actuation:
         if edge and not self.margin:
             head += "\n  friction is at its limit: with these torques other motions may be possible, too"
         return "\n".join([head] + [f"  {name:<16}{c}" for name, c in self.contacts.items()])
+
+
+def _rank_along(A: Array, N: Array) -> int:
+    """Rank of A N beside A itself: what is zero but for rounding has none."""
+    size = float(np.linalg.norm(A)) if N.size else 0.0
+    return rank_of(A @ N / size, unit=True) if size else 0
 
 
 def _corner_map(sets: ForceSet) -> Array:

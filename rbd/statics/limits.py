@@ -11,7 +11,7 @@ Limits are relaxed by columns, forces that the limit forbids, and by rows left o
     base, passive   a wrench on the base; a torque at the joint
 
 A set is irreducible where each of them, relaxed alone, lets the rest be kept [Chinneck1991]: the deletion filter. Relaxing
-"push" relaxes friction and edge of that contact too, so that it is named only where neither of them is in the way.
+"push" relaxes friction, slip and edge of that contact too, so that it is named only where none of them is in the way.
 """
 
 from __future__ import annotations
@@ -179,9 +179,10 @@ class Relaxable:
         return tuple(limit for limit in out if not (limit.kind == "push" and self._finer(limit, gone)))
 
     def _finer(self, limit: Limit, gone: Sequence[Limit]) -> bool:
-        """Whether friction or edge of the same contact is in the way already."""
+        """Whether friction, slip or edge of the same contact is in the way already."""
         return any(
-            Limit(kind, limit.name) in self.columns and Limit(kind, limit.name) not in gone for kind in ("friction", "edge")
+            Limit(kind, limit.name) in self.columns and Limit(kind, limit.name) not in gone
+            for kind in ("friction", "edge", "slips")
         )
 
     def _speaks(self, proof: Certificate, limit: Limit) -> bool:

@@ -95,6 +95,8 @@ class Refusal:
             return f"{_listed(passive, ', ')} would need torque, and is passive."
         if not self.loads.rows:
             return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
+        if asked := [repr(limit.name) for limit in limits if limit.kind == "normal force"]:
+            return f"what the objective asks of normal forces or centres of pressure at {_listed(asked, ', ')} prevents it."
         if self.margin and self.without_margin():
             return f"friction is kept {100 * self.margin:g} % from its limit, and prevents it; with margin=0 it could."
         if self.holds and (words := self._why_friction()):

@@ -63,7 +63,7 @@ class Missing:
                 "centre of mass"
             )
         told += [f"{name!r} misses {max_abs(x):.4g} N m" for name, x in self.torques.items() if max_abs(x) > 1e-6]
-        return ", ".join(told) + f" (least of sqrt(|F|^2 + |m|^2 / L^2), L = {self.length:.3g} m)"
+        return ", ".join(told) + f" (least of |F|^2 + |m|^2 / L^2, L = {self.length:.3g} m)"
 
 
 def missing(loads: Loads, effort: Effort) -> Missing | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -329,12 +331,20 @@ class TestFiniteMotionOfSurfaces:
         def legs(q: np.ndarray, platform: np.ndarray) -> np.ndarray:
             return np.linalg.norm(q[:3] + platform @ pin.Quaternion(q[3:]).matrix().T - base, axis=1)
 
+        def rates(platform: np.ndarray, q: np.ndarray) -> np.ndarray:
+            R = pin.Quaternion(q[3:]).matrix()
+            along = (q[:3] + platform @ R.T - base) @ R / legs(q, platform)[:, None]  # in the platform's axes
+            return np.hstack([along, np.cross(platform, along)])
+
         robot, q = free(pin.JointModelFreeFlyer()), np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0])
+        moved = pin.integrate(robot.model, q, np.linspace(-0.3, 0.4, 6))
         uneven = base[:, [1, 0, 2]] * [0.5, 0.3, 1.0] + [0.1, 0.0, 0.0]
         for platform, expected in ((0.6 * base, 1), (uneven, 0)):
             lengths = legs(q, platform)
             hold = FunctionConstraint("legs", lambda q, p=platform, at=lengths: legs(q, p) - at)
-            found = mobility(rbd.State(robot, q), [hold])
+            J = partial(rates, platform)
+            assert np.abs(J(moved) - hold.rows(rbd.State(robot, moved)).J).max() < 1e-8
+            found = mobility(rbd.State(robot, q), [replace(hold, jacobian=J)])
             assert (found.count.value, found.finite) == (0, expected)
 
     def test_a_row_of_rhombi_laid_flat_has_a_way_for_each(self):

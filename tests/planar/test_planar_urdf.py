@@ -34,8 +34,10 @@ def differ(found, expected, scale: float = 0.0) -> float:
 @pytest.mark.parametrize(("n", "angles", "plane"), [
     *((n, angles, "xz") for n in range(1, 6) for angles in ANGLES), (2, "joint", "xy"), (3, "vertical", "xy"),
 ])  # fmt: skip
-def test_lagranges_equations_are_pinocchios(n: int, angles: str, plane: str):
+def test_lagranges_equations_are_pinocchios(n: int, angles: str, plane: str, exhaustive: bool):
     """M, C, Christoffel tensor, g, T, V and both dynamics of random chains in random states, to 1e-12 of their size."""
+    if n == 5 and angles != "joint" and not exhaustive:
+        pytest.skip("five links in the other angles: run by `make exhaustive`")
     rng = np.random.default_rng(100 * n + len(angles))
     gravity, _ = PLANES[plane]
     dyn = dynamics(Chain(n, lengths=rng.uniform(0.2, 1.5, n).round(3), angles=angles), gravity=gravity, **drawn(n, rng))

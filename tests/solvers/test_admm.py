@@ -108,20 +108,20 @@ SETS = [
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(("name", "contacts", "noise"), SETS)
-def test_pushed_robots_are_solved(name, contacts, noise, law):
-    """40 states of each: all solved, and each is checked by equations written down elsewhere.
+def test_pushed_robots_are_solved(name, contacts, noise, law, exhaustive):
+    """20 states of each, or 40: all solved, and each is checked by equations written down elsewhere.
 
     1,000 of each by `python tests/solvers/test_admm.py`.
     """
-    slipping = 0
-    for problem in pushed_states(name, 40, 11, contacts, noise):
+    slipping, count = 0, 40 if exhaustive else 20
+    for problem in pushed_states(name, count, 11, contacts, noise):
         s = rbd.Solution.of(rbd.ConeSolver(law=law).solve(problem))
         assert s.status == "solved" and str(s.law) == law and s.reason in ("", OPEN if law == "coulomb" else ""), s
         assert max(law_residuals(problem, s, law).values()) < 1e-9
         slipping += max(np.abs(c).max() for c in s.accelerations.values()) > 1e-3
         if law == "coulomb":
             assert signorini_and_coulomb(s) < 1e-9
-    assert slipping > 10
+    assert slipping > count // 4
 
 
 def test_the_outside_check_can_fail():

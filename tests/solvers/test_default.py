@@ -178,10 +178,11 @@ def drawn(name: str, count: int, seed: int):
 
 
 @pytest.mark.parametrize("name", ["talos", "g1", "solo12"])
-def test_it_is_the_motion_of_circular_cones_where_that_is_unique(name):
-    """100 problems of each robot: same a to 1e-8, Signorini's and Coulomb's laws at each corner, same modes and derivatives."""
+def test_it_is_the_motion_of_circular_cones_where_that_is_unique(name, exhaustive):
+    """50 or 100 problems a robot: same a to 1e-8, Signorini's and Coulomb's laws at corners, same modes and derivatives."""
     of = dict.fromkeys(("QP", "cones"), 0)
-    for i, P in enumerate(drawn(name, 100, seed=5)):
+    count = 100 if exhaustive else 50
+    for i, P in enumerate(drawn(name, count, seed=5)):
         s, other = rbd.solve_problem(P), rbd.solve_problem(P, solver=rbd.ConeSolver())
         of[s.method[:5]] += 1
         assert s.status == "solved" and str(s.law) == "coulomb" and signorini_and_coulomb(s) < 1e-8
@@ -193,4 +194,4 @@ def test_it_is_the_motion_of_circular_cones_where_that_is_unique(name):
             one, two = s.derivatives(), other.derivatives()
             assert one.active == two.active and np.abs(one.da_dtau - two.da_dtau).max() < 1e-7 * np.abs(two.da_dtau).max()
             assert s.uniqueness().motion_freedom == other.uniqueness().motion_freedom == 0
-    assert of["QP"] > 30 and of["cones"] > 5
+    assert of["QP"] > 0.3 * count and of["cones"] > 0.05 * count

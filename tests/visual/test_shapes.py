@@ -101,3 +101,15 @@ def test_axes_of_no_direction_are_the_worlds():
     R = shapes.axes_along(np.array([0.0, 3.0, -4.0]))
     assert np.abs(R[:, 2] - [0.0, 0.6, -0.8]).max() < 1e-15 and np.abs(R.T @ R - np.eye(3)).max() < 1e-15
     assert abs(np.linalg.det(R) - 1.0) < 1e-15
+
+
+def test_the_outermost_points_reach_as_far_as_all(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch):
+    """300 of 5,000 at most, whichever are looked at together: to 2 % of the size as far in any direction as all."""
+    points = rng.normal(size=(5000, 3)) * [3.0, 1.0, 0.3]
+    few = shapes.outermost(points)
+    towards = rng.normal(size=(100, 3))
+    towards /= np.linalg.norm(towards, axis=1)[:, None]
+    reach, of_all = ((towards @ x.T).max(axis=1) for x in (few, points))
+    assert len(few) <= 300 and (of_all - reach).max() < 0.02 * of_all.max()
+    monkeypatch.setattr(shapes, "_BLOCK", len(points))
+    assert np.array_equal(shapes.outermost(points), few)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Protocol
 
 import coal
@@ -43,6 +44,8 @@ DIRECTIONS = 8
 MOST_POINTS = LOWEST + DIRECTIONS
 TIPS = 0.1
 """A point at height h counts as nearer by h over this [rad]: points that touch only after a large tilt."""
+_BLOCK = 64
+"""Faces whose distances to all corners are computed at once: for thousands the matrix would have 200 MB."""
 _angles = 2.0 * np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
 _TOWARDS = np.vstack([np.cos(_angles), np.sin(_angles)])
 
@@ -184,16 +187,23 @@ def _rim(X: pin.SE3, radius: float, z: float, i: int) -> Rim:
 
 def _hull(name: str, joint: int, points: Array) -> ConvexShape:
     """The convex hull of a mesh, in the joint's axes; for a flat one all of its points, without faces."""
-    from scipy.spatial import ConvexHull, QhullError  # import takes a tenth of a second
-
     if len(points) == 0:
         raise ModelError("is a mesh without vertices")
+    corners, faces, solid = _solid(points.tobytes())
+    return ConvexShape(name, joint, corners, (), faces, solid, pin.SE3.Identity())
+
+
+@lru_cache(maxsize=64)
+def _solid(data: bytes) -> tuple[Array, Array, coal.Convex]:
+    """(corners, faces, hull) of points, cached for the next contacts of the same robot: a large mesh takes 50 ms."""
+    from scipy.spatial import ConvexHull, QhullError  # import takes a tenth of a second
+
+    points = np.frombuffer(data).reshape(-1, 3)
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):
         corners = np.unique(points, axis=0)
-        flat = coal.Convex(_vectors(corners), _triangles(np.zeros((0, 3), int)))
-        return ConvexShape(name, joint, corners, (), np.zeros((0, 4)), flat, pin.SE3.Identity())
+        return _frozen(corners), _frozen(np.zeros((0, 4))), coal.Convex(_vectors(corners), _triangles(np.zeros((0, 3), int)))
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     triangles = number[hull.simplices]
@@ -206,19 +216,26 @@ def _hull(name: str, joint: int, points: Array) -> ConvexShape:
     equations = hull.equations[np.sort(faces)]
     faces = np.column_stack([equations[:, :3], -equations[:, 3]])
     solid = coal.Convex(_vectors(corners), _triangles(triangles))
-    return ConvexShape(name, joint, corners[_few(corners, faces)], (), faces, solid, pin.SE3.Identity())
+    return _frozen(corners[_few(corners, faces)]), _frozen(faces), solid
+
+
+def _frozen(array: Array) -> Array:
+    """The array, which several shapes share."""
+    array.flags.writeable = False
+    return array
 
 
 def _few(corners: Array, faces: Array) -> Array:
     """Indices of the corners, ascending; of large faces only the eight that represent them."""
-    on_face = np.abs(corners @ faces[:, :3].T - faces[:, 3]) < FLAT_M
     kept, dropped = set(), set()
-    for i in np.flatnonzero(on_face.sum(axis=0) > DIRECTIONS):
-        own = np.flatnonzero(on_face[:, i])
-        flat = corners[own] @ across(faces[i, :3]).T
-        few = own[farthest(flat - flat.mean(axis=0), np.zeros(len(own)))]
-        kept.update(few.tolist())
-        dropped.update(own.tolist())
+    for block in np.split(faces, range(_BLOCK, len(faces), _BLOCK)):
+        on_face = np.abs(corners @ block[:, :3].T - block[:, 3]) < FLAT_M
+        for i in np.flatnonzero(np.count_nonzero(on_face, axis=0) > DIRECTIONS):
+            own = np.flatnonzero(on_face[:, i])
+            flat = corners[own] @ across(block[i, :3]).T
+            few = own[farthest(flat - flat.mean(axis=0), np.zeros(len(own)))]
+            kept.update(few.tolist())
+            dropped.update(own.tolist())
     return np.array([i for i in range(len(corners)) if i in kept or i not in dropped], int)
 
 
