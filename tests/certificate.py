@@ -11,10 +11,12 @@ Every row, and every point, is measured against its own terms, so that a milligr
     force of a point             |f|, or what would give the point the acceleration above, if that is more
     momentum                     the terms of each of the six components
 
-with three floors. A row whose terms vanish is measured against `FREE` of what motors, weight and each constraint force alone
+with four floors. A row whose terms vanish is measured against `FREE` of what motors, weight and each constraint force alone
 would make it do; an equation of motion against `ROUNDING` of sqrt(M_ii) max_j sqrt(M_jj) (|a_j| + |a_free_j|), the size of the
-rounding of any factorisation, and of what its joint carries. A contact law is judged by how far the point is from satisfying
-it, not by a product of force and acceleration.
+rounding of any factorisation, and of what its joint carries. An acceleration is measured at least against `DIGITS` of
+|J| |M^-1| (|M| |a| + |rhs| + |J^T f|), as the last digits of the equations of motion move it: a joint that keeps still while
+its robot falls has no terms but those. A contact law is judged by how far the point is from satisfying it, not by a product
+of force and acceleration.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ Array = NDArray[np.float64]
 
 FREE = 1e-3
 ROUNDING = 1e-6
+DIGITS = 1e-8
+"""Within 1e-7 of it: five times the rounding of each term [Skeel1980]."""
 REST = 1e-6
 """A contact that can slip or break is at rest up to this speed [m/s]."""
 LWA = pin.LOCAL_WORLD_ALIGNED
@@ -152,10 +156,14 @@ class _Arrays:
         self.inverse = np.linalg.inv(scaled) / np.outer(self.root, self.root)
         self.a_free = np.linalg.solve(scaled, rhs / self.root) / self.root
         self.pushed, self.load = np.zeros((len(rhs), 0)), float(np.abs(rhs).max())
+        self.M, self.rhs, self.digits = M, rhs, np.zeros(len(rhs))
 
     def forces(self, columns: Sequence[Array]) -> None:
         """Generalised forces of the constraints, one column each, shapes (nv, k)."""
-        self.pushed = self.inverse @ np.hstack([self.pushed, *columns])
+        given = np.hstack([self.pushed, *columns])
+        self.pushed = self.inverse @ given
+        terms = np.abs(self.M) @ np.abs(self.a) + np.abs(self.rhs) + np.abs(given).sum(axis=1)
+        self.digits = DIGITS * np.abs(self.inverse) @ terms
 
     def sizes(self, J: Array, bias: Array) -> tuple[Array, Array]:
         """(own terms, what each force alone would do) of rows' accelerations."""
@@ -174,7 +182,8 @@ class _Arrays:
         own = own + more
         floor = FREE * max(own.max(initial=0.0), free.max(initial=0.0))
         # J is a difference of two bodies' Jacobians where they are tied: its entries are rounded as those are.
-        floor = max(floor, 1e-8 * float(np.abs(J).max(initial=0.0)) * float(np.abs(self.a).max()))
+        floor = max(floor, DIGITS * float(np.abs(J).max(initial=0.0)) * float(np.abs(self.a).max()))
+        floor = max(floor, float((np.abs(J) @ self.digits).max(initial=0.0)))
         for k in range(len(c)):
             self.out.add("holds", f"{name}[{k}]", abs(float(c[k])), max(float(own[k]), floor))
 
@@ -193,7 +202,7 @@ class _Arrays:
     def entry(self, name: str, J: Array, f: float, c: float, u: float, bias: float, lo: float, hi: float) -> None:
         """A row whose force stays between bounds; a stop if they are 0 and infinity."""
         own, free = self.sizes(J[None], np.array([bias]))
-        rate = max(float(own[0]), FREE * float(free[0]))
+        rate = max(float(own[0]), FREE * float(free[0]), float(np.abs(J) @ self.digits))
         force = self.push(J[None], np.array([f]), rate)
         if force == 0.0:
             return

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 import rbd
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
 
 LEG = Path(__file__).parents[1] / "urdf" / "parallel_leg.urdf"
 NAMES = ("talos", "g1", "solo12", "leg")
@@ -26,7 +27,7 @@ class Moving:
     """
 
     state: rbd.State
-    contacts: Sequence[rbd.constraints.Constraint]
+    contacts: Sequence[Constraint]
 
 
 def robot(name: str) -> rbd.Robot:
@@ -39,7 +40,7 @@ def drawn(one: rbd.Robot, rng: np.random.Generator, *, friction: float = 0.7, sp
     if one.loops():
         start = one.at("assembled")
         q = rbd.mechanism.assemble(one.at(pin.integrate(one.model, start.q, rng.uniform(-0.25, 0.25, one.nv))), one.loops()).q
-        contacts: Sequence[rbd.constraints.Constraint] = one.loops()
+        contacts: Sequence[Constraint] = one.loops()
     else:
         step = np.concatenate([np.zeros(6), 0.1 * rng.normal(size=one.nv - 6)])
         q = rbd.robots.posture.stand(one, pin.integrate(one.model, one.standing().q, step), one.feet())

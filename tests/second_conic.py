@@ -12,6 +12,7 @@ from scipy.sparse import csc_matrix
 
 import rbd
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
 from rbd.problem.conic import Certificate, Conic
 
 
@@ -104,9 +105,7 @@ class Whole:
     nu: int
 
     @classmethod
-    def of(
-        cls, state: rbd.State, contacts: Sequence[rbd.constraints.Constraint], margin: float, more: Array | None = None
-    ) -> Whole:
+    def of(cls, state: rbd.State, contacts: Sequence[Constraint], margin: float, more: Array | None = None) -> Whole:
         """Of contacts with friction by the Jacobians of their corners, of others by their rows; `more` is free."""
         robot, weight = state.robot, state.robot.mass * 9.81
         limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, weight)

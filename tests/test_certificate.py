@@ -69,6 +69,16 @@ def test_points_that_obey_their_law_are_clean_and_others_are_not(p, c, u, law: s
     assert max(seen) >= 0.5e-6
 
 
+@pytest.mark.parametrize("cone", [rbd.problem.Free(1), rbd.problem.Box([-1.0], [1.0])], ids=["locked", "rubs"])
+@pytest.mark.parametrize(("turns", "clean"), [(0.0, True), (2e-14, True), (2e-12, False), (1e-6, False)])
+def test_the_last_digits_of_a_fall_are_no_turn_of_a_joint(cone, turns: float, clean: bool) -> None:
+    """100 g at an arm of 0.1 m on a kilogram that falls: its joint keeps still, to the rounding of 9.81 m/s2 over the arm."""
+    M = np.array([[1.0, 0.01], [0.01, 0.001]])
+    row = rbd.Rows("joint", np.array([[0.0, 1.0]]), np.zeros(1), cone)
+    found = C.of_arrays(M, M @ np.array([-9.81, 0.0]), [row], np.array([-9.81, turns]), np.zeros(1), {}, "convex")
+    assert (found.found.get("holds", found.found.get("bound"))[0] <= LIMIT) == clean
+
+
 def test_convex_answers_are_none_of_coulombs_and_the_other_way_round() -> None:
     """A contact that slips tells the laws apart."""
     assert _slider((-5.0, 0, 10.0), (4.0, 0, 2.0), (0, 0, 0), "coulomb") > 0.1

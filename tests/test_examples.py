@@ -72,7 +72,7 @@ def test_the_plot_of_the_push_is_drawn_on_the_axes_given():
 
 def test_the_torques_of_the_crouch_are_drawn(tmp_path, monkeypatch):
     """main(show=True) writes one picture, into out/."""
-    module, _, _ = run(TOP / "examples" / "24_torques_of_a_crouch.py")
+    module, _, _ = run(TOP / "examples" / "25_torques_of_a_crouch.py")
     monkeypatch.chdir(tmp_path)
     with contextlib.redirect_stdout(io.StringIO()):
         module.main(show=True)

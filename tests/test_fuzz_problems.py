@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.mechanism.stage_solver import StageSolver
+from rbd.simulation.smooth import SmoothMotion
 from rbd.solvers.default import GaussFirst
 
 SCRIPT = Path(fuzz.__file__)
@@ -43,9 +45,22 @@ def test_random_problems_are_solved_or_refused(exhaustive: bool) -> None:
 @pytest.mark.parametrize(
     ("seed", "i", "outcome"),
     [
+        (0, 649, "solved"),  # friction 1e6: rays a million long hid a gap of 7e-4 m/s2
+        (0, 662, "solved"),  # the shortest forces rubbed in the air: 6.7e-8 N up, 0.067 N sideways
+        (0, 2048, "solved"),  # an interior point's leftovers at points that leave
+        (0, 2127, "solved"),  # recorded forces that made another velocity, 1e-7 m/s away
+        (0, 3511, "solved"),  # hold, by a hundred points: one pulled with 1e-10 of the weight
+        (0, 3722, "solved"),  # likewise
+        (0, 3840, "solved"),  # a joint whose friction is not at its limit crept at 1e-10 rad/s2
+        (0, 3918, "refused"),  # a hundred points of friction 1e6, all about to slip: an interior point's leftovers
+        (0, 4198, "solved"),  # a fall whose rounding was taken for the turn of a joint
+        (0, 4353, "solved"),  # likewise
+        (0, 3567, "solved"),  # a point that lifts off at 6e-7 m/s2 and pushes
+        (0, 4531, "solved"),  # friction 1e6: a gap of 0.02 m/s2
         (1, 77, "solved"),  # a gram squeezed with kilonewtons by ProxSuite
         (1, 133, "solved"),  # a hundred points that slide
         (1, 244, "refused"),  # ProxSuite ends in NaN
+        (3, 289, "solved"),  # friction 1e6, refined no further than 1e-9 m/s2
         (11, 81, "solved"),  # hold, by a hundred points of friction 1e6: NaN torques
         (11, 368, "solved"),  # a stop that carries nothing
         (12, 59, "solved"),  # a hundred points of friction 1e-4: the last digits
@@ -56,6 +71,30 @@ def test_what_has_failed_once_is_right(seed: int, i: int, outcome: str) -> None:
     """Each for a reason of its own, mended."""
     found = fuzz.judge(seed, i)
     assert found.outcome == outcome, found
+
+
+def test_what_turns_fast_is_brought_back_in_few_corrections(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Links of a milligram at 1e4 rad/s, in dependent loops: the rounding of such velocities is no error to be brought back.
+
+    Of 300 projections; there were five corrections to each, and a motion of 20 ms took seventeen seconds.
+    """
+    calls = {"projections": 0, "corrections": 0}
+    projected, back = SmoothMotion._projected, StageSolver.back
+
+    def project(self, *given):
+        calls["projections"] += 1
+        if calls["projections"] > 300:
+            raise InterruptedError
+        return projected(self, *given)
+
+    def correct(self, *given, **more):
+        calls["corrections"] += 1
+        return back(self, *given, **more)
+
+    monkeypatch.setattr(SmoothMotion, "_projected", project)
+    monkeypatch.setattr(StageSolver, "back", correct)
+    fuzz.judge(0, 2364)
+    assert calls["projections"] > 300 and 100 < calls["corrections"] < 2 * 300, calls
 
 
 def test_what_solve_takes_by_default_is_judged_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,8 +44,8 @@ def talos() -> Path:
 
 
 def hand_on_a_wall() -> Path:
-    """Example 25: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
-    result = _result("25_hand_on_a_wall")
+    """Example 24: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
+    result = _result("24_hand_on_a_wall")
     held = result.held
     with tempfile.TemporaryDirectory() as folder, Scene(held.state.robot) as scene:
         scene.show(held.state, held, external=rbd.ExternalForce("torso_2_link", (0.0, 140.0, 0.0)))
@@ -121,9 +121,9 @@ def fists() -> Path:
 
 
 def crouch() -> Path:
-    """The plot of examples/24_torques_of_a_crouch.py, as it writes it."""
+    """The plot of examples/25_torques_of_a_crouch.py, as it writes it."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        _example("24_torques_of_a_crouch").main(show=True)
+        _example("25_torques_of_a_crouch").main(show=True)
         with Image.open(next(Path(folder).rglob("*.png"))) as drawn:
             drawn.resize((770, 462), Image.Resampling.LANCZOS).save(PICTURES / "crouch.png")
     return PICTURES / "crouch.png"

@@ -148,7 +148,8 @@ class LoopClosure:
         turn, E, bias = self._hinge(R_ab, w, aw) if self.kind == "revolute" else _weld(R_ab, w, aw)
         resultant = np.zeros((6, 3 + len(turn)))
         resultant[:3, :3], resultant[3:, 3:] = on_robot, on_robot @ E.T
-        return self._made(np.vstack([Jx, E @ Jw]), np.r_[vx, E @ w], np.r_[ax, bias], np.r_[x, turn], resultant)
+        velocity, biases, error = (np.concatenate(pair) for pair in ((vx, E @ w), (ax, bias), (x, turn)))
+        return self._made(np.concatenate([Jx, E @ Jw]), velocity, biases, error, resultant)
 
     def _made(self, J: Array, velocity: Array, bias: Array, error: Array, resultant: Array) -> Rows:
         return Rows(self.name, J, bias, self._cone, velocity, error, resultant=resultant)
@@ -169,13 +170,14 @@ class LoopClosure:
             )
         k = math.sqrt(2.0 / (1.0 + s))
         k1, k2 = -0.5 * k / (1.0 + s), 0.75 * k / (1.0 + s) ** 2  # its derivatives by s
-        U, Z = cross_matrix(u), cross_matrix(z)
-        y, dz = U @ z, -Z @ w
-        ds, dy = float(u @ dz), U @ dz
-        ddz = -Z @ dw + cross_matrix(w) @ dz
-        bias = (k2 * ds * ds + k1 * float(u @ ddz)) * y + 2.0 * k1 * ds * dy + k * (U @ ddz)
-        E = -np.outer(k1 * y, u @ Z) - k * (U @ Z)
-        return T.T @ (k * y), T.T @ E, T.T @ bias
+        U, W = cross_matrix(u), cross_matrix(w)
+        y, dz = U @ z, W @ z
+        ds, ddz = float(u @ dz), cross_matrix(dw) @ z + W @ dz
+        bias = (k2 * ds * ds + k1 * float(u @ ddz)) * y + 2.0 * k1 * ds * (U @ dz) + k * (U @ ddz)
+        Ty, Tz = T.T @ y, T.T @ z
+        # E = -k1 y (u x z)^T - k [u][z], with [u][z] = z u^T - s 1, seen along T.
+        E = k * (s * T.T - Tz[:, None] * u) - (k1 * Ty)[:, None] * y
+        return k * Ty, E, T.T @ bias
 
 
 def _side_by_side(J: Array, v: Array, bias: Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, add_wrench, is_finite, lazy, max_abs
 from rbd.problem.force_set import ForceSet
+from rbd.problem.law_distance import bound_distances, largest_distance, points_of
 from rbd.problem.problem import CONVEX, GaussProblem, Law
 from rbd.problem.scales import Scales
 
@@ -83,10 +84,11 @@ class Residuals:
 
     @property
     def complementarity(self) -> Residual:
-        """|weight x acceleration|, the worst of the rays or points [N m/s2]; over the product of that point's scales.
+        """|weight x acceleration|, the worst of the rays or points [N m/s2]; scaled, a point's distance to its law.
 
         Under Coulomb's law: normal force x normal acceleration, and f_t . c_t + mu f_n |c_t|, which vanishes where friction
-        opposes the slip.
+        opposes the slip. The distance is what force or acceleration must change by, over its own scale, so that they are
+        complementary (`rbd.problem.law_distance`): no product of two middling numbers passes as a small one.
         """
         return self._residual(3)
 
@@ -131,7 +133,7 @@ class Residuals:
             if x is None or x == 0.0:
                 continue
             # Residuals small against lower bounds of the scales pass without the scales themselves. NaN fails all comparisons.
-            if not (x <= tolerance * self._least(i) or self._of(i) <= tolerance):
+            if not (self._at_most(i, x) <= tolerance or self._of(i) <= tolerance):
                 return False
         return True
 
@@ -153,22 +155,24 @@ class Residuals:
         P, a, f, _, _ = self.answer
         return Scales(P, a, f)
 
-    def _least(self, i: int) -> float:
-        """A lower bound of the scales of equation i, faster than the scales themselves."""
+    def _at_most(self, i: int, value: float) -> float:
+        """An upper bound of the scaled residual of equation i, cheap."""
         P = self.answer[0]
         if i in (0, 4):
-            return P.least_inertia if i == 0 else P.least_momentum
-        if P.bilateral:
-            return 1.0
-        acceleration = P.force_set_of(self.answer[4]).reach
-        if i == 1:
-            return acceleration
-        if i == 2:
-            return 1.0 / max(1.0, max_abs(P.delassus.diagonal()))
-        slack, own = self._terms.slack, np.abs(self._terms.weights)
-        # At a loaded point the weight is below the scale of its weights: the quotient is at most that of its acceleration.
-        with np.errstate(over="ignore"):  # a weight of zero with a bound of 1e100: the lower bound is zero
-            return acceleration * max_abs(slack) / max(float((slack / np.maximum(own, 1e-300)).max()), 1e-300)
+            least = P.least_inertia if i == 0 else P.least_momentum
+        elif P.bilateral:
+            least = 1.0
+        elif i == 1:
+            least = P.force_set_of(self.answer[4]).reach
+        elif i == 2:
+            least = 1.0 / max(1.0, max_abs(P.delassus.diagonal()))
+        else:
+            return self._farthest
+        return value / least if least > 0.0 else math.inf
+
+    @lazy
+    def _farthest(self) -> float:
+        return self._terms.most()
 
     def _of(self, i: int) -> float:
         """The scaled residual of equation i."""
@@ -256,11 +260,11 @@ class _Terms:
         slack: Weight x acceleration where one of them must be zero [N m/s2].
         off_cone: Force less G w [N].
         slices: The columns of each constraint.
-        weights: Of the columns, inside their bounds [N].
-        over: (gap, slack) by column, each over the scales of its point.
+        over: By column, the gaps over the scales of their own points, and distances to the law.
+        most: An upper bound of these distances.
     """
 
-    __slots__ = ("gap", "off_cone", "over", "slack", "slices", "weights")  # a frozen dataclass would cost two microseconds more
+    __slots__ = ("gap", "most", "off_cone", "over", "slack", "slices")  # frozen dataclasses cost two microseconds more
 
     def __init__(
         self,
@@ -268,21 +272,21 @@ class _Terms:
         slack: Array,
         off_cone: Array,
         slices: Sequence[slice],
-        weights: Array,
         over: Callable[[Scales], tuple[Array, Array]],
+        most: Callable[[], float],
     ) -> None:
-        self.gap, self.slack, self.off_cone, self.slices, self.weights, self.over = gap, slack, off_cone, slices, weights, over
+        self.gap, self.slack, self.off_cone, self.slices, self.over, self.most = gap, slack, off_cone, slices, over, most
 
 
 def _terms(P: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law) -> _Terms:
     c = P.J @ a + P.offset
     if P.bilateral:
         none = np.zeros(len(c))
-        return _Terms(np.abs(c), none, none, list(P.slices.values()), none, lambda scales: (np.abs(c) / scales.rows, none))
-    return _of_set(P.force_set_of(law), c, f, weights, coulomb=law.kind == "coulomb")
+        return _Terms(np.abs(c), none, none, list(P.slices.values()), lambda scales: (np.abs(c) / scales.rows, none), float)
+    return _of_set(P.force_set_of(law), P.force_set, c, f, weights, coulomb=law.kind == "coulomb")
 
 
-def _of_set(T: ForceSet, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
+def _of_set(T: ForceSet, circular: ForceSet, c: Array, f: Array, weights: Array | None, *, coulomb: bool) -> _Terms:
     w = T.project(T.weights_of(f) if weights is None else weights)
     y = T.accelerations(c)
     if coulomb and T.only_cones:
@@ -298,25 +302,31 @@ def _of_set(T: ForceSet, c: Array, f: Array, weights: Array | None, *, coulomb: 
             gap[n], slack[n] = sinks, np.maximum(presses, rubs)
 
     def over(scales: Scales) -> tuple[Array, Array]:
-        along, push = scales.of_set(T, w)
-        gaps, slacks = gap / along, slack / (along * push)
+        along, pushes = scales.along(T), scales.pushes(T, w)
+        gaps, far = gap / along, bound_distances(T, w, y, along, pushes[T.element_at])
         if len(T.mu):
-            of_normal, of_slip, of_push = along[n], np.maximum(T.mu, 1.0) * along[T.cone_at], push[n]
+            of_normal = along[n]
             gaps[n] = sinks / of_normal
-            if coulomb:
-                slacks[n] = np.maximum(presses / of_normal, rubs / of_slip) / of_push
-            else:
+            if not coulomb:
                 across = np.maximum(T.mu * slip - np.maximum(y_n, 0.0), 0.0)
                 gaps[n] = np.maximum(gaps[n], across / (T.mu * along[T.cone_at] + of_normal))
-                slacks[n] = slack[n] / (of_push * (of_slip + of_normal))
         elif T.size > len(T.elements):  # pyramids: normal and tangential acceleration separately
             point, normal = T.element_at, T.sums(y * T.normal_share)
             falls = (np.maximum(-normal, 0.0) / (np.abs(T.normals).T @ scales.rows))[point]
             across = np.maximum(normal[point] - y - np.maximum(normal, 0.0)[point], 0.0)
             gaps = np.where((T.widths[point] > 1) & ~T.above, np.maximum(falls, across / along), gaps)
-        return gaps, slacks
+        points = points_of(T)
+        if len(points.mu):
+            far[~points.alone] = 0.0
+            given, felt = (y, along) if circular is T else (circular.accelerations(c), scales.along(circular))
+            at, push = circular.cone_columns, pushes[points.elements]
+            far[points.at] = points.distances(points.forces(T, w), given[at], felt[at], push, coulomb=coulomb)
+        return gaps, far
 
-    return _Terms(gap, slack, f - T.G @ w, T.slices, w, over)
+    def most() -> float:
+        return largest_distance(T, w, y, slack, coulomb=coulomb)
+
+    return _Terms(gap, slack, f - T.G @ w, T.slices, over, most)
 
 
 def _over(miss: Array, scales: Array) -> float:

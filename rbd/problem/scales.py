@@ -8,12 +8,13 @@ for forces, the force that accelerates the coordinate, or the row, at 1 m/s2, at
     row i of a constraint          (|J| |a| + |bias| + |feedback|)_i,                   at least 1
     column h of a set              |h|^T (the above)
     force of row i                 |f_i|,                                               at least min(1, 1 / D_ii)
-    weights of a point             sum of |weights| of its columns, and their bounds,   at least min(1, 1 / (n^T D n))
+    weights of a point             sum of |weights| of its columns, and bounds (*),      at least min(1, 1 / (n^T D n))
     momentum, component k          max(|A_g| |a| + |bias|, |wrench|, forces with their arms)_k,
                                                                                         at least min(1, max_j |A_g|_kj)
 
-with D = J M^-1 J^T, and n the column of the point's normal. One lever arm is the radius of gyration, with the
-largest of the linear terms: rounding of the forces on a base turns the body about its centre of mass.
+with D = J M^-1 J^T, and n the column of the point's normal. (*) Without bounds where distances to the law are measured. One
+lever arm is the radius of gyration, with the largest of the linear terms: rounding of the forces on a base turns the body
+about its centre of mass.
 """
 
 from __future__ import annotations
@@ -100,14 +101,21 @@ class Scales:
             T: The set.
             w: Its weights, shape (p,).
         """
-        P = self._given[0]
+        pushes = np.maximum(self.pushes(T, w), T.sums((np.abs(w) + T.bound_size) * (T.normal_share > 0.0)))
+        return self.along(T), pushes[T.element_at]
+
+    def along(self, T: ForceSet) -> Array:
+        """Of the accelerations of the columns of a force set, shape (p,)."""
         along = np.abs(T.H).T @ self.rows + np.abs(T.offset)
         if len(T.mu):
             i, j, _ = T.cone_columns.T
             along[i] = along[j] = np.maximum(along[i], along[j])
-        push = T.sums((np.abs(w) + T.bound_size) * (T.normal_share > 0.0))
-        mobility = np.einsum("ij,ij->j", T.normals, P.delassus @ T.normals)
-        return along, np.maximum(push, least_forces(mobility))[T.element_at]
+        return along
+
+    def pushes(self, T: ForceSet, w: Array) -> Array:
+        """Of the weights of the elements of a force set, bounds left out, shape (e,)."""
+        mobility = np.einsum("ij,ij->j", T.normals, self._given[0].delassus @ T.normals)
+        return np.maximum(T.sums(np.abs(w) * (T.normal_share > 0.0)), least_forces(mobility))
 
 
 def least_forces(mobility: Array | Sequence[float]) -> Array:

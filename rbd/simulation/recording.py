@@ -24,6 +24,7 @@ from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
 from rbd.problem.cones import Free
 from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import SLIDES, Snapshot, slide
 from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
@@ -42,6 +43,8 @@ _REPEATS = 1e-11
 _ROUNDS = 3
 _EXACT = 1e-12
 """Tolerance of g, over its size."""
+_DIGITS = 1e-14
+"""Rounding of sums of forces, over the largest of their terms."""
 _CARRIES = 1e-12
 """A point whose normal force is no larger is unloaded [N]."""
 
@@ -235,10 +238,15 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
     u = np.where(at.layout.held, 0.0, velocity)[index]
     P = GaussProblem(M, M @ v - J.T @ f, [Rows(name, J[s], u[s] - J[s] @ v, cone) for name, s, cone in groups], from_state=True)
     found = Solution(P, v, f, T.project(T.H.T @ f), Law(law), "TimeStepping", 1, 0.0).settled()
-    out = np.zeros(len(force))
-    out[index] = found.multipliers
+    own = found.multipliers
     if found.weights is not None and np.isfinite(found.weights).all():
-        out[index] = T.G @ found.weights
+        own = T.G @ found.weights
+    # The velocity is recorded as the step made it: shorter forces that make another one do not belong to it.
+    missed, size = np.abs(J.T @ (own - f)), np.abs(J).T
+    if not (missed <= SOLVED * (size @ np.abs(own)) + _DIGITS * (size @ np.abs(f)).max()).all():
+        return force
+    out = np.zeros(len(force))
+    out[index] = own
     return out
 
 

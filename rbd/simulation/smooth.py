@@ -41,7 +41,7 @@ TORN = 0.1
 MOVES = 1e-3
 """Rows that move faster at the start [m/s, rad/s] are violated: projection would be an impact."""
 EXACT = 1e-14
-"""Errors up to this are rounding [m, rad, and per second]."""
+"""Errors up to this are rounding [m, rad]; of velocities, over the largest of them where that is above 1 m/s or rad/s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +150,15 @@ class SmoothMotion:
             error, rate = held.drift, held.drift_rate
             # Where rows are nearly dependent a small error means a large displacement.
             enough = 0.5 * projection.tolerance * solver.spread(held)
-            if error <= max(enough, EXACT) and rate <= max(10.0 * enough, EXACT):
+            rounding = EXACT * max(1.0, max_abs(held.state.v))
+            if error <= max(enough, EXACT) and rate <= max(10.0 * enough, rounding):
                 break
             state = held.state
             d = -solver.back(held, held.error, held.placed, damping=error) if error > 0.1 * enough else None
             v = state.v - solver.back(held, held.velocity, None)
             q = state.q if d is None else self.charts.at(state.q).q(shortened(d))
             nearer = self._anchored.rows(self.motion.reached(q, v, t))
-            if nearer.drift >= max(error, EXACT) and nearer.drift_rate >= max(rate, EXACT):
+            if nearer.drift >= max(error, EXACT) and nearer.drift_rate >= max(rate, rounding):
                 break
             held = nearer
         if held.drift > OPEN:

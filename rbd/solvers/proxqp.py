@@ -15,7 +15,7 @@ from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet
 from rbd.problem.problem import BILATERAL, CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import nonnegative
-from rbd.problem.residuals import SOLVED
+from rbd.problem.residuals import ENOUGH, SOLVED
 from rbd.solvers import qp
 from rbd.solvers.kkt import constrained, held_refined, independent_factor
 from rbd.solvers.refinement import rays_refined
@@ -120,7 +120,7 @@ class ProxQP:
             if not _exact(found):
                 polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
                 found = _better(found, answer(polished, attempt.iterations))
-                if not found.residuals.within(SOLVED):
+                if not found.residuals.within(ENOUGH):
                     found = held_refined(found) if P.bilateral else rays_refined(found)
             best = found if best is None else _better(best, found)
             if best.residuals.within(SOLVED):
@@ -242,7 +242,17 @@ def _exact(found: Answer) -> bool:
     force = POLISH * max(1.0, max_abs(P.rhs), max_abs(found.multipliers))
     rate = max(1.0, max_abs(found.a))
     near = momentum <= force and gap <= POLISH * rate and off_cone <= force and slack <= force * rate
-    return near and found.residuals.within(SOLVED)
+    return near and _creep(found) <= POLISH * rate and found.residuals.within(SOLVED)
+
+
+def _creep(found: Answer) -> float:
+    """The largest acceleration of forces between their bounds, such as dry friction that is not at its limit: they hold."""
+    P, w = found.problem, found.weights
+    T = P.force_set.pyramids
+    if w is None or not T.has_intervals:
+        return 0.0
+    inside = T.below & T.above & (w > T.lower) & (w < T.upper)
+    return max_abs(T.accelerations(P.J @ found.a + P.offset)[inside])
 
 
 def _better(one: Answer, other: Answer) -> Answer:

@@ -17,6 +17,9 @@ from rbd.model.state import State
 from rbd.problem.force_set import ForceSet
 from rbd.problem.rows import Rows
 
+_BEYOND = 1e-9
+"""A torque beyond its limit by less, over the limit, is there by rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Loads:
@@ -102,6 +105,15 @@ class Loads:
         return self.sets.upper / self.unit
 
     def torques(self, w: Array) -> tuple[Array, Array]:
-        """(tau, left): motor torques beside the weights w [N], and what is left where no motor is, shapes (nu,) and (e,)."""
+        """(tau, left): motor torques beside the weights w [N], and what is left where no motor is, shapes (nu,) and (e,).
+
+        A torque that is beyond its limit by rounding is put onto it.
+        """
+        robot = self.state.robot
         load = self.need - self.per_weight @ w
-        return load[self.state.robot.actuated], load[self.state.robot.unactuated]
+        tau, limit = load[robot.actuated], robot.effort_limit
+        over = np.abs(tau) > limit
+        if over.any():
+            over &= np.abs(tau) <= limit * (1.0 + _BEYOND)
+            tau[over] = np.copysign(limit[over], tau[over])
+        return tau, load[robot.unactuated]

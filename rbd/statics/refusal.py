@@ -148,13 +148,19 @@ class Refusal:
             )
         if (mu := self._least(limits=True)) is not None:
             more = " with circular cones; the pyramids inside them ask for more, unless they have many facets" if inside else ""
-            return f"friction prevents it; a coefficient of {rounded_up(mu)} at every contact would do, and none below{more}."
+            return f"friction prevents it; a coefficient {self._told(mu)} at every contact would do, and none below{more}."
         if (mu := self._least(limits=False)) is not None:
             return (
                 f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact "
                 "on, forces balance it, but motors would need more than their limits."
             )
         return ""
+
+    def _told(self, mu: float) -> str:
+        """In words; where it is in all its digits what is given, that it is above."""
+        given = min(c.friction for c in self.contacts if has_friction(c))  # type: ignore[attr-defined]
+        rounded = rounded_up(mu)
+        return f"of {rounded}" if float(rounded) > given or self.friction == "inscribed" else f"just above {rounded}"
 
     def _least(self, *, limits: bool, from_zero: bool = False) -> float | None:
         """The least coefficient that would do, the margin kept."""

@@ -56,7 +56,8 @@ class Missing:
     def __str__(self) -> str:
         told = []
         for name, w in self.wrenches.items():
-            F, m = np.round(w[:3], 2) + 0.0, np.round(w[3:], 2) + 0.0
+            digits = 2 - min(0, math.floor(math.log10(max(max_abs(w), 1e-9))))
+            F, m = np.round(w[:3], digits) + 0.0, np.round(w[3:], digits) + 0.0
             of = "the base" if len(self.wrenches) == 1 else f"{name!r}"
             told.append(
                 f"{of} misses ({F[0]:.4g}, {F[1]:.4g}, {F[2]:.4g}) N and ({m[0]:.4g}, {m[1]:.4g}, {m[2]:.4g}) N m about the "

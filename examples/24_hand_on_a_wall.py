@@ -44,7 +44,7 @@ def main(show: bool = True) -> Result:
         with Scene(talos) as scene:
             scene.show(state, held, external=push)
             scene.draw(*regions["soles and hand"])
-            print("picture:", scene.export("out/25_hand_on_a_wall.html"))
+            print("picture:", scene.export("out/24_hand_on_a_wall.html"))
     return Result(held, regions, pushes)
 
 

@@ -45,7 +45,7 @@ def main(show: bool = True) -> tuple[list[rbd.Actuation], tuple]:
         ax.set(xlabel="time [s]", ylabel="torque in % of its limit", title="G1 crouches, and stands up again")
         ax.legend(frameon=False)
         Path("out").mkdir(exist_ok=True)
-        figure.savefig("out/24_torques_of_a_crouch.png", dpi=150)
+        figure.savefig("out/25_torques_of_a_crouch.png", dpi=150)
     return ways, limits
 
 
