@@ -77,7 +77,8 @@ class PushLimits:
         """The limits that give way first, direction by direction; none where no limit is met up to `at_most`.
 
         Motors that would yield; "friction" of contacts that would slip or turn at a point that carries a force; the "edge" of
-        contacts that would turn over an edge or a corner; and where nothing but contacts opens, these, which only "push".
+        contacts that would turn over an edge or a corner; where nothing but contacts opens, these, which only "push"; and
+        where nothing withstands, the "base" or the joints without motors that would move.
         """
         return tuple(_gives_way(self.loads, motion, x) for motion, x in zip(self.motions, self.weights, strict=True))
 
@@ -168,8 +169,9 @@ def push_limits(
     search = _Search(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
     search.run()
     found = [search.answers[i] for i in range(len(ways))]
+    forces, bounds = np.array([max(0.0, a.size) for a in found]), np.array([max(0.0, a.bound) for a in found])
     return PushLimits(
-        loads, frame, at, ways, np.array([a.size for a in found]) * loads.unit, np.array([a.bound for a in found]) * loads.unit,
+        loads, frame, at, ways, forces * loads.unit, bounds * loads.unit,
         np.array([a.x for a in found]), np.array([a.motion for a in found]), most, search.programs,
     )  # fmt: skip
 
@@ -269,9 +271,9 @@ def _gives_way(loads: Loads, motion: Array, x: Array) -> tuple[Limit, ...]:
     robot = loads.state.robot
     whole = at_rest(*[r.cone for r in loads.rows])  # of which pyramids are made: velocities of its points are vectors
     velocity, rates = whole.G.T @ (loads.J @ motion), np.abs(motion[robot.actuated])
-    largest = max(float(np.abs(velocity).max(initial=0.0)), float(rates.max(initial=0.0)))
-    if not largest > 0.0:
+    if not motion.any():
         return ()
+    largest = max(float(np.abs(velocity).max(initial=0.0)), float(rates.max(initial=0.0)), _MOVES * float(np.abs(motion).max()))
     found = [Limit("motor", robot.actuated_names[i]) for i in np.flatnonzero(rates > _MOVES * largest)]
     points: dict[int, list[tuple[bool, bool]]] = {}
     for e, ours in zip(whole.elements, loads.sets.elements, strict=True):
@@ -289,7 +291,12 @@ def _gives_way(loads: Loads, motion: Array, x: Array) -> tuple[Limit, ...]:
             opens.append(Limit("push", name))
         elif any(moves for moves, _ in each):
             found.append(Limit("edge", name))
-    return tuple(found or opens)
+    if found or opens:
+        return tuple(found or opens)
+    moves = np.abs(motion) > _MOVES * np.abs(motion).max()  # against nothing: along smooth ground, say
+    base = [joint for joint in robot.bases if moves[robot.model.joints[joint].idx_v :][:6].any()]
+    idle = {joint.name for joint in robot.joints.values() if joint.name in robot.passive and moves[joint.v].any()}
+    return tuple([Limit("base", robot.name)] * bool(base) + [Limit("passive", name) for name in sorted(idle)])
 
 
 def _point_jacobian(state: State, frame: str, offset: Array) -> Array:

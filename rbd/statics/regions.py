@@ -22,6 +22,7 @@ from rbd.statics.standing import (
     check_area_gap,
     contact_forces,
     friction_words,
+    names_of,
     outside,
     standing_loads,
     torques_left,
@@ -131,9 +132,8 @@ class SupportRegion:
         return plot_region(ax, self)
 
     def __str__(self) -> str:
-        on = ", ".join(r.name for r in self.loads.rows)
         limits = "within torque limits at this pose" if self.torque_limits else "torques of any size"
-        how = f"on {on}; {friction_words(self.loads.sets)}, {limits}"
+        how = f"on {names_of(self.loads.rows)}; {friction_words(self.loads.sets)}, {limits}"
         if self.empty:
             blocked = self.motors_in_the_way
             why = f" Torque limits in the way: {', '.join(blocked)}." if blocked else ""

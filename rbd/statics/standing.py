@@ -97,6 +97,14 @@ def force_sets(rows: Sequence[Rows], friction: str, margin: float = 0.0) -> Forc
     return sets if friction == "cone" else sets.with_pyramids(inscribed=friction == "inscribed")
 
 
+def names_of(rows: Sequence[Rows]) -> str:
+    """The contacts by name, as text; of many, and of other constraints, the number."""
+    contacts = [r.name for r in rows if r.patch is not None]
+    told = contacts[:6]
+    more = len(rows) - len(told)
+    return ", ".join(told) + (f"{' and ' if told else ''}{more} more constraint{'s' if more > 1 else ''}" if more else "")
+
+
 def friction_words(sets: ForceSet) -> str:
     """The sets as text: "circular cones", or which pyramids."""
     if len(sets.mu):

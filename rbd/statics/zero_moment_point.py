@@ -28,7 +28,7 @@ from rbd.problem.rows import Rows
 from rbd.statics.force_program import Program
 from rbd.statics.loads import Loads
 from rbd.statics.planar_image import WITHIN_M, area_of, planar_region, warn_of_gap
-from rbd.statics.standing import check_area_gap, contact_forces, contact_rows, force_sets, friction_words
+from rbd.statics.standing import check_area_gap, contact_forces, contact_rows, force_sets, friction_words, names_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -137,7 +137,7 @@ class ZmpRegion:
 
     def __str__(self) -> str:
         kind = "of the linear pendulum" if self.pendular else "of any motion"
-        how = f"{kind}, on {', '.join(r.name for r in self.loads.rows)}; {friction_words(self.loads.sets)}"
+        how = f"{kind}, on {names_of(self.loads.rows)}; {friction_words(self.loads.sets)}"
         if self.empty:
             return f"zero-moment points {how}: none."
         size = f"{1e4 * self.area:.2f} cm2" if self.bounded else "without end"

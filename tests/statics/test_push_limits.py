@@ -110,6 +110,21 @@ def test_a_motor_at_its_limit_is_named(talos):
     assert {limit.name for limit in found.gives_way[0]} >= {"leg_left_4_joint"}
 
 
+def test_smooth_ground_withstands_nothing():
+    """Without friction the base slides against nothing, and that is what is named; upwards the weight holds."""
+    found = push_limits(AT, base_of_box(0.0), "box", [(1, 0, 0), (0, 0, 1)])
+    assert np.abs(found.forces - [0.0, WEIGHT]).max() < 1e-6
+    assert found.gives_way == ((Limit("base", "box"),), (Limit("push", "base"),)) and "no motor drives" in str(found)
+
+
+def test_a_joint_without_a_motor_withstands_nothing():
+    """An arm whose upright first joint has no motor: gravity does not turn it, and any level push does."""
+    arm = rbd.load_robot("panda", root="fixed", passive=["panda_joint1"])
+    pushed = push_limits(arm.at(), [rbd.JointLock("wrist", "panda_joint7")], "panda_hand", [(0, 1, 0), (0, 0, 1)])
+    assert abs(pushed.forces[0]) < 1e-9 and pushed.gives_way[0] == (Limit("passive", "panda_joint1"),)
+    assert pushed.forces[1] > 10.0 and {limit.kind for limit in pushed.gives_way[1]} == {"motor"}
+
+
 def test_what_cannot_stand_is_refused(talos):
     """On one sole under the wrong side nothing holds Talos even unpushed."""
     with pytest.raises(rbd.CannotHold, match="even without a push"):

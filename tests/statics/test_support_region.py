@@ -272,6 +272,25 @@ def test_motors_too_weak_for_the_pose_leave_no_region_and_are_named(g1):
     assert "left_shoulder_pitch_joint" in str(region)
 
 
+def test_a_joint_without_a_motor_must_balance_too():
+    """With a shoulder that no motor drives the arm would fall: no place of the centre of mass changes that."""
+    robot = rbd.load_robot("talos", passive=["arm_left_2_joint"])
+    region = support_region(robot.standing(), robot.soles(0.7))
+    assert region.empty and region.contradiction.gap > 1e-6
+    with pytest.raises(rbd.CannotHold):
+        rbd.hold(robot.standing(), robot.soles(0.7))
+
+
+def test_other_constraints_may_carry_too(talos):
+    """Two hands that press each other change no region; joint friction helps motors. They are counted."""
+    state, soles = talos.standing(), talos.soles(0.7)
+    fists = rbd.PointContact("fists", "gripper_left_base_link", on=rbd.Body("gripper_right_base_link"), friction=0.5)
+    alone = support_region(state, soles, friction="inscribed")
+    more = support_region(state, [*soles, fists, *talos.joint_frictions()], torque_limits=True, friction="inscribed")
+    assert abs(alone.area - more.area) < 1e-9 and more.residual < 1e-9
+    assert f"left_sole, right_sole, fists and {len(talos.joint_frictions())} more constraints" in str(more)
+
+
 def test_bad_input_is_refused_before_anything_is_solved(talos):
     """What is no contact, no rest, no friction, no floating base."""
     state, soles = talos.standing(), talos.soles()
@@ -290,6 +309,9 @@ def test_bad_input_is_refused_before_anything_is_solved(talos):
     arm = rbd.load_robot("panda", root="fixed")
     with pytest.raises(rbd.InputError, match="fixed to the world"):
         support_region(arm.at(), [rbd.PointContact("tip", "panda_hand", friction=0.5)])
+    pair = rbd.robots.merge_robots(BOX, BOX, placement=pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0])), names=("a_", "b_"))
+    with pytest.raises(rbd.InputError, match="is 2 robots"):
+        support_region(pair.at(), [rbd.PointContact("corner", "a_box", friction=0.5)])
     with pytest.raises(rbd.InputError, match="corner"):
         support_region(state, soles).forces(4)
     with pytest.warns(DistantContactWarning) as caught:

@@ -139,6 +139,15 @@ def test_cones_of_two_and_one_dimension():
     assert len(faces) == 1 and len(equalities) == 1 and (faces @ np.array([0.6, 0.8]))[0] == pytest.approx(1.0)
 
 
+def test_contacts_between_two_bodies_apply_nothing_from_outside(talos):
+    """Hands that press each other: alone they make no wrench but zero, with the soles none that the soles do not."""
+    state, soles = talos.standing(), talos.soles()
+    fists = rbd.PointContact("fists", "gripper_left_base_link", on=rbd.Body("gripper_right_base_link"), friction=0.5)
+    nothing = wrench_cone(state, [fists])
+    assert nothing.contains(np.zeros(6)) and not nothing.contains((0, 0, 1, 0, 0, 0)) and len(nothing.equalities) == 6
+    assert np.allclose(wrench_cone(state, [*soles, fists]).faces, wrench_cone(state, soles).faces)
+
+
 def test_bad_input_is_refused(talos):
     """Circular cones have no faces; wrenches are six numbers."""
     state = talos.standing()

@@ -96,15 +96,16 @@ def test_little_friction_keeps_the_pendulum_near_the_centre_of_mass():
     assert abs(zmp_region(state, [base], friction="circumscribed").area - 0.1**2) < 1e-9
 
 
-def test_every_motion_of_the_pendulum_is_in_the_wrench_cone(talos):
-    """With a hand on the wall: at each corner the pendulum's wrench is on the cone's edge, beyond it outside (360 by LP)."""
+@pytest.mark.parametrize("height", [0.0, 0.5, 1.6])
+def test_every_motion_of_the_pendulum_is_in_the_wrench_cone(talos, height):
+    """With a hand on the wall: at each corner the pendulum's wrench is on the cone's edge, beyond it outside."""
     state, contacts = talos.standing(), [*talos.soles(0.7), hand()]
     cone = wrench_cone(state, contacts)
-    region = zmp_region(state, contacts, friction="inscribed")
+    region = zmp_region(state, contacts, friction="inscribed", on=height)
     weight = talos.mass * 9.81
 
     def wrench(point: np.ndarray) -> np.ndarray:
-        level = weight * (state.com - point)[:2] / state.com[2]
+        level = weight * (state.com - point)[:2] / (state.com[2] - height)
         return np.concatenate([level, [weight, 0.0, 0.0, 0.0]])
 
     middle = region.vertices.mean(axis=0)
