@@ -86,7 +86,6 @@ def test_the_page_is_written(tmp_path):
         (["nowhere/robot.urdf"], ["nowhere/robot.urdf"]),
         (["talos", "--friction", "-1"], ["friction", "-1"]),
         (["talos", "--friction", "nan"], ["friction", "nan"]),
-        (["talos", "--push", "0,80,0"], ["--at"]),
         (["talos", "--at", "torso_2_link"], ["--push"]),
         (["talos", "--braced"], ["--braced", "--push"]),
         (["talos", "--push", "0,eighty,0", "--at", "torso_2_link"], ["0,eighty,0", "newtons"]),
@@ -148,6 +147,13 @@ def test_the_first_lines_of_a_push_say_whether_motors_could_withstand_it(tmp_pat
     used = data["withstood"]["friction_used"]
     assert used == pytest.approx({name: 1.0 - left for name, left in against.margins.friction.items()}, abs=1e-9)
     assert "right_sole uses 95.0 % of its friction" in " ".join(" ".join(lines).split())
+
+
+def test_a_push_without_a_frame_acts_on_the_heaviest_link():
+    """Of Talos the torso, 17.6 kg: the same lines as with --at torso_2_link."""
+    code, out, _ = run("stand", "talos", "--push", "0,130,0")
+    _, lines, _ = pushed("--push", "0,130,0")
+    assert code == 0 and out.splitlines()[:2] == lines[:2] and "torso_2_link" in out
 
 
 def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_happens(tmp_path):

@@ -72,7 +72,7 @@ def stand(
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
     law: Law = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
-    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame; the heaviest link's.")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     package_dir: PackageDirs = None,
@@ -86,7 +86,7 @@ def stand(
     the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
     if none do, which limits prevent it.
     """
-    from rbd.cli.robot_reports import StandReport, holding
+    from rbd.cli.robot_reports import StandReport, heaviest_link, holding
     from rbd.least_constraint import solve
     from rbd.model.dynamics import ExternalForce
     from rbd.problem.cones import check_friction
@@ -110,7 +110,8 @@ def stand(
             raise InputError(f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do.")
         with timed(seconds, "stand"):
             state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
-        external = [] if force is None or at is None else [ExternalForce(at, force)]
+        at = heaviest_link(loaded) if at is None else at
+        external = [] if force is None else [ExternalForce(at, force)]
         for e in external:
             loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "hold"):
@@ -387,11 +388,10 @@ def _root(root: str | None) -> Literal["free_flyer", "fixed", "planar"] | None:
 
 
 def _push(push: str | None, at: str | None) -> np.ndarray | None:
-    if push is None and at is None:
+    if push is None:
+        if at is not None:
+            raise InputError("--at came without --push X,Y,Z; a push is e.g. --push 0,80,0 --at torso_2_link.")
         return None
-    if push is None or at is None:
-        missing, given = ("--push X,Y,Z", "--at") if push is None else ("--at FRAME", "--push")
-        raise InputError(f"{given} came without {missing}; a push wants both, e.g. --push 0,80,0 --at torso_2_link.")
     return numbers_of("--push", push, "newtons", names="X,Y,Z")
 
 
