@@ -72,7 +72,7 @@ def stand(
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
     law: Law = "coulomb",
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
-    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin; the heaviest link's.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     package_dir: PackageDirs = None,
