@@ -62,6 +62,10 @@ def contact_answers() -> Iterator[object]:
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
         assert str(solution)
         yield from (solver, solution, solution.uniqueness(), solution.derivatives())
+    regions = [rbd.statics.support_region(state, soles, torque_limits=True), rbd.statics.zmp_region(state, soles)]
+    yield from (*regions, rbd.statics.wrench_cone(state, soles), rbd.statics.support_region(state, soles[:1]))
+    yield rbd.statics.push_limits(state, soles, "torso_2_link", np.eye(3))
+    assert all(map(str, regions))
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
     yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
     yield rbd.studies.compare_laws(state, held.tau, soles)

@@ -38,9 +38,12 @@ from rbd.visual import (
     plot_joint,
     plot_panels,
     plot_paths,
+    plot_pushes,
     plot_ranges,
+    plot_region,
     plot_split,
     plot_sticks,
+    plot_wrench_cone,
     replay,
     replay_planar,
     screenshot,
@@ -167,6 +170,15 @@ def use_plot(ax: Any, uniqueness: Any) -> Any:
 
 
 FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5)]
+REGION = rbd.statics.support_region(BOX.at(), FLOOR)
+
+
+def use_region(ask: Any = rbd.statics.support_region, **given: Any) -> Any:
+    """How far a region reaches, and its proof."""
+    region = ask(**given)
+    return [region.vertices.min(axis=0, initial=0.0), region.vertices.max(axis=0, initial=0.0), str(region)]
+
+
 TRAJECTORY = rbd.simulate(BOX.at(), FLOOR, duration=0.003, step=1e-3)
 LINKS = rbd.planar.Chain(2, lengths=[0.5, 0.4])
 PLANAR = rbd.planar.endpoint_motion(LINKS, rbd.planar.minimum_jerk([0.6, 0.3], [0.2, 0.6], 1.0))
@@ -368,6 +380,45 @@ CASES: dict[str, Case] = {
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "compare_solvers": Case(  # without the times in it, which differ
         lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED
+    ),
+    "support_region": Case(
+        use_region,
+        {"state": BOX.at(), "contacts": FLOOR, "torque_limits": False, "margin": 0.1, "friction": "inscribed"}
+        | {"area_gap": 1e-3},
+        30,
+    ),
+    "zmp": Case(rbd.statics.zmp, {"state": MOVING, "a": V, "on": 0.1, "external": np.zeros(BOLT.nv)}),
+    "zmp_region": Case(
+        lambda **given: use_region(rbd.statics.zmp_region, **given),
+        {"state": BOX.at(), "contacts": FLOOR, "on": -1.0, "pendular": True, "margin": 0.1, "friction": "inscribed"}
+        | {"area_gap": 1e-3},
+        30,
+    ),
+    "wrench_cone": Case(
+        lambda **given: rbd.statics.wrench_cone(**given).margin((0.0, 0.0, 1.0, 0.0, 0.0, 0.0)),
+        {"state": BOX.at(), "contacts": FLOOR, "about": np.zeros(3), "friction": "inscribed", "margin": 0.1},
+        30,
+    ),
+    "push_limits": Case(
+        lambda **given: rbd.statics.push_limits(**given).forces,
+        {"state": BOX.at(), "contacts": FLOOR, "frame": "box", "directions": np.eye(3), "offset": np.zeros(3), "at_most": 50.0}
+        | {"friction": "inscribed", "margin": 0.1},
+        30,
+    ),
+    "visual.plot_region": Case(
+        lambda ax, region, labels: len(plot_region(ax, region, labels=labels)),
+        {"ax": Figure().subplots(), "region": REGION, "labels": ["where it stands"]},
+        20,
+    ),
+    "visual.plot_pushes": Case(
+        lambda **given: len(plot_pushes(**given)),
+        {"ax": Figure().subplots(), "limits": rbd.statics.push_limits(BOX.at(), FLOOR, "box", np.eye(3))},
+        20,
+    ),
+    "visual.plot_wrench_cone": Case(
+        lambda **given: len(plot_wrench_cone(**given)),
+        {"ax": Figure().subplots(), "cone": rbd.statics.wrench_cone(BOX.at(), FLOOR)},
+        20,
     ),
     "hold": Case(
         rbd.hold,
@@ -636,6 +687,10 @@ MADE_BY_RBD = {
     "Contradiction",
     "NearestMotion",
     "Derivatives",
+    "ContactWrenchCone",
+    "PushLimits",
+    "SupportRegion",
+    "ZmpRegion",
     "Actuation",
     "ActuationUniqueness",
     "Limit",

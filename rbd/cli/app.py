@@ -150,6 +150,33 @@ def stand(
 
 
 @app.command()
+def region(
+    robot: RobotName,
+    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Motors keep within their limits.")] = False,
+    friction: Friction = 0.7,
+    margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
+    posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    package_dir: PackageDirs = None,
+    png: Annotated[Path | None, typer.Option(help="Draw it from above, .png, .svg or .pdf.")] = None,
+    json_: Json = None,
+) -> None:
+    """Tell where the centre of mass may be for a robot to stand on its feet: the support region, with its proof.
+
+    For example: rbd region talos --torque-limits --png region.png
+    """
+    from rbd.cli.region_report import draw, report_region
+
+    console = open_console()
+    with answering(region):
+        check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
+        report = report_region(robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits)
+        write_json(json_, report)
+        console.print(report)
+        if png is not None:
+            print_path(console, "picture", draw(report.regions, png))
+
+
+@app.command()
 def robots() -> None:
     """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands out of the box."""
     from rbd.cli.robot_reports import robot_lines, robots_table

@@ -61,6 +61,12 @@ FORCE_CHOICE_WORK = 4e9
 FRICTION_PROGRAMS = 400
 """Linear programs in the search for the least coefficient of friction for static equilibrium. Two soles need some fifty."""
 
+POLYGON_PROGRAMS = 400
+"""Programs for one polygon of centres of mass. Two soles need eight; a hand on a wall, to a square centimetre, some fifty."""
+
+CONE_REFINEMENTS = 60
+"""Rounds in which a linear program over rays of circular cones is given more of them. Robots need about ten."""
+
 CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100
