@@ -43,6 +43,9 @@ if _TYPE_CHECKING:
         solve as solve,
         solve_problem as solve_problem,
     )
+    from rbd.mechanism.pose_search import (
+        find_pose as find_pose,
+    )
     from rbd.model import dynamics as dynamics
     from rbd.model.dynamics import (
         ExternalForce as ExternalForce,
@@ -104,6 +107,7 @@ _NAMES = {
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
+    "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",

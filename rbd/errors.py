@@ -17,6 +17,7 @@
         CannotMove                      no motor torques and contact forces move the robot as wanted; names the limits
           CannotHold                    none hold it still
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
+        CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
         SingularPose                    here the known motions do not decide the others
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
                                         carries what was computed till then
@@ -237,6 +238,38 @@ class CannotAssemble(NoSolution):
         self.distances = {} if distances is None else dict(distances)
         self.minimum = minimum
         self.elsewhere = elsewhere
+
+
+class CannotReach(NoSolution):
+    """No pose within the joint limits satisfies the targets, or none was found.
+
+    Attributes:
+        q: The nearest pose, shape (nq,), or None.
+        misses: {target: its error there, a distance [m] and an angle [rad]}, of the targets that are not satisfied.
+        minimum: Whether it is a true minimum of the distance: its gradient is zero for free joints and points outwards at
+            limits, and no curvature is negative. So no pose nearby is nearer; one far away can be.
+        slope: Largest entry of the gradient for free joints, without units.
+        limits: {joint: multiplier of its limit}, positive at upper limits, negative at lower ones.
+        proof: An `OutOfReach`, which proves that there is no pose: points farther apart than the links between them; or None.
+        without: Targets without which, one at a time, the others are satisfied.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        q: np.ndarray | None = None,
+        misses: Mapping[str, Any] | None = None,
+        minimum: bool = False,
+        slope: float = 0.0,
+        limits: Mapping[str, float] | None = None,
+        proof: Any = None,
+        without: tuple[str, ...] = (),
+    ) -> None:
+        super().__init__(message)
+        self.q, self.minimum, self.slope, self.proof, self.without = q, minimum, slope, proof, without
+        self.misses = {} if misses is None else dict(misses)
+        self.limits = {} if limits is None else dict(limits)
 
 
 class SingularPose(NoSolution):

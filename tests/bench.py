@@ -40,6 +40,7 @@ MARKS: dict[str, tuple[float, ...]] = {
 
 
 ABSOLUTE = {"assemble four-bar": 1.0, "assemble six-bar": 2.0, "load talos": 50.0, "load human": 50.0}
+ABSOLUTE |= {"support region, pyramids": 50.0, "support region, cones": 50.0, "72 pushes": 200.0}
 """Marks in milliseconds, of what has no constraintDynamics call to be measured by."""
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -235,15 +236,27 @@ def assembling(robot: rbd.Robot) -> Callable[[int], object]:
     return lambda i: rbd.mechanism.assemble(rbd.State(robot, starts[i]), fixed=fixed)
 
 
-def mechanisms() -> Table:
-    """Assembly of mechanisms and loading of robots, in milliseconds beside their marks."""
+def standing() -> dict[str, Callable[[int], object]]:
+    """Where Talos can stand on its soles, and how hard it can be pushed at its torso, all around."""
+    robot = rbd.load_robot("talos")
+    state, soles, angle = robot.standing(), robot.soles(friction=0.7), np.arange(72) * (2.0 * np.pi / 72.0)
+    ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(72)])
+    return {
+        "support region, pyramids": lambda i: rbd.statics.support_region(state, soles, friction="inscribed"),
+        "support region, cones": lambda i: rbd.statics.support_region(state, soles),
+        "72 pushes": lambda i: rbd.statics.push_limits(state, soles, "torso_2_link", ways),
+    }
+
+
+def in_milliseconds() -> Table:
+    """Assembly of mechanisms, loading of robots, regions and pushes, in milliseconds beside their marks."""
     robots = {"four-bar": rbd.load_robot(URDF / "four_bar.urdf"), "six-bar": rbd.load_robot(URDF / "six_bar.urdf")}
-    table = Table(title="mechanisms; robots loaded")
+    table = Table(title="mechanisms; robots loaded; where Talos can stand")
     for heading in ("", "median", "mark"):
         table.add_column(heading, justify="left" if not heading else "right")
     medians = interleaved({f"assemble {name}": assembling(robot) for name, robot in robots.items()})
     loads = {f"load {name}": lambda i, name=name: rbd.load_robot(name) for name in ("talos", "human")}
-    for label, seconds in (medians | interleaved(loads, rounds=1)).items():
+    for label, seconds in (medians | interleaved(loads, rounds=1) | interleaved(standing(), rounds=1, turn=100)).items():
         table.add_row(label, f"{1e3 * seconds:.2f} ms", f"{ABSOLUTE[label]:.0f} ms")
     return table
 
@@ -283,7 +296,7 @@ def main() -> None:
             for label, seconds in interleaved(stages(d, kind), rounds=2).items():
                 table.add_row(f"  {kind}: {label}", f"{1e6 * seconds:.1f} us", f"{seconds / unit:.2f}", "")
         console.print(table)
-    console.print(mechanisms())
+    console.print(in_milliseconds())
     for simulated in [*simulation_tables(), *planar_tables()]:
         console.print(simulated)
 

@@ -109,6 +109,9 @@ def test_a_point_inside_is_found_from_the_boundary():
     """From the apex, which is in the set but not inside; a cone pressed flat has no inside."""
     centre = interior(CAPPED, np.zeros(3), 0.01)
     assert centre is not None and CAPPED.margin(centre) > 0.005
+    near = np.array([0.0, 0.0, 0.01])  # inside, and not by enough
+    deeper = interior(CAPPED, near, 0.01)
+    assert deeper is not None and 0.0 < CAPPED.margin(near) < 0.01 - 1e-3 < CAPPED.margin(deeper)
     assert interior(CAPPED, INSIDE, 0.01) is INSIDE
     flat = ConeSet(np.array([[0.0, 0.0, -1.0]]), np.zeros(1), CAPPED.C, CAPPED.at, CAPPED.mu)
     assert interior(flat, np.zeros(3), 0.01) is None

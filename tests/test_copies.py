@@ -62,6 +62,10 @@ def contact_answers() -> Iterator[object]:
         solution = rbd.solve(state, held.tau, soles, external=push, solver=solver)
         assert str(solution)
         yield from (solver, solution, solution.uniqueness(), solution.derivatives())
+    regions = [rbd.statics.support_region(state, soles, torque_limits=True), rbd.statics.zmp_region(state, soles)]
+    yield from (*regions, rbd.statics.wrench_cone(state, soles), rbd.statics.support_region(state, soles[:1]))
+    yield rbd.statics.push_limits(state, soles, "torso_2_link", np.eye(3))
+    assert all(map(str, regions))
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
     yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
     yield rbd.studies.compare_laws(state, held.tau, soles)
@@ -135,6 +139,10 @@ def mechanisms() -> Iterator[object]:
     moving = rbd.mechanism.velocity_partition(state, None, {"crank_joint": 1.0})
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
     yield from (rbd.mechanism.assemble(four_bar.at()), moving, rates)
+    yield rbd.mechanism.project_acceleration(four_bar.at(state.q, moving.v), np.ones(four_bar.nv))
+    box = rbd.load_robot(URDF / "box.urdf")
+    yield rbd.find_pose(box, {"box": (0.1, 0.2, 0.3)})
+    yield from errors(lambda: rbd.find_pose(four_bar, {"coupler_tip": (9.0, 0.0, 9.0)}))
     yield rbd.mechanism.trace(state, joint="crank_joint", values=(state.q[0], state.q[0] + 0.2), steps=4)
 
 

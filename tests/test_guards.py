@@ -38,9 +38,12 @@ from rbd.visual import (
     plot_joint,
     plot_panels,
     plot_paths,
+    plot_pushes,
     plot_ranges,
+    plot_region,
     plot_split,
     plot_sticks,
+    plot_wrench_cone,
     replay,
     replay_planar,
     screenshot,
@@ -71,6 +74,7 @@ PROBLEM = rbd.gauss_problem(STATE, TAU, FEET)
 SOLUTION = rbd.solve(STATE, TAU, FEET)
 V = np.linspace(-0.5, 0.5, BOLT.nv)
 MOVING = rbd.State(BOLT, STATE.q, V)
+LIFTED = {"root_joint": np.array([0.1, 0.2, 0.9, 0.0, 0.6, 0.0, 0.8])}
 CORNERS = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
 ROWS = PROBLEM.rows[0]
 PLAIN = {"name": "row", "J": np.array([[1.0, 0.0], [0.5, 2.0]]), "bias": np.array([0.5, -0.1])}
@@ -166,6 +170,15 @@ def use_plot(ax: Any, uniqueness: Any) -> Any:
 
 
 FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5)]
+REGION = rbd.statics.support_region(BOX.at(), FLOOR)
+
+
+def use_region(ask: Any = rbd.statics.support_region, **given: Any) -> Any:
+    """How far a region reaches, and its proof."""
+    region = ask(**given)
+    return [region.vertices.min(axis=0, initial=0.0), region.vertices.max(axis=0, initial=0.0), str(region)]
+
+
 TRAJECTORY = rbd.simulate(BOX.at(), FLOOR, duration=0.003, step=1e-3)
 LINKS = rbd.planar.Chain(2, lengths=[0.5, 0.4])
 PLANAR = rbd.planar.endpoint_motion(LINKS, rbd.planar.minimum_jerk([0.6, 0.3], [0.2, 0.6], 1.0))
@@ -368,6 +381,45 @@ CASES: dict[str, Case] = {
     "compare_solvers": Case(  # without the times in it, which differ
         lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED
     ),
+    "support_region": Case(
+        use_region,
+        {"state": BOX.at(), "contacts": FLOOR, "torque_limits": False, "margin": 0.1, "friction": "inscribed"}
+        | {"area_gap": 1e-3},
+        30,
+    ),
+    "zmp": Case(rbd.statics.zmp, {"state": MOVING, "a": V, "on": 0.1, "external": np.zeros(BOLT.nv)}),
+    "zmp_region": Case(
+        lambda **given: use_region(rbd.statics.zmp_region, **given),
+        {"state": BOX.at(), "contacts": FLOOR, "on": -1.0, "pendular": True, "margin": 0.1, "friction": "inscribed"}
+        | {"area_gap": 1e-3},
+        30,
+    ),
+    "wrench_cone": Case(
+        lambda **given: rbd.statics.wrench_cone(**given).margin((0.0, 0.0, 1.0, 0.0, 0.0, 0.0)),
+        {"state": BOX.at(), "contacts": FLOOR, "about": np.zeros(3), "friction": "inscribed", "margin": 0.1},
+        30,
+    ),
+    "push_limits": Case(
+        lambda **given: rbd.statics.push_limits(**given).forces,
+        {"state": BOX.at(), "contacts": FLOOR, "frame": "box", "directions": np.eye(3), "offset": np.zeros(3), "at_most": 50.0}
+        | {"friction": "inscribed", "margin": 0.1},
+        30,
+    ),
+    "visual.plot_region": Case(
+        lambda ax, region, labels: len(plot_region(ax, region, labels=labels)),
+        {"ax": Figure().subplots(), "region": REGION, "labels": ["where it stands"]},
+        20,
+    ),
+    "visual.plot_pushes": Case(
+        lambda **given: len(plot_pushes(**given)),
+        {"ax": Figure().subplots(), "limits": rbd.statics.push_limits(BOX.at(), FLOOR, "box", np.eye(3))},
+        20,
+    ),
+    "visual.plot_wrench_cone": Case(
+        lambda **given: len(plot_wrench_cone(**given)),
+        {"ax": Figure().subplots(), "cone": rbd.statics.wrench_cone(BOX.at(), FLOOR)},
+        20,
+    ),
     "hold": Case(
         rbd.hold,
         {"state": STATE, "contacts": FEET, "external": np.zeros(BOLT.nv), "friction": "inscribed"}
@@ -391,6 +443,7 @@ CASES: dict[str, Case] = {
         rbd.load_robot,
         {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
     ),
+    "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
     ),
@@ -442,6 +495,19 @@ CASES: dict[str, Case] = {
     "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
     "mechanism.project_velocity": Case(
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
+    ),
+    "mechanism.project_acceleration": Case(rbd.mechanism.project_acceleration, {"state": MOVING, "a": V, "constraints": FEET}),
+    "place_on_ground": Case(rbd.robots.place_on_ground, {"state": STATE.with_joints(LIFTED), "contacts": FEET}),
+    "find_pose": Case(
+        rbd.find_pose, {"robot": BOX, "targets": {"box": (0.1, 0.0, 0.3)}, "posture": BOX.neutral(), "com": None}, 30
+    ),
+    "find_pose, a place": Case(
+        lambda where, normal, com: rbd.find_pose(BOX, {"box": (where, normal)}, com=com),
+        {"where": np.array([0.1, 0.2, 0.3]), "normal": np.array([0.0, 0.6, 0.8]), "com": np.array([0.1, 0.2])},
+        30,
+    ),
+    "mechanism.find_pose": Case(
+        lambda on: rbd.mechanism.find_pose(BOX, {rbd.SurfaceContact("side", "box", half_lengths=(0.1, 0.1)): on}), {"on": 0.2}
     ),
     "mechanism.mobility": Case(
         rbd.mechanism.mobility, {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tolerance": 1e-9, "seed": 1}
@@ -496,6 +562,10 @@ CASES: dict[str, Case] = {
         lambda foot: SOLUTION.with_forces({SOLUTION.problem.rows[0].name: foot}), {"foot": [2.0]}
     ),
     "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
+    "State.with_joints": Case(
+        lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),
+        {"values": {"root_joint": STATE.q[:7]}, "angle": 0.3},
+    ),
     "State.frame": Case(STATE.frame, {"name": FRAME, "offset": np.zeros(3)}),
     "visual.Scene": Case(
         use_scene,
@@ -617,6 +687,10 @@ MADE_BY_RBD = {
     "Contradiction",
     "NearestMotion",
     "Derivatives",
+    "ContactWrenchCone",
+    "PushLimits",
+    "SupportRegion",
+    "ZmpRegion",
     "Actuation",
     "ActuationUniqueness",
     "Limit",
@@ -634,6 +708,8 @@ MADE_BY_RBD = {
     "Integrability",
     "MechanismClass",
     "Assembly",
+    "FoundPose",
+    "ProjectedAcceleration",
     "Branch",
     "Branches",
     "Trace",

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.errors import ModelError
-from rbd.robots.posture import configuration, corner_points, semantic_postures, stand
+from rbd.errors import InputError, ModelError
+from rbd.robots.posture import configuration, corner_points, place_on_ground, semantic_postures, stand
 
 
 def tilted(robot: rbd.Robot, q: np.ndarray, rpy: tuple[float, float, float], at: tuple[float, float, float]) -> np.ndarray:
@@ -140,3 +140,90 @@ def test_on_one_point_a_robot_keeps_its_attitude() -> None:
     stood = stand(box, q, [rbd.PointContact("foot", "box", offset=(0.05, 0.0, -0.1))])
     assert np.abs(np.delete(stood - q, 2)).max() < 1e-15
     assert abs(box.at(stood).frame("box", (0.05, 0.0, -0.1)).X_WF.translation[2]) < 1e-15
+
+
+class TestPlaceOnGround:
+    """`place_on_ground`: the base moved and turned until contacts lie on their ground."""
+
+    BOX = Path(__file__).parents[1] / "urdf" / "box.urdf"
+
+    @pytest.mark.parametrize("name", ["talos", "g1", "solo12"])
+    def test_it_is_how_a_robot_stands(self, name: str) -> None:
+        """One code: from a tilted and lifted base the same pose as `standing`, but for heading and place; v is kept."""
+        robot = rbd.load_robot(name)
+        standing, v = robot.standing(), np.linspace(-1.0, 1.0, robot.nv)
+        tilt = tilted(robot, standing.q, (0.2, -0.1, 0.0), (0.0, 0.0, 1.0))
+        placed = place_on_ground(robot.at(tilt, v), robot.feet())
+        assert np.array_equal(placed.q, rbd.State(robot, stand(robot, tilt, robot.feet(None))).q)
+        assert abs(placed.q[2] - standing.q[2]) < 1e-12 and np.array_equal(placed.q[7:], standing.q[7:])
+        assert np.array_equal(placed.v, v)
+
+    def test_on_a_ramp_it_is_turned_by_the_ramps_slope(self, talos: rbd.Robot) -> None:
+        """From standing: by atan(0.3) about the ramp's level line, every corner on the ramp."""
+        slope = np.arctan(0.3)
+        ramp = rbd.Ground(point=(0.2, 0.0, 0.1), normal=(-np.sin(slope), 0.0, np.cos(slope)))
+        soles = talos.soles(on=ramp)
+        placed = place_on_ground(talos.standing(), soles)
+        assert np.abs(np.concatenate([sole.rows(placed).patch.gaps for sole in soles])).max() < 1e-12
+        R = placed.base_pose().rotation @ talos.standing().base_pose().rotation.T
+        assert np.abs(pin.log3(R) - [0.0, -slope, 0.0]).max() < 1e-12
+
+    def test_on_stairs_each_foot_lies_on_its_own(self, talos: rbd.Robot) -> None:
+        """Legs bent for a step of 0.1 m, the base then tilted and lifted: both soles come to their planes."""
+        fitting = rbd.find_pose(talos, {"left_sole": (0.2, 0.085, 0.1), "right_sole": (0.0, -0.085, 0.0)})
+        q = tilted(talos, fitting.q, (0.1, -0.2, 0.7), (0.3, 0.0, 1.5))
+        soles = talos.soles(on={"left_sole": 0.1})
+        placed = place_on_ground(talos.at(q), soles)
+        assert np.abs(np.concatenate([sole.rows(placed).patch.gaps for sole in soles])).max() < 1e-12
+        assert abs(placed.com[2] - fitting.state.com[2]) < 1e-12 and np.array_equal(placed.q[7:], fitting.q[7:])
+
+    def test_between_two_walls(self) -> None:
+        """A box as wide as a chimney: its sides come onto both walls, though their normals add up to nothing."""
+        box, X_turned = (
+            rbd.load_robot(self.BOX),
+            pin.SE3(pin.rpy.rpyToMatrix(0.0, np.pi / 2.0, 0.0), np.array([-0.1, 0.0, 0.0])),
+        )
+        left = rbd.SurfaceContact("left", "box", half_lengths=(0.05, 0.05), placement=X_turned,
+                                  on=rbd.Ground(point=(0.9, 0, 0), normal=(1.0, 0.0, 0.0)))  # fmt: skip
+        X_back = pin.SE3(pin.rpy.rpyToMatrix(0.0, -np.pi / 2.0, 0.0), np.array([0.1, 0.0, 0.0]))
+        right = rbd.SurfaceContact("right", "box", half_lengths=(0.05, 0.05), placement=X_back,
+                                   on=rbd.Ground(point=(1.1, 0, 0), normal=(-1.0, 0.0, 0.0)))  # fmt: skip
+        q = tilted(box, box.neutral(), (0.2, -0.3, 0.25), (0.4, 0.5, 0.6))
+        placed = place_on_ground(box.at(q), [left, right])
+        assert max(np.abs(c.rows(placed).patch.gaps).max() for c in (left, right)) < 1e-12
+        assert placed.q[0] == pytest.approx(1.0, abs=1e-12) and placed.q[1:3] == pytest.approx([0.5, 0.6], abs=1e-9)
+
+    def test_a_ground_of_which_only_the_normal_is_known_goes_through_the_origin(self) -> None:
+        """And one of which nothing is known is z = 0."""
+        box, n = rbd.load_robot(self.BOX), np.array([0.0, 0.6, 0.8])
+        q = tilted(box, box.neutral(), (0.0, 0.0, 0.0), (0.3, 0.2, 1.0))
+        for on, normal in ((rbd.Ground(normal=n), n), (None, np.array([0.0, 0.0, 1.0]))):
+            side = rbd.SurfaceContact("side", "box", half_lengths=(0.1, 0.1), on=on)
+            X_WB = place_on_ground(box.at(q), [side]).base_pose()
+            assert abs(X_WB.translation @ normal) < 1e-15 and np.abs(X_WB.rotation[:, 2] - normal).max() < 1e-15
+
+    def test_points_one_above_the_other_say_nothing_of_the_tilt(self) -> None:
+        """The lower one comes to the ground."""
+        box = rbd.load_robot(self.BOX)
+        points = [rbd.PointContact(f"{z}", "box", offset=(0.0, 0.0, z)) for z in (0.1, -0.1)]
+        placed = place_on_ground(box.at(), points)
+        assert np.abs(placed.q - [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]).max() < 1e-15
+
+    def test_what_cannot_be_placed_is_refused(self, talos: rbd.Robot) -> None:
+        """A base that is fixed or slides, no contacts, one with a body, what is no contact, no state."""
+        panda, cart = rbd.load_robot("panda", root="fixed"), rbd.load_robot(self.BOX, root="planar")
+        for robot in (panda, cart):
+            with pytest.raises(InputError, match="no single floating base"):
+                place_on_ground(robot.at(), [rbd.PointContact("p", robot.frames()[-1])])
+        state, on_body = talos.standing(), rbd.PointContact("palm", "torso_2_link", on=rbd.Body("base_link"))
+        for contacts, says in (
+            ([], "contacts is empty"),
+            ([on_body], "'palm' is with a body"),
+            ([rbd.JointLock("lock", "arm_left_4_joint")], "'lock' is not a contact"),
+            ([3], "3 is no constraint"),
+            (talos.soles()[0], "single constraint"),
+        ):
+            with pytest.raises(InputError, match=says):
+                place_on_ground(state, contacts)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="State of a robot was expected"):
+            place_on_ground(talos, talos.soles())  # type: ignore[arg-type]

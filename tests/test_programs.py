@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rbd.problem import programs
-from rbd.problem.programs import Outcome, Work, between, linear_program, nonnegative
+from rbd.problem.programs import Outcome, Work, between, linear_program, nonnegative, within
 
 
 def test_a_linear_program_tells_how_it_ended():
@@ -55,6 +55,24 @@ def test_least_squares_between_bounds_never_leaves_them():
     one = np.ones(3)
     assert between(np.eye(3), np.array([2.0, -1.0, 0.5]), 0.0 * one, one) == pytest.approx([1.0, 0.0, 0.5])
     assert np.array_equal(between(np.eye(3), 2.0 * one, one, one), one)  # no room
+
+
+def test_bounded_least_squares_lie_on_the_bounds_that_hold_them(rng):
+    """Stationarity: no slope where x is free, outwards where a bound holds it, to the last bit; also of too few rows."""
+    for rows in (12, 30):
+        A, b = rng.normal(size=(rows, 20)), rng.normal(size=rows)
+        lower, upper = -rng.uniform(0.0, 0.1, 20), rng.uniform(0.0, 0.1, 20)
+        lower[3] = upper[3] = 0.05  # no room
+        x = within(A, b, lower, upper)
+        slope, low, high = A.T @ (A @ x - b), x == lower, x == upper
+        assert (low | high).sum() > 3 and x[3] == 0.05
+        assert np.abs(slope[~(low | high)]).max(initial=0.0) < 1e-10
+        assert (slope[low & ~high] > -1e-10).all() and (slope[high & ~low] < 1e-10).all()
+    free = within(A, b, np.full(20, -np.inf), np.full(20, np.inf))
+    assert free == pytest.approx(np.linalg.lstsq(A, b, rcond=None)[0], abs=1e-12)
+    assert np.array_equal(within(A, b, upper, upper), upper)
+    refused = within(np.full((2, 2), np.nan), np.ones(2), np.array([0.1, -1.0]), np.ones(2))
+    assert np.array_equal(refused, [0.1, 0.0])
 
 
 def test_work_is_spent():

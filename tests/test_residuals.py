@@ -58,6 +58,20 @@ def test_a_pulling_stop_is_outside_its_cone():
     assert float(s.residuals.cone) == pytest.approx(2.0) and s.status == "failed"
 
 
+def test_a_light_pull_is_not_excused_by_a_heavy_push_beside_it():
+    """A stop pulls with 1e-7 N: a ten-millionth of the newton it is measured against, whatever 1000 N do at another stop.
+
+    That one presses while it opens by 1e-13 m/s2, which passes; nothing else is wrong.
+    """
+    rows = [Rows(name, np.eye(2)[[i]], np.zeros(1), rbd.problem.NonNegative(1)) for i, name in enumerate(("heavy", "light"))]
+    a, f = np.array([1e-13, 0.0]), np.array([1000.0, -1e-7])
+    r = residuals_of(rbd.GaussProblem(np.eye(2), a - f, rows), a, f, f)
+    assert r.complementarity.scaled <= SOLVED and r.stationarity == r.feasibility == 0.0
+    assert float(r.cone) == pytest.approx(1e-7) and r.cone.scaled == pytest.approx(1e-7)
+    for fresh in (residuals_of(rbd.GaussProblem(np.eye(2), a - f, rows), a, f, f), r):  # before its scales are known, and after
+        assert not fresh.within(SOLVED) and fresh.within(1.01e-7)
+
+
 def test_forces_without_weights_are_judged_by_their_cone():
     """A solver that gives no weights does not get its pulling forces certified."""
     rows = Rows("stop", np.ones((1, 1)), np.zeros(1), rbd.problem.NonNegative(1))

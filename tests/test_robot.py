@@ -516,10 +516,20 @@ def test_the_model_is_pinocchios(talos: rbd.Robot) -> None:
     assert np.abs(pin.neutral(talos.model) - talos.neutral()).max() == 0.0
 
 
-def test_a_robot_with_feet_and_no_posture_is_told_to_be_given_one(monkeypatch):
-    """Nothing says how it stands: the remedy is named."""
+def test_a_robot_with_feet_and_several_postures_is_told_to_be_given_one(monkeypatch):
+    """Nothing says in which it stands: the remedy is named."""
     robot = rbd.load_robot("bolt")
     monkeypatch.setattr(robot, "source", replace(robot.source, posture=None))
-    monkeypatch.setattr(robot, "postures", {})
+    monkeypatch.setattr(robot, "postures", dict.fromkeys(("up", "down"), robot.posture("standing")))
     with pytest.raises(ModelError, match="no standing posture is known for bolt; .*Name one, standing.posture."):
         robot.standing()
+
+
+def test_a_robot_with_feet_and_no_posture_stands_with_its_joints_at_zero(monkeypatch):
+    """There is no other: its base is placed as in any posture."""
+    robot = rbd.load_robot("solo12")
+    monkeypatch.setattr(robot, "source", replace(robot.source, posture=None))
+    monkeypatch.setattr(robot, "postures", {})
+    state = robot.standing()
+    assert not state.q[7:].any()
+    assert np.abs([foot.rows(state).patch.gaps for foot in robot.feet()]).max() < 1e-12

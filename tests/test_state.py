@@ -13,7 +13,7 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.errors import FrameNotFound, InputError
+from rbd.errors import FrameNotFound, InputError, JointNotFound
 from rbd.model.checked_model import CheckedModel
 
 FRAMES = ["left_sole_link", "arm_right_7_link", "torso_2_link", "base_link"]
@@ -345,3 +345,48 @@ def test_a_robot_with_one_joint_has_matrices_too():
     s = rbd.solve(rbd.State(robot, np.zeros(1)), np.zeros(1), [tip])
     assert s.forces["tip"] == pytest.approx([0.0, 0.0, 3.0 * 9.81 / 2.0]) and np.abs(s.a).max() < 1e-12
     assert s.derivatives().da_dq.shape == (1, 1)
+
+
+class TestJointsByName:
+    """`with_joints` places joints by name, and refuses what is none."""
+
+    def test_named_joints_move_and_nothing_else(self, talos: rbd.Robot):
+        """The value stands at the joint's place in q; base, other joints and v stay, to the last bit."""
+        q, v = drawn(talos, 3)
+        state = rbd.State(talos, q, v)
+        moved = state.with_joints({"arm_left_4_joint": -1.2, "leg_right_4_joint": [0.5]})
+        expected = state.q.copy()
+        expected[talos.joints["arm_left_4_joint"].q], expected[talos.joints["leg_right_4_joint"].q] = -1.2, 0.5
+        assert np.array_equal(moved.q, expected) and np.array_equal(moved.v, state.v)
+        assert moved is not state and np.array_equal(state.with_joints({}).q, state.q)
+
+    def test_a_continuous_joint_takes_its_angle(self):
+        """As (cos, sin); two numbers of norm one are taken as they are."""
+        robot = rbd.load_robot("tiago_dual", root="fixed")
+        joint = next(j for j in robot.joints.values() if j.is_continuous)
+        circle = np.array([np.cos(2.5), np.sin(2.5)])
+        for given in (2.5, circle):
+            moved = robot.at().with_joints({joint.name: given})
+            assert np.abs(moved.q[joint.q] - circle).max() < 1e-15 and abs(joint.coordinate(moved.q) - 2.5) < 1e-15
+
+    def test_a_base_takes_its_seven_numbers(self, talos: rbd.Robot):
+        """Position and unit quaternion; nothing else."""
+        base = np.array([0.1, 0.2, 0.9, 0.0, 0.6, 0.0, 0.8])
+        assert np.array_equal(talos.standing().with_joints({"root_joint": base}).q[:7], base)
+
+    @pytest.mark.parametrize(
+        ("values", "kind", "says"),
+        [
+            ({"arm_left_44_joint": 0.1}, JointNotFound, "nearest: 'arm_left_4_joint'"),
+            ({"arm_left_4_joint": (0.1, 0.2)}, InputError, "'arm_left_4_joint' has 2 numbers; expected one"),
+            ({"arm_left_4_joint": np.nan}, InputError, "value of joint 'arm_left_4_joint' is not finite"),
+            ({"arm_left_4_joint": [[0.1]]}, InputError, "expected a number, or its part of q"),
+            ({"root_joint": 0.1}, InputError, "expected 7 numbers"),
+            ({"root_joint": np.ones(7)}, InputError, "quaternion .* has norm 2"),
+            ([("arm_left_4_joint", 0.1)], InputError, "expected a mapping"),
+        ],
+    )
+    def test_what_is_no_value_is_refused(self, talos: rbd.Robot, values: object, kind: type, says: str):
+        """With the joint's name, and what was expected."""
+        with pytest.raises(kind, match=says):
+            talos.standing().with_joints(values)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ from PIL import Image
 
 import rbd
 from rbd.cli.mechanism_report import report_mechanism
-from rbd.visual import Scene, contact_sheet, motion_sheet, screenshot
+from rbd.visual import Scene, contact_sheet, motion_sheet, plot_region, screenshot
 from rbd.visual.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
@@ -41,6 +41,63 @@ def talos() -> Path:
         scene.show(state, solution, external=push)
         page = scene.export(Path(folder) / "talos.html")
         return screenshot(page, PICTURES / "talos.png", width=1100, height=900)
+
+
+def poses() -> Path:
+    """Three poses of `docs/poses.md`, each held by its feet."""
+    talos, g1, width, height = rbd.load_robot("talos"), rbd.load_robot("g1"), 500, 560
+    step = {"left_sole": (0.15, 0.12, 0.0), "right_sole": (-0.1, -0.12, 0.0), "gripper_left_base_link": (0.55, 0.35, 1.25)}
+    standing = g1.standing()
+    stay = {sole.name: standing.frame(sole.frame).X_WF * sole.placement for sole in g1.soles()}
+    stair = {"left_sole": (0.3, 0.085, 0.17), "right_sole": (0.0, -0.085, 0.0)}
+    made = (
+        (rbd.find_pose(talos, step, com=(0.02, 0.0)), talos.soles()),
+        (rbd.find_pose(g1, stay, com=standing.com - [0.0, 0.0, 0.2]), g1.soles()),
+        (rbd.find_pose(talos, stair, com=(0.15, 0.0)), talos.soles(on={"left_sole": 0.17})),
+    )
+    sheet = Image.new("RGB", (3 * width, height), "white")
+    with tempfile.TemporaryDirectory() as folder:
+        for i, (found, soles) in enumerate(made):
+            solution = rbd.solve(found.state, rbd.hold(found.state, soles).tau, soles)
+            with Scene(found.state.robot, legend=False) as scene:
+                scene.show(found.state, solution)
+                page = scene.export(Path(folder) / f"{i}.html")
+            shot = Image.open(screenshot(page, Path(folder) / f"{i}.png", width=width, height=height))
+            sheet.paste(shot.resize((width, height)), (width * i, 0))
+    sheet.save(PICTURES / "poses.png")
+    return PICTURES / "poses.png"
+
+
+def hand_on_a_wall() -> Path:
+    """Example 24: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
+    result = _result("24_hand_on_a_wall")
+    held = result.held
+    with tempfile.TemporaryDirectory() as folder, Scene(held.state.robot) as scene:
+        scene.show(held.state, held, external=rbd.ExternalForce("torso_2_link", (0.0, 140.0, 0.0)))
+        scene.draw(*result.regions["soles and hand"])
+        page = scene.export(Path(folder) / "hand.html")
+        return screenshot(page, PICTURES / "hand_on_a_wall.png", width=1000, height=820)
+
+
+def where_it_can_stand() -> Path:
+    """Support regions of Talos from above, and its largest pushes all around."""
+    robot = rbd.load_robot("talos")
+    state, soles = robot.standing(), robot.soles(friction=0.7)
+    wall = rbd.Ground(normal=(0.0, -1.0, 0.0))
+    contacts = [*soles, rbd.PointContact("hand", "gripper_left_base_link", on=wall, friction=0.5)]
+    regions = {
+        "with the hand": rbd.statics.support_region(state, contacts),
+        "with the hand, within torque limits": rbd.statics.support_region(state, contacts, torque_limits=True),
+        "soles alone": rbd.statics.support_region(state, soles),
+    }
+    angle = np.arange(72) * 2.0 * np.pi / 72
+    ways = np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    figure = Figure(figsize=(12.0, 5.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    plot_region(left, *regions.values(), labels=list(regions))
+    rbd.statics.push_limits(state, contacts, "torso_2_link", ways).plot(right)
+    figure.savefig(PICTURES / "where_it_can_stand.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "where_it_can_stand.png"
 
 
 def plot(picture: str, example: str, draw: str, size: tuple[float, float], *axes: int, sharex: bool = False) -> Path:
@@ -172,6 +229,7 @@ def _example(name: str) -> ModuleType:
 
 
 if __name__ == "__main__":
-    scenes = (make() for make in (talos, fists, mechanisms, robots, crouch, inverse_dynamics))
+    singles = (talos, fists, mechanisms, robots, crouch, inverse_dynamics, poses, hand_on_a_wall, where_it_can_stand)
+    scenes = (make() for make in singles)
     for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
         print(made.relative_to(TOP))

@@ -14,36 +14,29 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 import typer
 from rich.progress import track
 
+from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show
+from rbd.cli.standing import region, stand
 from rbd.cli.terminal import (
     FIGURES,
     PAGES,
     TRAJECTORIES,
     answering,
     check_outputs,
-    numbers_of,
+    names_of,
     open_console,
     print_path,
     serve,
     timed,
     write_json,
 )
-from rbd.errors import CannotHold, InputError, ModelWarning, SimulationStopped
+from rbd.errors import InputError, ModelWarning, SimulationStopped
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
 """Largest number of recorded samples by default."""
-# Options and arguments of several commands.
-PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
-Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
-Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
-Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
-Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
-Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
-RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
 
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -65,82 +58,8 @@ def rbd(
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
 
 
-@app.command()
-def stand(
-    robot: RobotName,
-    friction: Friction = 0.7,
-    facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
-    law: Law = "coulomb",
-    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
-    at: Annotated[
-        str | None, typer.Option(metavar="FRAME", help="... at the origin of this frame; the heaviest link's.")
-    ] = None,
-    braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
-    posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
-    package_dir: PackageDirs = None,
-    html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
-    json_: Json = None,
-    show: Show = False,
-) -> None:
-    """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
-
-    Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
-    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
-    if none do, which limits prevent it.
-    """
-    from rbd.cli.robot_reports import StandReport, heaviest_link, holding
-    from rbd.least_constraint import solve
-    from rbd.model.dynamics import ExternalForce
-    from rbd.problem.cones import check_friction
-    from rbd.robots.robot import load_robot
-    from rbd.solvers.default import slip_law
-    from rbd.statics.actuation import Actuation
-    from rbd.statics.equilibrium import hold
-
-    console = open_console()
-    with answering(stand):
-        force = _push(push, at)
-        if braced and force is None:
-            raise InputError("--braced came without --push X,Y,Z: there is nothing to withstand.")
-        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
-        check_friction(friction, facets)
-        slip_law(law)
-        seconds: dict[str, float] = {}
-        with timed(seconds, "load"):
-            loaded = load_robot(robot, package_dirs=package_dir or ())
-        if not loaded.source.feet:
-            raise InputError(f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do.")
-        with timed(seconds, "stand"):
-            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
-        at = heaviest_link(loaded) if at is None else at
-        external = [] if force is None else [ExternalForce(at, force)]
-        for e in external:
-            loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
-        with timed(seconds, "hold"):
-            against = holding(state, feet, external) if external else None
-            if braced and isinstance(against, CannotHold):
-                raise against
-            held = against if braced and isinstance(against, Actuation) else hold(state, feet)
-        with timed(seconds, "solve"):
-            solution = solve(state, held.tau, feet, law=law, external=external)
-            solution.residuals  # noqa: B018  the certificate is part of the answer
-        report = StandReport(held, solution, force, at, seconds, against, braced)
-        if html is not None or show:
-            from rbd.visual import Scene
-
-            with Scene(loaded) as scene:
-                with timed(seconds, "picture"):
-                    scene.show(state, solution, external=external)
-                    written = None if html is None else scene.export(html)
-                write_json(json_, report)
-                console.print(report)
-                if written is not None:
-                    print_path(console, "picture", written)
-                if show:
-                    serve(console, scene.open())
-        else:
-            write_json(json_, report)
-            console.print(report)
+app.command()(stand)
+app.command()(region)
 
 
 @app.command()
@@ -223,6 +142,7 @@ def simulate(
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
     for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
+    feet_: Feet = None,
     friction: Friction = 0.7,
     law: Law = "coulomb",
     hold_: Annotated[
@@ -265,7 +185,7 @@ def simulate(
         slip_law(law)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
-            found = loaded(robot, root=_root(root), package_dirs=package_dir or ())
+            found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet_))
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):
@@ -360,14 +280,6 @@ def _root(root: str | None) -> Literal["free_flyer", "fixed", "planar"] | None:
     if root is not None:
         raise InputError(f"--root is {root!r}; expected {', '.join(ROOTS)}.")
     return None
-
-
-def _push(push: str | None, at: str | None) -> np.ndarray | None:
-    if push is None:
-        if at is not None:
-            raise InputError("--at came without --push X,Y,Z; a push is e.g. --push 0,80,0 --at torso_2_link.")
-        return None
-    return numbers_of("--push", push, "newtons", names="X,Y,Z")
 
 
 def main() -> None:

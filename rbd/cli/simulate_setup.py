@@ -49,11 +49,17 @@ class Setup:
     limits: tuple[str, ...]
 
 
-def loaded(name: str, *, root: Root | None = None, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> Robot:
+def loaded(
+    name: str,
+    *,
+    root: Root | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+    feet: Sequence[str] | None = None,
+) -> Robot:
     """The robot; one with motors that neither has feet nor loops nor wheels has a fixed base, unless `root` gives another."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        robot = load_robot(name, root=root, package_dirs=package_dirs)
+        robot = load_robot(name, root=root, package_dirs=package_dirs, feet=feet)
     said = root is not None or robot.mechanism.file.root is not None
     stands = bool(robot.source.feet or robot.loops() or robot.wheels())
     if said or stands or not robot.floating or not robot.nu or robot.urdf.suffix != ".urdf":
@@ -99,7 +105,7 @@ def setup(
         name = posture or robot.source.posture or next(iter(robot.postures), None)
         state = assembled(robot, held, robot.at(name))
     if bodies is None:
-        bodies = bool(feet) and robot.collision_model.ngeoms > 0
+        bodies = bool(feet) and bool(_other_shapes(robot, feet))
     constraints = (*feet, *held)
     holds = bool(feet) or not (held or robot.floating) if hold is None else hold
     controller = HoldPosture(state, constraints) if holds and robot.nu else None
@@ -152,10 +158,13 @@ def _one_each(option: str, given: Sequence[Value], n: int) -> Sequence[Value]:
 
 def _others(robot: Robot, feet: Sequence[Constraint], friction: float) -> CollisionContacts:
     """Contacts of all moving shapes, except those that the feet's contacts represent."""
-    model = robot.collision_model
+    return CollisionContacts(BODIES, robot, friction=friction, ground=_other_shapes(robot, feet))
+
+
+def _other_shapes(robot: Robot, feet: Sequence[Constraint]) -> tuple[str, ...]:
+    """Names of the moving collision shapes, except those of the feet's bodies."""
     soles = {robot.site(contact.frame)[0] for contact in feet}  # type: ignore[attr-defined]
-    names = tuple(g.name for g in model.geometryObjects if g.parentJoint not in {0, *soles})
-    return CollisionContacts(BODIES, robot, friction=friction, ground=names)
+    return tuple(g.name for g in robot.collision_model.geometryObjects if g.parentJoint not in {0, *soles})
 
 
 def _laid(state: State, contacts: CollisionContacts) -> State:

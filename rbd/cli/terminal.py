@@ -135,6 +135,20 @@ def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
     return values
 
 
+def names_of(option: str, text: str | None) -> list[str] | None:
+    """The names of an option, separated by commas; None if it was not given.
+
+    Raises:
+        InputError: an empty name.
+    """
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise InputError(f"{option} is {text!r:.80}; expected names separated by commas, e.g. left_ankle,right_ankle.")
+    return names
+
+
 def open_console(*, errors: bool = False) -> Console:
     """The console of standard output, or of the errors' stream.
 

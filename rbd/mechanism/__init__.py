@@ -11,7 +11,8 @@ from rbd.mechanism.partition import (
     independent_velocities,
     velocity_partition,
 )
-from rbd.mechanism.projection import project_velocity
+from rbd.mechanism.pose_search import FoundPose, find_pose
+from rbd.mechanism.projection import ProjectedAcceleration, project_acceleration, project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
 from rbd.modules import submodule as _submodule
@@ -23,8 +24,10 @@ __all__ = [
     "Assembly",
     "Branch",
     "Branches",
+    "FoundPose",
     "Integrability",
     "Mobility",
+    "ProjectedAcceleration",
     "Singularities",
     "SingularitiesAlong",
     "Trace",
@@ -34,12 +37,14 @@ __all__ = [
     "assemble",
     "branches",
     "classify",
+    "find_pose",
     "four_bar",
     "independent_velocities",
     "integrability",
     "link_angles",
     "mobility",
     "n_four_bar",
+    "project_acceleration",
     "project_velocity",
     "singularities",
     "singularities_along",

@@ -24,9 +24,9 @@ from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint_lists import joint_limits
 from rbd.constraints.manifold import own_or, rank_of as rank_at
 from rbd.errors import DuplicateName, InputError
-from rbd.mechanism.poses import displacement, with_values
+from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import State, with_values
 from rbd.problem.cones import Box, Free, NonNegative
 from rbd.problem.rows import Rows
 
@@ -115,7 +115,7 @@ class Closure:
             raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
         self.robot, self.model = robot, robot.model
         self.fixed = {} if fixed is None else fixed
-        self._target = with_values(robot, pin.neutral(self.model), self.fixed)
+        self._target = with_values(robot, pin.neutral(self.model), self.fixed, argument="fixed")
         held = np.zeros(robot.nv, bool)
         self._pinned = np.zeros(robot.nq, bool)
         for joint in self.fixed:

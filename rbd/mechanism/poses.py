@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, check_finite, max_abs
-from rbd.errors import InputError
+from rbd.arrays import Array, max_abs
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import Piece
 
@@ -33,26 +31,6 @@ class LimitViolation:
 
     def __str__(self) -> str:
         return f"{self.joint} at {self.value:.6g}, limits {self.lower:.6g} to {self.upper:.6g}"
-
-
-def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object]) -> Array:
-    """A copy of q with some joints at the values given: an angle, a displacement, or the joint's part of q.
-
-    Raises:
-        InputError: not a mapping, or values of a wrong size or not finite.
-        JointNotFound: with the nearest names.
-    """
-    if not isinstance(values, Mapping):
-        raise InputError(f"fixed is {values!r:.80}; expected a mapping {{joint: value}}, e.g. {{'crank': 0.5}}.")
-    out = q.copy()
-    for name, value in values.items():
-        joint, what = robot.joints[name], f"fixed value of joint {name!r:.80}"
-        given = np.atleast_1d(as_array(what, value))
-        check_finite(what, given)
-        if given.ndim != 1:
-            raise InputError(f"{what} has shape {given.shape}; expected a number, or its part of q.")
-        out[joint.q] = joint.target(name, given)
-    return out
 
 
 def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:

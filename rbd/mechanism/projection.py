@@ -1,4 +1,4 @@
-"""Projection onto constraints: position and velocity, by the least motion in the inertia metric.
+"""Projection onto constraints: position, velocity and acceleration, by the least motion in the inertia metric.
 
 Drift off bilateral constraints is corrected by
 
@@ -30,7 +30,7 @@ from scipy.linalg import blas, lapack
 from rbd.arrays import Array, as_float, inertia_factor, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
-from rbd.errors import InputError, SingularInertia
+from rbd.errors import DuplicateName, InputError, SingularInertia
 from rbd.model.state import State, check_state
 from rbd.problem.cones import Box
 from rbd.solvers.kkt import independent_factor
@@ -151,28 +151,109 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
         A state with the same q.
 
     Raises:
+        DuplicateName: two constraints have one name.
         InputError: an object is not a constraint, or no velocity satisfies all, e.g. on two belts that diverge.
         SingularInertia: M is not positive definite.
 
     >>> rbd.solve(rbd.mechanism.project_velocity(state, robot.soles()), tau, robot.soles())
     """
-    rows = [r for r in rows_of(check_state(state), own_or(state.robot, constraints)) if len(r) and not isinstance(r.cone, Box)]
-    if not rows:
+    stack = _stacked(check_state(state), constraints)
+    if not stack.rows:
         return state
-    stack = StackedRows(state, rows)
-    J, u = stack.J, stack.J @ state.v - stack.velocity
-    L, info = lapack.dpotrf(state.M, lower=1, clean=1)
-    if info != 0:
-        raise SingularInertia(f"M of {state.robot.name} is not positive definite (leading minor {abs(info)}) at this state.")
-    W, v = blas.dtrsm(1.0, L, J.T, lower=1), state.v
+    return state.with_velocity(_nearest(stack, state.v, stack.J @ state.v - stack.velocity, "velocity", "m/s (rad/s)"))
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedAcceleration:
+    """The nearest acceleration that satisfies constraints.
+
+    Attributes:
+        a: The acceleration, shape (nv,) [m/s2, rad/s2].
+        forces: {constraint: forces of its rows}, the multipliers, of least norm for redundant rows [N, N m].
+        residual: Largest entry of M (a - given) - J^T forces [N, N m].
+        missed: Largest entry of J a + J_dot v [m/s2, rad/s2].
+    """
+
+    a: Array
+    forces: dict[str, Array]
+    residual: float
+    missed: float
+
+
+def project_acceleration(
+    state: State, a: Sequence[float] | Array, constraints: Sequence[Constraint] | None = None
+) -> ProjectedAcceleration:
+    """The nearest acceleration, in the metric of inertia, that satisfies the constraints.
+
+        minimise 1/2 |a+ - a|_M^2     subject to     J a+ + J_dot v = 0 ,       M (a+ - a) = J^T f
+
+    It is the solution of Gauss's least-constraint problem with a in place of the free acceleration. Use it for accelerations
+    that were planned, recorded or filtered, before inverse dynamics. Contacts count as bilateral, whatever their friction, as
+    in `project_velocity`. J_dot v is that of the state's v, which should satisfy the constraints (project it first); it
+    includes accelerations of surfaces, and Baumgarte's feedback of stabilised constraints.
+
+    Args:
+        state: The robot at (q, v).
+        a: The given acceleration, shape (nv,).
+        constraints: Contacts, loops, rolling wheels, locks; None for the loops and wheels of the robot's file. Dry friction in
+            joints does not restrict accelerations and is ignored.
+
+    Returns:
+        The acceleration, with its multipliers and the residuals of both equations.
+
+    Raises:
+        DuplicateName: two constraints have one name.
+        InputError: an object is not a constraint, a has a wrong size or is not finite, or no acceleration satisfies all
+            constraints, e.g. four bilateral corners of a foot that turns; names the one with the largest violation.
+        SingularInertia: M is not positive definite.
+
+    >>> rbd.mechanism.project_acceleration(state, a, robot.soles()).a
+    """
+    given = check_state(state).robot.check_v(a, "a")  # type: ignore[arg-type]
+    stack = _stacked(state, constraints)
+    if not stack.rows:
+        return ProjectedAcceleration(given, {}, 0.0, 0.0)
+    nearest = _nearest(stack, given, -stack.offset, "acceleration", "m/s2 (rad/s2)")
+    pushed = state.M @ (nearest - given)
+    f = np.linalg.lstsq(stack.W, blas.dtrsv(stack.L, pushed, lower=1), rcond=ZERO)[0]
+    forces, at = {}, 0
+    for r in stack.rows:
+        forces[r.name] = f[at : at + len(r)]
+        at += len(r)
+    residual, missed = max_abs(pushed - stack.J.T @ f), max_abs(stack.J @ nearest + stack.offset)
+    return ProjectedAcceleration(nearest, forces, residual, missed)
+
+
+def _stacked(state: State, constraints: Sequence[Constraint] | None) -> StackedRows:
+    """The rows of the constraints that restrict motion: all but joint friction."""
+    rows = [r for r in rows_of(state, own_or(state.robot, constraints)) if len(r) and not isinstance(r.cone, Box)]
+    for i, r in enumerate(rows):
+        if any(r.name == other.name for other in rows[:i]):
+            raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
+    return StackedRows(state, rows)
+
+
+def _nearest(stack: StackedRows, x: Array, wanted: Array, what: str, unit: str) -> Array:
+    """The nearest vector to x, in the metric of inertia, with J x = wanted.
+
+    Raises:
+        InputError: there is none; names the constraint with the largest violation.
+        SingularInertia: M is not positive definite.
+    """
+    given, robot = x, stack.state.robot
+    try:
+        J, W = stack.J, stack.W
+    except SingularInertia as error:
+        raise SingularInertia(f"M of {robot.name} is not positive definite at this state: {error}") from None
     for _ in range(3):  # once is exact except for rounding, which is large for ill-conditioned M or J
-        y = np.linalg.lstsq(W.T, J @ v - u, rcond=ZERO)[0]  # of least norm: of least |v+ - v| in M
-        v = v - blas.dtrsv(L, y, lower=1, trans=1)
-    off = np.abs(J @ v - u) / max(1e-300, max_abs(np.abs(J) @ np.abs(v)), max_abs(np.abs(J) @ np.abs(state.v)), max_abs(u))
-    if max_abs(off) > MET:
+        y = np.linalg.lstsq(W.T, J @ x - wanted, rcond=ZERO)[0]  # of least norm: of least |x - given| in M
+        x = x - blas.dtrsv(stack.L, y, lower=1, trans=1)
+    size = max(1e-300, max_abs(np.abs(J) @ np.abs(x)), max_abs(np.abs(J) @ np.abs(given)), max_abs(wanted))
+    off = np.abs(J @ x - wanted)
+    if max_abs(off) > MET * size:
         worst = int(np.argmax(off))
         raise InputError(
-            f"no velocity of {state.robot.name} satisfies all constraints: {stack.name_of(worst)!r:.80} is missed by "
-            f"{abs(float((J @ v - u)[worst])):.3g} m/s (rad/s) at least. Leave out one of those that move against each other."
+            f"no {what} of {robot.name} satisfies all constraints: {stack.name_of(worst)!r:.80} is missed by "
+            f"{float(off[worst]):.3g} {unit} at least. Leave out one of those that move against each other."
         )
-    return state.with_velocity(v)
+    return x

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3
+from rbd.arrays import Array, as_array, as_vector3, check_finite
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 
@@ -83,6 +83,23 @@ class State:
     def with_velocity(self, v: Array) -> State:
         """The same configuration with another velocity."""
         return State(self.robot, self.q, v)
+
+    def with_joints(self, values: Mapping[str, object]) -> State:
+        """The same state with other values of some joints; the rest of q, and v, are unchanged.
+
+        The base does not move, so that feet can leave the ground: see `rbd.robots.place_on_ground`.
+
+        Args:
+            values: {joint: value}: an angle [rad], also of a continuous joint, a displacement [m], or the joint's part of q,
+                e.g. the seven numbers of a floating base.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: values of a wrong size, not finite, a quaternion off the unit sphere.
+
+        >>> bent = talos.standing().with_joints({"arm_left_4_joint": -1.2, "torso_2_joint": 0.1})
+        """
+        return State(self.robot, with_values(self.robot, self.q, values), self.v)
 
     def _run(self, data: pin.Data) -> None:
         model, q, v = self.robot.model, self.q, self.v
@@ -165,6 +182,32 @@ class State:
             # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the mass.
             rate_bias = pin.computeCentroidalMomentumTimeVariation(self.robot.model, data).vector
             return data.Ag.copy(), rate_bias, data.mass[0]
+
+
+def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:
+    """A copy of q with given values of some joints: an angle, a displacement, or the joint's part of q.
+
+    Args:
+        robot: The robot.
+        q: Configuration, shape (nq,).
+        values: {joint: value}.
+        argument: Their name in messages.
+
+    Raises:
+        InputError: not a mapping, or values of a wrong size or not finite.
+        JointNotFound: with the nearest names.
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: value}}, e.g. {{'knee': 0.5}}.")
+    out = q.copy()
+    for name, value in values.items():
+        joint, what = robot.joints[name], f"value of joint {name!r:.80}"
+        given = np.atleast_1d(as_array(what, value))
+        check_finite(what, given)
+        if given.ndim != 1:
+            raise InputError(f"{what} has shape {given.shape}; expected a number, or its part of q.")
+        out[joint.q] = joint.target(name, given)
+    return out
 
 
 def check_state(state: State) -> State:

@@ -313,8 +313,10 @@ def _in_line(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Arr
         note = "folded onto one line through the base, which may point anywhere"
         if start is not None:
             turn = arm.from_segment.rates(np.ones(arm.n))  # of q, as all links turn together
-            q = nearest_turn(q, start)
-            q = q + turn * (turn @ (start - q)) / (turn @ turn)
+            k = int(turn @ turn)
+            # The mean difference to the start; a full turn of one of the k angles that take part moves it by 2 pi / k.
+            shifts = turn @ (start - q) / k + 2.0 * np.pi / k * np.arange(k)
+            q = min(nearest_turn(q + shifts[:, None] * turn, start), key=lambda way: float(np.linalg.norm(way - start)))
     return (q if start is None else nearest_turn(q, start)), note
 
 

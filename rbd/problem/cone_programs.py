@@ -243,7 +243,7 @@ def interior(inside: ConeSet, z: Array, enough: float, work: Work | None = None)
     C = np.concatenate([inside.C, np.zeros((len(inside.mu), 3, 1))], axis=2)
     C[:, 2, n] = -1.0 / inside.mu
     wider = ConeSet(np.vstack([rows, cap]), np.concatenate([inside.b, [-2.0 * enough]]), C, inside.at, inside.mu)
-    start = np.append(z, min(inside.margin(z), 0.0) - enough)
+    start = np.append(z, inside.margin(z) - enough)
     q = np.zeros(n + 1)
     q[n] = -1.0
     box = 1.0 + 1e4 * max(1.0, float(np.abs(z).max(initial=0.0)))

@@ -167,6 +167,20 @@ def plane_of(name: str, on: object) -> Ground:
     return ground
 
 
+def standing_plane(name: str, on: object) -> Ground:
+    """The plane of a contact: its ground's; through W's origin if only the normal is known; else z = 0.
+
+    Raises:
+        InputError: the contact is with a body.
+    """
+    surface = surface_of(name, on)
+    if isinstance(surface, Body):
+        raise InputError(f"contact {name!r:.80} is with a body of the robot; expected one with the ground.")
+    if surface is None or surface.normal is None:
+        return FLOOR
+    return surface if surface.point is not None else Ground(point=np.zeros(3), normal=surface.normal)
+
+
 def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Surface]:
     """The surface under each of several feet.
 

@@ -61,6 +61,12 @@ FORCE_CHOICE_WORK = 4e9
 FRICTION_PROGRAMS = 400
 """Linear programs in the search for the least coefficient of friction for static equilibrium. Two soles need some fifty."""
 
+POLYGON_PROGRAMS = 400
+"""Programs for one polygon of centres of mass. Two soles need eight; a hand on a wall, to a square centimetre, some fifty."""
+
+CONE_REFINEMENTS = 60
+"""Rounds in which a linear program over rays of circular cones is given more of them. Robots need about ten."""
+
 CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100
@@ -218,3 +224,21 @@ def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     except (ValueError, np.linalg.LinAlgError):
         found = np.linalg.lstsq(A, b, rcond=None)[0]
     return np.minimum(np.maximum(found, lower), upper)
+
+
+def within(A: Array, b: Array, lower: Array, upper: Array) -> Array:
+    """The x within its bounds with the least |A x - b|, exactly on its active bounds [StarkParker1995], shape (n,).
+
+    Equal bounds fix an unknown. If the steps run out, the last x, which is within the bounds; if SciPy refuses the problem,
+    the x nearest to zero.
+    """
+    x, free = np.clip(np.zeros(A.shape[1]), lower, upper), upper > lower
+    if free.any():
+        bounds, left = (lower[free], upper[free]), b - A[:, ~free] @ x[~free]
+        try:
+            found = lsq_linear(A[:, free], left, bounds, method="bvls", tol=1e-14, max_iter=BOUNDED_STEPS)
+        except (ValueError, np.linalg.LinAlgError):
+            return x
+        held = found.active_mask  # -1, 0, 1; SciPy's x is on the bound to rounding
+        x[free] = np.where(held < 0, bounds[0], np.where(held > 0, bounds[1], np.clip(found.x, *bounds)))
+    return x

@@ -3,9 +3,10 @@
 from rbd.modules import submodule as _submodule
 from rbd.robots.diagnosis import ModelIssue, ModelReport
 from rbd.robots.merge import RobotPair, merge_robots
+from rbd.robots.posture import place_on_ground
 from rbd.robots.robot import Robot, doctor, load_robot
 
-__all__ = ["ModelIssue", "ModelReport", "Robot", "RobotPair", "doctor", "load_robot", "merge_robots"]
+__all__ = ["ModelIssue", "ModelReport", "Robot", "RobotPair", "doctor", "load_robot", "merge_robots", "place_on_ground"]
 
 
 def __getattr__(name: str) -> object:

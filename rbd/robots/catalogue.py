@@ -50,7 +50,7 @@ class Foot:
         kind: A `sole` has corners, a `point` has none.
         translation: p_FP [m], the middle of the patch or the point of contact.
         rpy: Roll, pitch, yaw of P in F [rad].
-        corners: (x, y) in P [m], in order around the sole.
+        corners: (x, y), or (x, y, z), in P [m], in order around the sole.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Foot:
     kind: Literal["sole", "point"]
     translation: Triple
     rpy: Triple = (0.0, 0.0, 0.0)
-    corners: tuple[tuple[float, float], ...] = ()
+    corners: tuple[tuple[float, ...], ...] = ()
 
     @property
     def rotation(self) -> np.ndarray:
@@ -75,7 +75,7 @@ class Source:
         urdf: The model file, URDF or MJCF.
         srdf: Its semantic file, if there is one.
         package_dirs: Where `package://` starts from, the user's own first.
-        feet: Where it touches the ground; empty if the catalogue does not know.
+        feet: Its feet, from the catalogue or from the user; empty if unknown.
         postures: Postures of the catalogue, besides those of the SRDF: joint name -> angle [rad]; joints not named are at zero.
         posture: Name of the standing posture, in `postures` or in the SRDF.
         known: Whether the file is one of the robot data's, whose faults are known: it is loaded with a warning where a

@@ -1,4 +1,4 @@
-"""Postures: joint angles by name, and a base placed so that the feet are flat on the ground."""
+"""Postures: joint angles by name, and a base placed so that feet, or other contacts, lie on the ground."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.constraint import listed, made, member
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits, read_xml
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 from rbd.model.urdf import BASE_JOINT, Complaints
+from rbd.problem.ground import FLOOR, Ground, standing_plane
+
+UP = np.array([0.0, 0.0, 1.0])
 
 
 def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[float]]) -> Array:
@@ -68,11 +73,78 @@ def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, elemen
 def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
     """Q with its base turned so that the feet are flat, moved so that the lowest is on z = 0, and balanced if on points."""
     q = q.copy()
-    _turn(q, _levelling(robot, q, feet))
+    _turn(q, _levelling(State(robot, q), feet, UP))
     if not any(len(foot.corners) > 1 for foot in feet):
         _balance(robot, q, feet)
-    q[2] -= corner_points(State(robot, q), feet)[:, 2].min()
+    _lower(robot, q, feet, FLOOR)
     return q
+
+
+def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
+    """The state with its base placed so that contacts lie on their ground; joints and v are unchanged.
+
+    For one plane, the base rotates about its origin by the smallest rotation that aligns the mean normal of the patches (for
+    points, of their mean plane) with the plane's, and moves along it until the lowest corner touches. For several planes, as
+    on stairs or between two walls, it moves by the least motion that minimises the squared distances of all corners from their
+    planes. So heading and horizontal position change as little as possible.
+
+    If the joint angles do not allow all contacts on their planes at once, some stay off; `rbd.find_pose` moves joints too.
+    `robot.standing()` uses the same code for feet, and then balances a robot on two points. The base's velocity is in its own
+    axes, so that it rotates with the base.
+
+    Args:
+        state: A robot with a floating base.
+        contacts: Feet or other contacts; their friction is not used. Each lies on the plane of its `on`, which goes through W's
+            origin if only its normal is given; on z = 0 if nothing is.
+
+    Raises:
+        InputError: no contacts, one with a body, or a robot without a single floating base.
+
+    >>> on_stairs = rbd.robots.place_on_ground(state, talos.soles(on={"left_sole": 0.17}))
+    """
+    robot, feet = check_state(state).robot, listed(contacts)
+    if not robot.floating:
+        raise InputError(
+            f"{robot.name} has no single floating base to place: its base is fixed or planar, or it has several. Load it with "
+            'rbd.load_robot(..., root="free_flyer"), or move its joints with rbd.find_pose.'
+        )
+    if not feet:
+        raise InputError("contacts is empty; expected at least one, e.g. robot.feet().")
+    for foot in feet:
+        if member(foot, "corners") is None or member(foot, "placement") is None:
+            raise InputError(f"{made(foot).name!r:.80} is not a contact with the ground; expected e.g. robot.feet().")
+    planes, q = [standing_plane(foot.name, foot.on) for foot in feet], state.q.copy()  # type: ignore[attr-defined]
+    up = np.sum([np.asarray(plane.normal) for plane in planes], axis=0)
+    if np.linalg.norm(up) > 1e-3 * len(planes):  # opposite walls do not determine the tilt
+        _turn(q, _levelling(state, feet, up / np.linalg.norm(up)))  # type: ignore[arg-type]
+    if all(plane.same(planes[0]) for plane in planes):
+        _lower(robot, q, feet, planes[0])  # type: ignore[arg-type]
+    else:
+        _fit(robot, q, feet, planes)  # type: ignore[arg-type]
+    return State(robot, q, state.v)
+
+
+def _lower(robot: CheckedModel, q: Array, feet: Sequence[Contact], plane: Ground) -> None:
+    """Move the base along a plane's normal until the lowest corner touches; in place."""
+    q[:3] -= plane.distances(corner_points(State(robot, q), feet)).min() * np.asarray(plane.normal)
+
+
+def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequence[Ground]) -> None:
+    """Move the base to the least squares of the corners' distances from their planes, by Gauss-Newton steps; in place."""
+    points = corner_points(State(robot, q), feet)
+    sizes = [len(foot.corners) for foot in feet]
+    n = np.repeat([np.asarray(plane.normal) for plane in planes], sizes, axis=0)
+    heights = np.repeat([plane.height for plane in planes], sizes)
+    for _ in range(100):
+        middle = points.mean(axis=0)
+        A = np.column_stack([n, np.cross(points - middle, n)])
+        step = np.linalg.lstsq(A, heights - (points * n).sum(axis=1), rcond=1e-9)[0]
+        R = pin.exp3(step[3:])
+        points = middle + step[:3] + (points - middle) @ R.T
+        _turn(q, R, about=middle)
+        q[:3] += step[:3]
+        if np.abs(step).max() < 1e-15:
+            break
 
 
 def corner_points(state: State, feet: Sequence[Contact]) -> Array:
@@ -85,12 +157,11 @@ def corner_points(state: State, feet: Sequence[Contact]) -> Array:
     return np.concatenate(out)
 
 
-def _levelling(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
-    """The smallest rotation of the robot, shape (3, 3), after which its feet face up."""
-    state = State(robot, q)
-    normals = [foot.rows(state).resultant[:3, 2] for foot in feet if len(foot.corners) > 1]  # type: ignore[index]
-    if normals:
-        up = np.mean(normals, axis=0)
+def _levelling(state: State, feet: Sequence[Contact], normal: Array) -> Array:
+    """The smallest rotation of the robot, shape (3, 3), that aligns its feet with a normal, shape (3,)."""
+    patches = [foot.rows(state).patch for foot in feet if len(foot.corners) > 1]
+    if patches:
+        up = np.mean([patch.axes[:, 2] for patch in patches if patch is not None], axis=0)
     else:
         points = corner_points(state, feet)
         spread = points - points.mean(axis=0)
@@ -98,11 +169,12 @@ def _levelling(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
             return np.eye(3)
         if len(points) == 2:
             along = spread[1] / np.linalg.norm(spread[1])
-            up = np.array([0.0, 0.0, 1.0]) - along[2] * along
+            up = normal - (along @ normal) * along
         else:
             up = np.linalg.svd(spread)[2][2]
-            up = up if up[2] >= 0.0 else -up
-    return _rotation_between(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0]))
+            up = up if up @ normal >= 0.0 else -up
+    length = float(np.linalg.norm(up))  # zero for opposite soles, and for points on one vertical
+    return _rotation_between(up / length, normal) if length > 1e-9 else np.eye(3)
 
 
 def _balance(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> None:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
@@ -25,13 +24,13 @@ from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT
-from rbd.problem.ground import On, surfaces_of
+from rbd.problem.ground import On
 from rbd.robots import catalogue
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
+from rbd.robots.feet import contacts_of, registered, soles_at
 from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
 from rbd.robots.loops import Mechanism, mechanism
 from rbd.robots.posture import configuration, semantic_postures, stand
-from rbd.robots.underside import sole_of
 
 
 class Robot(CheckedModel):
@@ -114,11 +113,12 @@ class Robot(CheckedModel):
         keeps its base.
 
         Args:
-            posture: A name in `postures`; by default the one the catalogue names.
+            posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
+                in the neutral configuration.
 
         Raises:
             InputError: an unknown posture.
-            ModelError: neither a posture nor feet are known for this robot.
+            ModelError: no feet are known for this robot, or it has several postures and no default.
         """
         name = self.source.posture if posture is None else posture
         if name is None and len(self.postures) == 1:
@@ -126,6 +126,8 @@ class Robot(CheckedModel):
         if not self.floating:
             return self.at() if name is None else self.at(self.posture(name))
         feet = self.feet(friction=None)
+        if name is None and not self.postures:
+            return State(self, stand(self, self.neutral(), feet))
         if name is None:
             raise ModelError(
                 f"no standing posture is known for {self.name}; {nearest('standing', self.postures)}. "
@@ -134,7 +136,7 @@ class Robot(CheckedModel):
         return State(self, stand(self, self.posture(name), feet))
 
     def soles(self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0) -> list[SurfaceContact]:
-        """The soles of its feet as surface contacts, from the catalogue.
+        """The soles of its feet as surface contacts, from the catalogue or from `load_robot(feet=...)`.
 
         Args:
             friction: Coulomb's coefficient; None for bilateral contacts.
@@ -158,7 +160,7 @@ class Robot(CheckedModel):
     def feet(
         self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
     ) -> list[SurfaceContact | PointContact]:
-        """Its feet as contacts: soles or points, from the catalogue. Arguments as `soles`.
+        """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`. Arguments as `soles`.
 
         Raises:
             ModelError: no feet are known for this robot.
@@ -166,24 +168,11 @@ class Robot(CheckedModel):
         """
         if not self.source.feet:
             raise ModelError(
-                f"no feet are known for {self.name}: its file names none. Give your own: "
+                f"no feet are known for {self.name}: its file names none. Name the frames of its feet, "
+                "rbd.load_robot(file, feet=[...]), or give your own contacts: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
-        planes = surfaces_of([foot.name for foot in self.source.feet], on)
-        out: list[SurfaceContact | PointContact] = []
-        for foot in self.source.feet:
-            plane = planes[foot.name]
-            if foot.kind == "point":
-                point = PointContact(foot.name, foot.frame, offset=foot.translation, friction=friction, facets=facets, on=plane)
-                out.append(point)
-                continue
-            X_FP = pin.SE3(foot.rotation, np.array(foot.translation))
-            out.append(
-                SurfaceContact(
-                    foot.name, foot.frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets, on=plane
-                )
-            )
-        return out
+        return contacts_of(self.source.feet, friction, facets, on)
 
     def loops(self) -> tuple[Constraint, ...]:
         """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
@@ -264,21 +253,16 @@ class Robot(CheckedModel):
         >>> rbd.load_robot("g1").soles_from_collision(["left_ankle_roll_link"])[0].corners.shape
         (4, 3)
         """
-        if isinstance(frames, str) or not np.iterable(frames):
-            raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
-        if at is None:
-            known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
-            at = self.at(known) if known is None or not self.source.feet else self.standing(known)
+        at = self._down() if at is None else at
         if not isinstance(at, State) or at.robot is not self:
             raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
-        soles = [(frame, sole_of(self, self._collision, frame, at)) for frame in frames]
-        planes = surfaces_of(list(frames), on)
-        return [
-            SurfaceContact(
-                frame, frame, corners=sole.corners, placement=sole.X_FP, friction=friction, facets=facets, on=planes[frame]
-            )
-            for frame, sole in soles
-        ]
+        soles = contacts_of(soles_at(self, self._collision, frames, at), friction, facets, on)
+        return [sole for sole in soles if isinstance(sole, SurfaceContact)]
+
+    def _down(self) -> State:
+        """The state in which feet are assumed to be down: standing, else its only posture, else neutral."""
+        known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
+        return self.at(known) if known is None or not self.source.feet else self.standing(known)
 
 
 def load_robot(
@@ -290,6 +274,7 @@ def load_robot(
     limits: FileLimits | None = None,
     loops: str | os.PathLike[str] | bool | None = True,
     leave_out: Collection[str] = (),
+    feet: Sequence[str | SurfaceContact | PointContact] | None = None,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
@@ -307,6 +292,9 @@ def load_robot(
         leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
             else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
             a motor without limits in place of those of the file.
+        feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
+            with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
+            posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -317,6 +305,8 @@ def load_robot(
         JointNotFound: an unknown passive joint.
         ModelError: a missing or broken file, of the robot or of its loops.
         InputError: arguments of the wrong kind.
+
+    >>> biped = rbd.load_robot("my/biped.urdf", feet=["left_ankle", "right_ankle"])
     """
     if root is not None and (not isinstance(root, str) or root not in ROOTS):
         raise InputError(f"root is {root!r:.80}; expected 'free_flyer', 'planar' or 'fixed'.")
@@ -337,6 +327,8 @@ def load_robot(
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
     closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
     robot = Robot(model, source, root, passive, limits, closed, leave_out)
+    if feet is not None:
+        robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
     robot.report = report = examine(robot, file, robot.postures, source.package_dirs)
     robot.sound = report.ok
     if not source.known:

@@ -45,29 +45,13 @@ class Underside:
 
 
 def sole_of(robot: CheckedModel, collision: Geometry, frame: str, state: State) -> Underside:
-    """The underside of the body that carries a frame, with at least three corners.
-
-    Args:
-        robot: The robot.
-        collision: Its collision geometry; boxes that replace meshes do not count.
-        frame: Name of the frame.
-        state: The standing robot, which gives the vertical.
+    """The underside of the body that carries a frame, with at least three corners. Arguments as for `underside_of`.
 
     Raises:
         FrameNotFound: with the nearest names.
         ModelError: no collision shapes there, or none that are flat below.
     """
-    joint, X_JF = robot.site(frame)
-    body = [obj for obj in collision.model.geometryObjects if obj.parentJoint == joint]
-    shapes = [(obj.geometry, X_JF.actInv(obj.placement)) for obj in body if obj.name not in collision.stand_ins]
-    by_hand = f"rbd.SurfaceContact(name, {frame!r}, corners=..., placement=...)"
-    if not shapes:
-        why = "its collision meshes cannot be had" if body else "its file gives no collision shape to that body"
-        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {why}. Give the corners: {by_hand}.")
-    try:
-        found = flat_underside(shapes, state.frame(frame).X_WF.rotation)
-    except ModelError as error:
-        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {error}. Give the corners: {by_hand}.") from None
+    found = underside_of(robot, collision, frame, state)
     if len(found.corners) < 3:
         points = [found.X_FP.act(np.array([x, y, 0.0])) for x, y in found.corners]
         offsets = " and ".join("(" + ", ".join(f"{x:.4g}" for x in np.round(point, 6) + 0.0) + ")" for point in points)
@@ -78,6 +62,32 @@ def sole_of(robot: CheckedModel, collision: Geometry, frame: str, state: State) 
             "soles_from_collision(frames, at=state)."
         )
     return found
+
+
+def underside_of(robot: CheckedModel, collision: Geometry, frame: str, state: State) -> Underside:
+    """The underside of the body that carries a frame: an area, or an edge or a point, with fewer than three corners.
+
+    Args:
+        robot: The robot.
+        collision: Its collision geometry; boxes that replace meshes do not count.
+        frame: Name of the frame.
+        state: The standing robot, which gives the vertical.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+        ModelError: no collision shapes there.
+    """
+    joint, X_JF = robot.site(frame)
+    body = [obj for obj in collision.model.geometryObjects if obj.parentJoint == joint]
+    shapes = [(obj.geometry, X_JF.actInv(obj.placement)) for obj in body if obj.name not in collision.stand_ins]
+    by_hand = f"rbd.SurfaceContact(name, {frame!r}, corners=..., placement=...)"
+    if not shapes:
+        why = "its collision meshes cannot be had" if body else "its file gives no collision shape to that body"
+        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {why}. Give the corners: {by_hand}.")
+    try:
+        return flat_underside(shapes, state.frame(frame).X_WF.rotation)
+    except ModelError as error:
+        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {error}. Give the corners: {by_hand}.") from None
 
 
 def flat_underside(

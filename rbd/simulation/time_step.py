@@ -316,8 +316,10 @@ class StepSystem:
             gap, rate = match.points(at_low.gap, np.inf)[through], match.rows(at_low.velocity)[n]
             unseen = ~np.isfinite(gap)  # it was beyond the margin: extrapolate backwards linearly
             rate[unseen] = at_high.velocity[n][unseen]
+            line = at_high.gap[through] - rate * (high - low)
             least = 2.0 * self.sizes.tolerances(at_high, half.start.gaps).tight[through]
-            gap[unseen] = np.maximum(at_high.gap[through] - rate * (high - low), least)[unseen]
+            # A point that swings in has no such line above the surface: as high above it as it is deep, the interval is halved.
+            gap[unseen] = np.where(line > least, line, -at_high.gap[through])[unseen]
             s = low + first_crossing(gap, rate, at_high.gap[through], at_high.velocity[n], high - low)
             whole = self._finish(half, s)
             found = whole.end

@@ -1,13 +1,34 @@
-"""Torques and contact forces of wanted motions and of robots at rest, their limits, and why there are none."""
+"""Torques and contact forces of wanted motions and of robots at rest, where these can stand, how hard they can be pushed."""
 
 from rbd.modules import submodule as _submodule
 from rbd.statics.actuation import Actuation, ActuationUniqueness, Margins
 from rbd.statics.effort import Effort
 from rbd.statics.equilibrium import hold
 from rbd.statics.limits import Limit
+from rbd.statics.pushes import PushLimits, push_limits
+from rbd.statics.regions import SupportRegion, support_region
 from rbd.statics.shortfall import Missing
+from rbd.statics.wrench_cones import ContactWrenchCone, wrench_cone
+from rbd.statics.zero_moment_point import ZmpRegion, zmp, zmp_region
 
-__all__ = ["Actuation", "ActuationUniqueness", "Effort", "Limit", "Margins", "Missing", "hold"]
+__all__ = [
+    "Actuation",
+    "ActuationUniqueness",
+    "ContactWrenchCone",
+    "Effort",
+    "Limit",
+    "Margins",
+    "Missing",
+    "PushLimits",
+    "SupportRegion",
+    "ZmpRegion",
+    "hold",
+    "push_limits",
+    "support_region",
+    "wrench_cone",
+    "zmp",
+    "zmp_region",
+]
 
 
 def __getattr__(name: str) -> object:

@@ -99,7 +99,7 @@ class Balance:
         """
         self._left, self._rays = programs.FRICTION_PROGRAMS, self._first_rays()
         low = float(self.mu[self.yields].min()) if self.yields.any() else 0.0  # below, the result is the same
-        high = float(min(MOST, max(1.0, self.mu.max(initial=0.0))))
+        high = float(min(MOST, self.mu.max(initial=1.0)))
         if self._balances(low).met:
             return low
         while not self._balances(high).met:

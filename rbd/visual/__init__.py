@@ -8,6 +8,7 @@ from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.plots import plot_ranges
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
+from rbd.visual.statics_plots import plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.style import contact_colors
 from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
@@ -25,9 +26,12 @@ __all__ = [
     "plot_joint",
     "plot_panels",
     "plot_paths",
+    "plot_pushes",
     "plot_ranges",
+    "plot_region",
     "plot_split",
     "plot_sticks",
+    "plot_wrench_cone",
     "replay",
     "replay_planar",
     "screenshot",

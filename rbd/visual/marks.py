@@ -351,6 +351,15 @@ def scale_note(metres_per_newton: float, weight_N: float) -> str:
     return f"1 m of arrow is {per_metre:.4g} N{share if times else ''}."
 
 
+def seen_from(contacts: Iterable[ShownForce], front_left: Sequence[float]) -> list[float]:
+    """From the robot to the camera, in W: in front, on the left, above; the front is where the x axes of the soles point."""
+    toes = sum((c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2), start=np.zeros(2))
+    length = float(np.linalg.norm(toes))
+    ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
+    left = np.array([-ahead[1], ahead[0]])
+    return np.round([*(front_left[0] * ahead + front_left[1] * left), front_left[2]], 4).tolist()
+
+
 def _entry(color: str, name: str, value: str, detail: str) -> dict[str, str]:
     return {"color": color, "name": name, "value": value, "detail": detail}
 

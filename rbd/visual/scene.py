@@ -25,6 +25,7 @@ from rbd.visual.page import Recorder, offline_page, write_page
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.server import LiveServer
 from rbd.visual.shapes import Mesh, outermost, round_number
+from rbd.visual.statics_marks import Drawn, legend_of, marks_of
 from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors, rgb_number
 
 if TYPE_CHECKING:
@@ -97,6 +98,7 @@ class Scene:
         self._around = np.zeros((0, 3))
         self._moving = False
         self._cloud: Array | None = None
+        self._statics: tuple[Drawn, ...] = ()
 
     @property
     def contacts(self) -> tuple[ShownForce, ...]:
@@ -181,6 +183,22 @@ class Scene:
             self._write_legend(pushed)
         if reframed:
             self._recorder.post("view", self._view(self._data))
+
+    def draw(self, *statics: Drawn) -> None:
+        """Draw regions, largest pushes and wrench cones of `rbd.statics` around the robot shown, until the next `draw`.
+
+        Raises:
+            InputError: of something else.
+            PictureError: if nothing has been shown yet.
+        """
+        added = marks_of(statics, self._shown())
+        self._drawn = [mark for mark in self._drawn if not mark.path.startswith("statics/")] + added
+        self._statics = statics
+        self._viewer["marks/statics"].delete()
+        for mark in added:
+            self._send_mark(mark)
+        if self._legend:
+            self._write_legend(self._pushed)
 
     def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
@@ -318,6 +336,7 @@ class Scene:
         drawn += marks.support_marks(support_outline(self._contacts), sizes)
         for contact in self._contacts:
             drawn += marks.contact_marks(contact, colors[contact.name], sizes)
+        drawn += marks_of(self._statics, sizes)
         drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
         return [mark for mark in drawn if len(mark.mesh.faces)]
 
@@ -345,6 +364,7 @@ class Scene:
         sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
         what = marks.legend(self._robot.name, self._contacts, colors, sizes)
         rest = [*self._others.items(), ("centre of mass, drop line", COM_COLOR)]
+        rest += legend_of(self._statics)
         if len(support_outline(self._contacts)):
             rest.append(("support polygon", SUPPORT_COLOR))
         entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]
@@ -365,7 +385,7 @@ class Scene:
         low, high = fit.min(axis=0), fit.max(axis=0)
         across = float(np.linalg.norm(high - low))
         view = {
-            "direction": self._direction(),
+            "direction": marks.seen_from(self._contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
             "fov": 30.0,
             "points": np.round(fit, 4).tolist(),
             "centre": np.round((low + high) / 2.0, 4).tolist(),
@@ -374,13 +394,3 @@ class Scene:
             "cell": round_number(max(0.2 * self._shown().body, across / 60.0)) if self._ground else 0.0,
         }
         return json.dumps({"view": view})
-
-    def _direction(self) -> list[float]:
-        """From the robot to the camera, in W."""
-        if self._seen_from is not None:
-            return self._seen_from.tolist()
-        toes = sum((c.patch.axes[:2, 0] for c in self._contacts if len(c.corners) > 2), start=np.zeros(2))
-        length = float(np.linalg.norm(toes))
-        ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
-        left = np.array([-ahead[1], ahead[0]])
-        return np.round([*(FRONT_LEFT[0] * ahead + FRONT_LEFT[1] * left), FRONT_LEFT[2]], 4).tolist()

@@ -18,6 +18,16 @@ CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d3
 PUSH_COLOR = "#c2187a"
 COM_COLOR = "#1a1a1a"
 SUPPORT_COLOR = "#3f6f3f"
+LIMITED_COLOR = "#8a2f4f"  # of a support region within torque limits
+ZMP_COLOR = "#5e4fa2"
+WRENCH_COLOR = "#e69f00"
+LIMIT_COLORS = {
+    "edge": ("#009e73", "the edge of a sole"),
+    "friction": ("#0072b2", "friction"),
+    "motor": ("#d55e00", "a motor's torque limit"),
+    "push": ("#7f7f7f", "all contacts open"),
+    "none": ("#c9c9c9", "nothing up to there"),
+}
 SKELETON_COLOR = "#5b6470"
 INERTIA_COLOR = "#b08d57"
 COLLISION_COLOR = "#8fa3b5"

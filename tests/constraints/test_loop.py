@@ -63,6 +63,20 @@ def test_a_loop_describes_its_motion_where_it_is_open_too(bent, kind, frames):
     assert max(report.jacobian, report.velocity, report.jdot_v) < 1e-8
 
 
+@pytest.mark.parametrize("kind", ["revolute", "planar"])
+def test_the_length_of_the_axis_changes_no_row(bent, kind):
+    """A direction of length 1, 2 or 0.05: the same errors, Jacobian and forces, and an axis of length 1."""
+    axis = np.array([0.36, -0.48, 0.8])
+    one = rbd.LoopClosure("loop", "left_sole_link", "right_sole_link", kind=kind, axis=axis)
+    expected = one.rows(bent)
+    for length in (2.0, 0.05):
+        loop = rbd.LoopClosure("loop", "left_sole_link", "right_sole_link", kind=kind, axis=length * axis)
+        rows = loop.rows(bent)
+        assert np.linalg.norm(loop.axis) == pytest.approx(1.0, abs=1e-15)
+        for name in ("J", "bias", "velocity", "error", "resultant"):
+            assert getattr(rows, name) == pytest.approx(getattr(expected, name), rel=1e-13, abs=1e-13), name
+
+
 @pytest.mark.filterwarnings("ignore::rbd.errors.LoopNotClosedWarning")  # left open on purpose
 @pytest.mark.parametrize("kind", ROWS)
 def test_a_loop_inside_a_robot_changes_nobodys_momentum(bent, kind):

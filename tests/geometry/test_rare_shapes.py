@@ -73,8 +73,11 @@ def test_a_foot_as_thin_as_a_blade_is_an_edge():
 
 def test_a_hull_touches_as_the_mesh_it_is_of():
     """Coal's convex of a block has the block's corners; a mesh without vertices has none and is refused."""
-    shape = convex_shape(pin.GeometryObject("hull", 1, 0, IDENTITY, hull_of(block(0.1, 0.2, 0.3))))
-    assert sorted(map(tuple, np.round(shape.vertices, 12).tolist())) == sorted(map(tuple, block(0.1, 0.2, 0.3).tolist()))
+    place = pin.SE3(pin.utils.rotate("z", np.pi / 2.0), np.array([1.0, 2.0, 3.0]))  # (x, y, z) comes to (1 - y, 2 + x, 3 + z)
+    moved = [1.0, 2.0, 3.0] + block(0.2, 0.1, 0.3)
+    for at, expected in ((IDENTITY, block(0.1, 0.2, 0.3)), (place, moved)):
+        shape = convex_shape(pin.GeometryObject("hull", 1, 0, at, hull_of(block(0.1, 0.2, 0.3))))
+        assert sorted(map(tuple, np.round(shape.vertices, 12).tolist())) == sorted(map(tuple, np.round(expected, 12).tolist()))
     empty = coal.BVHModelOBBRSS()
     with pytest.raises(ModelError, match="is a mesh without vertices"):
         convex_shape(pin.GeometryObject("empty", 1, 0, IDENTITY, empty))

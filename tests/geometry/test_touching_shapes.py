@@ -140,6 +140,19 @@ def test_the_ball_around_a_shape_holds_all_of_it(geometry, rng):
         assert shape.lowest(up) >= shape.centre @ up - shape.reach - 1e-12
 
 
+def test_the_ball_around_an_egg_beside_a_corner_holds_both():
+    """An egg of 0.1, 0.1 and 0.3 m at the origin and a corner 0.5 m along x: the box of both has its middle at x = 0.2.
+
+    The egg's own middle is 0.2 m from there, and no point of it is farther than 0.3 m from that; the corner is at 0.3 m.
+    """
+    egg, corner = Oval(np.zeros(3), np.diag([0.01, 0.01, 0.09])), np.array([[0.5, 0.0, 0.0]])
+    shape = ConvexShape("both", 1, corner, (egg,), np.zeros((0, 4)), coal.Sphere(0.5), pin.SE3.Identity())
+    assert shape.centre == pytest.approx([0.2, 0.0, 0.0], abs=1e-15)
+    top = egg.lowest(np.array([0.0, 0.0, -1.0]))
+    assert np.linalg.norm(top - shape.centre) == pytest.approx(np.hypot(0.2, 0.3)) and shape.reach >= np.hypot(0.2, 0.3)
+    assert shape.reach == pytest.approx(0.5)
+
+
 def test_a_plane_is_no_shape():
     """What has no points is refused in words that follow its name."""
     with pytest.raises(ModelError, match="is a Halfspace, which has no points"):

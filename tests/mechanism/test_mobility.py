@@ -60,6 +60,7 @@ class TestFourBar:
         robot = rbd.model.checked_model.CheckedModel(build.model)
         found = mobility(rbd.State(robot, q), [LoopClosure("weld", "seat", "end", kind="rigid")])
         assert (found.count.value, found.instantaneous, found.finite) == (0, 0, 0)
+        assert found.branches == () and found.motion.tried == 0  # nothing moves: no motion is looked for, and none is told
         assert found.verdict.startswith("a structure:") and not found.moves
 
     @pytest.mark.parametrize("size", [1e-4, 1.0, 1e3])

@@ -262,6 +262,7 @@ def test_the_equations_have_latex():
     ({"masses": [sp.oo, 1.0]}, "finite"),
     ({"masses": [1 + 2j, 1.0]}, "finite"),
     ({"masses": [Chain(1).q[0], 1.0]}, "depends on time"),
+    ({"masses": [sp.Function("m_1")(sp.Symbol("t", real=True)), 1.0]}, "depends on time"),  # a time of one's own
     ({"inertias": [0.0, -1e-9]}, "inertia of link 2"),
     ({"centres": [0.1, np.inf]}, "finite"),
     ({"centres": [0.1, None]}, "finite"),
@@ -302,6 +303,7 @@ def test_symbols_that_are_left_are_named():
     ({"ell_1": -1.0}, "length of link 1"),
     ({"g": -1.0}, "gravity"),
     ({"I_2": float("nan")}, "finite"),
+    ({"m_2": Chain(1).q[0]}, "the value of m_2 is .*, which depends on time"),
     ([("m_1", 1.0)], "expected {symbol: number}"),
 ])  # fmt: skip
 def test_numbers_that_do_not_fit_are_refused(values, told: str):

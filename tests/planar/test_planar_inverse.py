@@ -182,6 +182,32 @@ class TestManyLinks:
         found = inverse(chain, target)
         assert found.singular and np.abs(end(chain, found.q) - target).max() < 1e-15 * 10
 
+    @pytest.mark.parametrize("angles", WAYS)
+    def test_folded_through_the_base_it_points_where_it_is_nearest_to_the_start(self, angles: str):
+        """Links of 1, 2 and 1 m: of all directions psi of the first link the one with the least |q - start|.
+
+        Between links the first angle alone is psi: that of the start. From x or from the vertical all three are psi and half
+        a turn, so psi is the mean of what the start asks of each link.
+        """
+        chain, start = Chain(3, lengths=(1, 2, 1), angles=angles), np.array([0.4, 3.0, -0.9])
+        found = inverse(chain, (0, 0), start=start)
+        psi = 0.4 if angles == "joint" else np.mean(start - [0.0, np.pi, 0.0])
+        folded = [psi, np.pi, -np.pi] if angles == "joint" else [psi, psi + np.pi, psi]
+        assert np.abs(end(chain, found.q)).max() < 1e-14 and "may point anywhere" in found.note
+        assert found.q == pytest.approx(folded, abs=1e-12)
+
+    @pytest.mark.parametrize("angles", WAYS)
+    def test_folded_through_the_base_no_direction_is_nearer(self, angles: str, rng: np.random.Generator):
+        """Over all directions, by brute force: from starts several turns apart."""
+        chain = Chain(4, lengths=(1, 1, 4, 2), angles=angles)
+        turn, fold = ([1, 0, 0, 0], [0, 0, np.pi, -np.pi]) if angles == "joint" else ([1, 1, 1, 1], [0, 0, np.pi, 0])
+        folded = fold + np.outer(np.linspace(-np.pi, np.pi, 2001), turn)
+        for _ in range(20):
+            start = rng.uniform(-10.0, 10.0, 4)
+            apart = folded - start
+            least = np.linalg.norm(apart - 2.0 * np.pi * np.round(apart / (2.0 * np.pi)), axis=1).min()
+            assert np.linalg.norm(inverse(chain, (0, 0), start=start).q - start) <= least + 1e-12
+
 
 class TestBadInput:
     """Told, not guessed."""

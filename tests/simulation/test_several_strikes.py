@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +12,7 @@ from contact_cases import bouncing_ball
 from flat_bodies import chain, flat_body, flat_state, floor_point
 
 import rbd
+from rbd.simulation.time_step import StepSystem
 
 G = 9.81
 BY = pytest.mark.parametrize("extrapolate", [False, True])
@@ -192,3 +195,56 @@ def test_extrapolated_steps_are_of_order_two_and_record_the_same_forces(extrapol
         assert np.abs(sum(found.forces[edge.name][:, 2] for edge in edges) - m * G).max() < 1e-6
     assert errors[0] < 0.5 * 0.02**2  # how much depends on where in its step the slip begins
     assert errors[1] < 0.5 * 0.01**2
+
+
+BALL_ON_ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="bar">
+    <inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+      <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+    <collision><origin xyz="1 0 0"/><geometry><sphere radius="0.05"/></geometry></collision>
+  </link>
+  <joint name="joint" type="{kind}"><parent link="base"/><child link="bar"/><axis xyz="{axis}"/>
+    <limit lower="-9" upper="9" effort="9" velocity="99"/></joint>
+</robot>"""
+
+
+def ball_before_a_wall(folder: Path, kind: str, axis: str) -> tuple[rbd.Robot, list[rbd.CollisionContacts]]:
+    """A ball of 0.05 m, 1 m along x from a joint of this kind, and a smooth wall that it touches 0.6 m along y."""
+    (folder / "arm.urdf").write_text(BALL_ON_ARM.format(kind=kind, axis=axis))
+    robot = rbd.load_robot(folder / "arm.urdf", root="fixed")
+    wall = rbd.Ground(point=(0.0, 0.65, 0.0), normal=(0.0, -1.0, 0.0))
+    return robot, [rbd.CollisionContacts("wall", robot, friction=0.0, on=wall)]
+
+
+@BY
+@pytest.mark.parametrize("swept_deg", [50.0, 85.0])
+def test_a_collision_point_that_swings_in_from_far_off_strikes_at_its_time(swept_deg, extrapolate, tmp_path):
+    """An arm that turns at 10 rad/s brings its ball to the wall when it has turned by asin 0.6; the rate is halved.
+
+    At the step's beginning the ball is 0.6 m off, beyond the margin within which points are watched; at its end the arm has
+    swept 50 or 85 degrees. At 85 the ball moves along the wall, 0.4 m deep in it: back along its velocity it was never outside.
+    """
+    robot, wall = ball_before_a_wall(tmp_path, "revolute", "0 0 1")
+    step, turned = np.deg2rad(swept_deg) / 10.0, np.arcsin(0.6)
+    start, by = rbd.State(robot, np.array([0.0]), np.array([10.0])), rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, wall, duration=2.0 * step, step=step, restitution=0.5, integrator=by, progress=False)
+    (struck,) = _touches(found)
+    assert abs(struck.t - turned / 10.0) < 1e-9
+    assert abs(struck.speed - 10.0 * 0.8) < 1e-8
+    assert found.v[-1] == pytest.approx([-5.0], abs=1e-9)
+    assert found.q[-1] == pytest.approx([turned - 5.0 * (found.t[-1] - turned / 10.0)], abs=1e-9)
+
+
+@BY
+def test_a_collision_point_that_flies_in_straight_is_located_at_the_first_try(extrapolate, tmp_path, monkeypatch):
+    """At 20 m/s, steps of 1 m: back along its velocity it touched at 0.6 m; the whole step, the part to there, and the rest."""
+    robot, wall = ball_before_a_wall(tmp_path, "prismatic", "0 1 0")
+    lengths, finish = [], StepSystem._finish
+    monkeypatch.setattr(StepSystem, "_finish", lambda self, half, h: lengths.append(h) or finish(self, half, h))
+    start, by = rbd.State(robot, np.array([0.0]), np.array([20.0])), rbd.TimeStepping(extrapolate=extrapolate)
+    found = rbd.simulate(start, wall, duration=0.05, step=0.05, restitution=0.5, integrator=by, progress=False)
+    assert lengths == pytest.approx([0.05, 0.03, 0.02], rel=1e-12)
+    (struck,) = _touches(found)
+    assert (struck.t, struck.speed) == pytest.approx((0.03, 20.0), rel=1e-12)
+    assert found.q[-1] == pytest.approx([0.6 - 10.0 * 0.02], abs=1e-12)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from flat_bodies import chain, floor_point
 from smooth_models import bricard
 
 import rbd
-from rbd.simulation.motion import Motion
+from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
 from rbd.simulation.time_step import Instant, Step, StepSystem
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -75,3 +77,25 @@ def test_what_is_recorded_does_not_change_the_motion():
     always, rarely = last(1), last(80)
     np.testing.assert_array_equal(always.q[-1], rarely.q[-1])
     np.testing.assert_array_equal(always.v[-1], rarely.v[-1])
+
+
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_a_strike_so_near_the_end_of_a_step_that_its_time_rounds_to_it_ends_the_step(extrapolate):
+    """A mass at 100 m/s, 1000 s after the start: 2e-14 s before the end are less than the last digit of the time.
+
+    No part of no length follows; the mass flies back at half its speed.
+    """
+    t, speed, early = 1000.0, 100.0, 2e-14
+    robot = chain([("z", pin.JointModelPZ(), 1.0, [0.1] * 3)], names=("mass",), name="mass")
+    robot.model.gravity.linear = np.zeros(3)
+    floor = floor_point("floor", (0.0,) * 3, friction=0.0, frame="mass")
+    t_end = t + H
+    state = rbd.State(robot, np.array([speed * (t_end - t - early)]), np.array([-speed]))
+    motion = Motion(robot, (floor,), restitution={"floor": 0.5}, stabilisation=rbd.simulation.Projection())
+    system = StepSystem(motion, state, impact_speed=1e-3, impacts=20, extrapolate=extrapolate)
+    begun = system.begin(state, t).end
+    end, passed = system.step(system.half_step(begun, t_end - t), t_end)
+    step, impact = passed
+    assert isinstance(step, StepRecord) and isinstance(impact, ImpactRecord)
+    assert t + step.h == t_end and 0.5 * early < t_end - t - step.h < 1.5 * early
+    assert end.t == impact.t == t_end and end.at.state.v == pytest.approx([0.5 * speed], rel=1e-12)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 import warnings
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.problem.problem import COULOMB
+from rbd.problem.programs import SEARCH_WORK
 from rbd.problem.rows import Rows
-from rbd.solvers.admm import OPEN, holding
+from rbd.solvers.admm import OPEN, _Search, holding
 from rbd.solvers.interior_point import solve_interior_point
 from rbd.solvers.newton import scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
@@ -321,29 +324,66 @@ def test_where_all_rows_hold_it_is_the_closed_form(talos):
     assert free.a == pytest.approx([1.0, 2.0]) and free.status == "solved"
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_contradictory_rows_are_infeasible_in_words(law):
-    """Two floors that both push, moving apart: no acceleration; said after a bounded search."""
+def moving_apart() -> rbd.GaussProblem:
+    """Two floors that both push, moving apart: no acceleration satisfies them."""
     cone, J = rbd.problem.FrictionCone(0.5), np.eye(3)
     rows = [Rows("floor", J, np.array([0.0, 0.0, -1.0]), cone), Rows("ceiling", -J, np.array([0.0, 0.0, -1.0]), cone)]
-    s = rbd.ConeSolver(law=law).solve(rbd.GaussProblem(np.eye(3), [1.0, 2.0, -3.0], rows))
+    return rbd.GaussProblem(np.eye(3), [1.0, 2.0, -3.0], rows)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_contradictory_rows_are_infeasible_in_words(law):
+    """No acceleration; said after a bounded search."""
+    s = rbd.ConeSolver(law=law).solve(moving_apart())
     assert s.status == "infeasible" and "no acceleration" in s.reason and np.isfinite(s.a).all()
     assert s.iterations < 3000
 
 
-def test_coulomb_without_an_answer_says_so():
-    """Three wedged points of great friction on four coordinates: now and then the search ends without a motion, in words."""
-    found = None
+@pytest.mark.parametrize("law", LAWS)
+def test_a_search_without_work_left_ends_after_its_first_start_and_says_so(law, monkeypatch):
+    """One multiplication: Newton's first step is more. Whether the rows contradict each other is not looked at any more."""
+    monkeypatch.setattr("rbd.solvers.admm.SEARCH_WORK", 1.0)
+    s = rbd.ConeSolver(law=law).solve(moving_apart())
+    assert s.status == "failed" and not s.infeasible
+    assert s.reason == "no motion was found within 1e+00 multiplications, and not all starts were tried"
+    assert s.iterations <= 201 + 25  # of ADMM and of Newton, from one start
+
+
+@cache
+def wedged() -> rbd.problem.Answer | None:
+    """Three wedged points of great friction on four coordinates: now and then the search ends without a motion."""
     rng = np.random.default_rng(4)
     for _ in range(300):
         J = rng.normal(size=(9, 4))
         rows = [Rows(f"p{i}", J[3 * i : 3 * i + 3], rng.normal(size=3), rbd.problem.FrictionCone(3.0)) for i in range(3)]
         s = rbd.ConeSolver().solve(rbd.GaussProblem(np.eye(4), 5.0 * rng.normal(size=4), rows))
         if s.status == "failed":
-            found = s
-            break
+            return s
+    return None
+
+
+def test_coulomb_without_an_answer_says_so():
+    """In words, and with numbers."""
+    found = wedged()
     assert found is not None and "Coulomb" in found.reason and not found.infeasible
     assert np.isfinite(found.a).all()
+
+
+def test_every_step_of_newton_and_of_the_interior_point_is_counted_as_work(monkeypatch):
+    """In a search that tries all starts: p^3 + 1e4 multiplications for each step that is not ADMM's."""
+    problem, by_admm = wedged().problem, []
+
+    def counted(*given, **settings):
+        w, steps = admm(*given, **settings)
+        by_admm.append(steps)
+        return w, steps
+
+    monkeypatch.setattr("rbd.solvers.admm.admm", counted)
+    search = _Search(problem, COULOMB, 0.0)
+    answer = search.run(1)
+    steps = answer.iterations - sum(by_admm)
+    assert answer.status == "failed" and len(by_admm) == 2 and steps > 300
+    assert SEARCH_WORK - search.work.left == steps * (9**3 + 1e4)
 
 
 def test_two_motions_at_rest_are_both_found():

@@ -128,6 +128,23 @@ class TestPainlevesRod:
         none = COULOMB.solve(rod_problem(2.0, np.arctan(2.0)))
         assert none.status not in ("solved", "inaccurate") and "Painleve" in none.reason and not none.others
 
+    def test_of_eight_motions_four_are_told_and_the_rest_counted(self):
+        """Three rods apart from each other, each of which may leave or press with -b / D: 2^3 motions, all leaving first."""
+        rate, angle = 5.0, np.arctan(2.0)
+        one = rod_problem(2.0, angle, rate)
+        (tip,) = one.rows
+        J = [np.hstack([tip.J if i == j else np.zeros((3, 3)) for j in range(3)]) for i in range(3)]
+        rows = [rbd.Rows(f"tip {i}", J[i], bias=tip.bias, cone=tip.cone, velocity=tip.velocity) for i in range(3)]
+        P = rbd.GaussProblem(np.kron(np.eye(3), one.M), np.tile(one.rhs, 3), rows)
+        answers = sliding_answers(P)
+        presses = (G - rate**2 * np.sin(angle)) / rod_pressing(2.0, angle)
+        normals = {tuple(np.round(f[2::3] / presses, 9)) for _, f, _ in answers.found}
+        assert answers.complete and normals == {(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1)}
+        head, *told = answers.reason.split(": ", 1)[1].split("; ")
+        assert answers.reason.startswith("8 motions satisfy Coulomb's law: ")
+        assert head == "(1) 'tip 0' leaves, 'tip 1' leaves, 'tip 2' leaves"
+        assert [line[:3] for line in told] == ["(2)", "(3)", "(4)", "and"] and told[-1] == "and 4 more"
+
     def test_a_hand_that_holds_the_middle_moves_the_threshold(self):
         """The rod's middle held at its height (a row that holds): D = (l^2 cos th / I) (cos th - mu sin th), so mu = cot th.
 

@@ -105,7 +105,7 @@ def overlap(P: Sequence[Point], Q: Sequence[Point]) -> list[Point]:
     for a, b in _edges(Q):
         length = math.hypot(b[0] - a[0], b[1] - a[1])
         x, y = (a[1] - b[1]) / length, (b[0] - a[0]) / length
-        out = _clipped(out, x, y, x * a[0] + y * a[1])
+        out = clipped(out, x, y, x * a[0] + y * a[1])
     return out
 
 
@@ -134,8 +134,8 @@ def _edges(corners: Sequence[Point]) -> list[tuple[Point, Point]]:
     return list(zip(corners, [*corners[1:], corners[0]], strict=True))
 
 
-def _clipped(points: list[Point], x: float, y: float, least: float) -> list[Point]:
-    """The part of a polygon with p . (x, y) >= least."""
+def clipped(points: list[Point], x: float, y: float, least: float) -> list[Point]:
+    """The part of a polygon with p . (x, y) >= least; (x, y) of unit length."""
     away = [x * p[0] + y * p[1] - least for p in points]
     out = []
     for i, (p, s) in enumerate(zip(points, away, strict=True)):

@@ -1,0 +1,19 @@
+"""Options and arguments that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
+Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
+Feet = Annotated[
+    str | None, typer.Option("--feet", metavar="A,B", help="Frames of its feet; those of the catalogue by default.")
+]
+Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
+Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
+Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
+RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]

@@ -1,0 +1,139 @@
+"""`rbd stand` and `rbd region`: a robot on its feet, its motors against a push, and where its centre of mass may be."""
+# Imports are inside commands: --help takes a third of a second.
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from rbd.cli.options import Feet, Friction, Json, Law, PackageDirs, RobotName, Show
+from rbd.cli.terminal import (
+    FIGURES,
+    PAGES,
+    answering,
+    check_outputs,
+    names_of,
+    numbers_of,
+    open_console,
+    print_path,
+    serve,
+    timed,
+    write_json,
+)
+from rbd.errors import CannotHold, InputError
+
+
+def stand(
+    robot: RobotName,
+    feet_: Feet = None,
+    friction: Friction = 0.7,
+    facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
+    law: Law = "coulomb",
+    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
+    braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
+    posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    package_dir: PackageDirs = None,
+    html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
+    json_: Json = None,
+    show: Show = False,
+) -> None:
+    """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
+
+    Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
+    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
+    if none do, which limits prevent it.
+    """
+    from rbd.cli.robot_reports import StandReport, heaviest_link, holding
+    from rbd.least_constraint import solve
+    from rbd.model.dynamics import ExternalForce
+    from rbd.problem.cones import check_friction
+    from rbd.robots.robot import load_robot
+    from rbd.solvers.default import slip_law
+    from rbd.statics.actuation import Actuation
+    from rbd.statics.equilibrium import hold
+
+    console = open_console()
+    with answering(stand):
+        force = _push(push, at)
+        if braced and force is None:
+            raise InputError("--braced came without --push X,Y,Z: there is nothing to withstand.")
+        check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
+        check_friction(friction, facets)
+        slip_law(law)
+        seconds: dict[str, float] = {}
+        with timed(seconds, "load"):
+            loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_))
+        if not loaded.source.feet:
+            raise InputError(
+                f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
+                "frames of its feet: --feet A,B."
+            )
+        with timed(seconds, "stand"):
+            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
+        at = heaviest_link(loaded) if at is None else at
+        external = [] if force is None else [ExternalForce(at, force)]
+        for e in external:
+            loaded.frame(e.frame)  # an unknown frame is refused before anything is computed
+        with timed(seconds, "hold"):
+            against = holding(state, feet, external) if external else None
+            if braced and isinstance(against, CannotHold):
+                raise against
+            held = against if braced and isinstance(against, Actuation) else hold(state, feet)
+        with timed(seconds, "solve"):
+            solution = solve(state, held.tau, feet, law=law, external=external)
+            solution.residuals  # noqa: B018  the certificate is part of the answer
+        report = StandReport(held, solution, force, at, seconds, against, braced)
+        if html is not None or show:
+            from rbd.visual import Scene
+
+            with Scene(loaded) as scene:
+                with timed(seconds, "picture"):
+                    scene.show(state, solution, external=external)
+                    written = None if html is None else scene.export(html)
+                write_json(json_, report)
+                console.print(report)
+                if written is not None:
+                    print_path(console, "picture", written)
+                if show:
+                    serve(console, scene.open())
+        else:
+            write_json(json_, report)
+            console.print(report)
+
+
+def region(
+    robot: RobotName,
+    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Motors keep within their limits.")] = False,
+    friction: Friction = 0.7,
+    margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
+    posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    package_dir: PackageDirs = None,
+    png: Annotated[Path | None, typer.Option(help="Draw it from above, .png, .svg or .pdf.")] = None,
+    json_: Json = None,
+) -> None:
+    """Tell where the centre of mass may be for a robot to stand on its feet: the support region, with its proof.
+
+    For example: rbd region talos --torque-limits --png region.png
+    """
+    from rbd.cli.region_report import draw, report_region
+
+    console = open_console()
+    with answering(region):
+        check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
+        report = report_region(robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits)
+        write_json(json_, report)
+        console.print(report)
+        if png is not None:
+            print_path(console, "picture", draw(report.regions, png))
+
+
+def _push(push: str | None, at: str | None) -> np.ndarray | None:
+    if push is None:
+        if at is not None:
+            raise InputError("--at came without --push X,Y,Z; a push is e.g. --push 0,80,0 --at torso_2_link.")
+        return None
+    return numbers_of("--push", push, "newtons", names="X,Y,Z")

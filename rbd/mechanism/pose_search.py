@@ -1,0 +1,370 @@
+"""`find_pose`: inverse kinematics of contacts, frames and the centre of mass, within joint limits and near a posture.
+
+Levenberg-Marquardt steps within the limits (`rbd.mechanism.bounded_descent`) converge from the posture to the targets, down to
+rounding; if they end at a minimum above zero, further starts follow. Then steps that minimise |W d|^2, with d the displacement
+from the posture, over the motions that the targets and limits allow.
+
+Lengths are divided by the robot's length (`robot.joints.length`), angles are in radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, max_abs
+from rbd.constraints.constraint import Constraint
+from rbd.errors import CannotReach, InputError, ModelError
+from rbd.mechanism.bounded_descent import Bounded, Minimum, Reached
+from rbd.mechanism.closure import position_residual
+from rbd.mechanism.pose_targets import (
+    CentreOfMass,
+    Miss,
+    OutOfReach,
+    Target,
+    Where,
+    misses,
+    out_of_reach,
+    read_com,
+    read_targets,
+)
+from rbd.mechanism.poses import draw
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.problem.programs import within
+from rbd.robots.robot import Robot
+
+Named = TypeVar("Named")
+
+STARTS = 24
+"""Further starts, with a separate seed, before targets are reported as not satisfied."""
+MET = 1e-12
+"""Tolerance of targets [m, rad]; larger by rounding more than 10 m from the origin."""
+_NOISE = 1e-6
+"""Errors below this fraction of the largest are rounding of the minimum, and are not reported."""
+_STEPS, _BACK = 200, 30
+"""Largest number of steps onto the targets: from a start, and from a step nearer to the posture."""
+_NEARER, _HALVINGS, _GAIN = 40, 6, 2e-3
+"""Largest number of steps nearer to the posture, of halvings of a step, and the least relative decrease of |W d|^2.
+
+A symmetric crouch of a humanoid is a saddle of |W d|^2: leaning sideways reduces it by a percent, in steps that begin small.
+"""
+_HOLD = 1e3
+"""Weight of the targets' rows over those of the displacement."""
+_STIFF, _ROUNDS = 1e2, 4
+"""Weight of loops in the method of multipliers, and its rounds; each divides their errors by the weight's square."""
+_BASE = 0.03
+"""Weight of a base's translation and heading in |W d|; its tilt and the joints have one."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPose:
+    """A pose that satisfies its targets.
+
+    Attributes:
+        state: The robot there, at rest.
+        misses: {target: its error, a distance [m] and an angle [rad]}, recomputed from the model.
+        loops: {loop of the robot: its position error} [m, rad].
+        moved: Distance of the joints from the posture: Euclidean norm [rad; translations over the robot's length].
+        at_limits: Joints at a limit, except those that are at one in the posture.
+        starts: Number of starts: one if the search from the posture succeeded.
+    """
+
+    state: State
+    misses: Mapping[str, Miss]
+    loops: Mapping[str, float]
+    moved: float
+    at_limits: tuple[str, ...]
+    starts: int
+
+    @property
+    def q(self) -> Array:
+        """The configuration, shape (nq,), read-only."""
+        return self.state.q
+
+    @property
+    def worst(self) -> float:
+        """Largest error of targets and loops [m, rad]."""
+        return max([*self.loops.values(), *(max(miss.distance, miss.angle) for miss in self.misses.values())])
+
+    def __str__(self) -> str:
+        head = f"{self.state.robot.name}: {len(self.misses)} targets satisfied to {self.worst:.1e} (m, rad)"
+        lines = [f"{head}, {self.moved:.4g} from the posture"]
+        lines += [f"  {name}: {miss.distance:.1e} m, {miss.angle:.1e} rad" for name, miss in self.misses.items()]
+        lines += [f"  {name}: closed to {apart:.1e} (m, rad)" for name, apart in self.loops.items()]
+        lines += [f"  at a limit: {', '.join(self.at_limits)}"] if self.at_limits else []
+        return "\n".join(lines)
+
+
+def find_pose(
+    robot: Robot,
+    targets: Mapping[Any, Where],
+    *,
+    posture: str | Array | State | None = None,
+    com: Sequence[float] | Array | None = None,
+) -> FoundPose:
+    """A pose with contacts, frames and the centre of mass at given places, near a posture, within joint limits.
+
+        feet and contacts    (x, y, z): position of the centre; a sole (or an edge) is flat on the ground, its heading free
+                             ((x, y, z), n): the same, with z along the unit vector n
+                             rbd.Ground(point=..., normal=...), or a height [m]: on that plane, a sole flat, anywhere
+                             None: the same for its own ground, z = 0 by default
+                             pinocchio.SE3: position and axes of a sole
+        frames               (x, y, z): position of the origin. ((x, y, z), n): z along n too. pinocchio.SE3: position and axes.
+                             rbd.Ground: the origin on that plane, anywhere
+
+    All in W. Feet have the names of `robot.feet()`; other contacts are keys themselves, `{hand: (0.5, 0.2, 1.0)}`, and their
+    friction is not used. Loops of the robot's file stay closed. The base moves as the targets require; the joints stay near
+    the posture: steps along the targets reduce the displacement until a step reduces its square by less than 2e-3, with the
+    tilt of the base weighted as a joint. Joints that affect no target do not move.
+
+    Collisions between bodies and torques are not considered.
+
+    Args:
+        robot: The robot.
+        targets: {foot, contact or frame: place}.
+        posture: Initial configuration, and the one to stay near: a name, q, or a state; by default the standing posture, else
+            the neutral one. Joints beyond their limits are first moved onto them.
+        com: Position of the centre of mass, (x, y) or (x, y, z) in W [m].
+
+    Returns:
+        The pose, with each target satisfied to 1e-12 m and rad (more by rounding, far from the origin).
+
+    Raises:
+        CannotReach: no pose was found; with the nearest pose, the error of each target there, whether it is a true minimum of
+            the distance, and, where points are farther apart than the links between them, the proof that there is no pose.
+        InputError: invalid targets or places: of a wrong kind or size, or not finite.
+        FrameNotFound: no foot and no frame of a given name.
+        DuplicateName: two targets with the same name.
+
+    >>> wide = rbd.find_pose(talos, {"left_sole": (0, 0.135, 0), "right_sole": (0, -0.135, 0)}, com=(0, 0))
+    >>> rbd.hold(wide.state, talos.soles())
+    """
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    asked, place = read_targets(robot, targets), read_com(com)
+    search = _Search(robot, asked, place, tuple(robot.loops()))
+    q0 = search.bounded.inside(_posture(robot, posture))
+    proof = out_of_reach(robot, asked)
+    tried = [search.descend(q0)]
+    if search.met(tried[0]):
+        return search.found(q0, tried[0], 1)
+    rng = np.random.default_rng(0)
+    for i in range(0 if proof else STARTS):
+        tried.append(search.descend(search.other_start(q0, rng, i)))
+        if search.met(tried[-1]):
+            return search.found(q0, tried[-1], len(tried))
+    end = search.minimum(min(tried, key=lambda reached: reached.size2))
+    if search.met(end.at):
+        return search.found(q0, end.at, len(tried))
+    raise search.failure(end, len(tried) - 1, proof)
+
+
+def _posture(robot: CheckedModel, posture: object) -> Array:
+    """The initial configuration."""
+    if isinstance(posture, State):
+        if posture.robot is not robot:
+            raise InputError(f"posture is a state of {posture.robot.name}, another robot; expected one of {robot.name}.")
+        return posture.q
+    if isinstance(posture, str) and isinstance(robot, Robot):
+        return robot.standing(posture).q if robot.source.feet and robot.floating else robot.posture(posture)
+    if posture is not None:
+        return robot.check_q(posture)  # type: ignore[arg-type]
+    standing, neutral = getattr(robot, "standing", None), np.asarray(pin.neutral(robot.model))
+    try:
+        return neutral if standing is None else np.asarray(standing().q)
+    except ModelError:  # no feet are known, or no posture
+        return neutral
+
+
+class _Search:
+    """A search for a pose: targets of a robot, and its loops.
+
+    Args:
+        robot: The robot.
+        targets: Of contacts and frames.
+        com: Of the centre of mass.
+        loops: Constraints that stay closed.
+        stiff: Weight of the loops over the targets.
+        shift: Added to the loops' errors, shape (m,): their multipliers over the weight's square; None for zero.
+
+    Attributes:
+        bounded: The errors of all, within the limits.
+        tolerance: Of the targets [m, rad].
+    """
+
+    def __init__(
+        self,
+        robot: CheckedModel,
+        targets: Sequence[Target],
+        com: CentreOfMass | None,
+        loops: Sequence[Constraint],
+        *,
+        stiff: float = 1.0,
+        shift: Array | None = None,
+    ) -> None:
+        self.robot, self.targets, self.com, self.loops = robot, tuple(targets), com, tuple(loops)
+        self._parts: tuple[Target | CentreOfMass, ...] = self.targets if com is None else (*self.targets, com)
+        self._stiff, self._shift, self._length = stiff, shift, robot.joints.length
+        self.bounded = Bounded(robot, self._errors)
+        far = max([robot.joints.reach, *(max_abs(t.point) for t in self.targets if t.point is not None)])
+        self.tolerance = MET * max(1.0, 0.1 * far)
+        roots = [joint for joint in robot.joints.values() if robot.model.parents[joint.id] == 0]
+        self._bases = [joint for joint in roots if joint.kind in ("FreeFlyer", "Planar")]
+
+    def _errors(self, state: State) -> tuple[Array, Array]:
+        errors, rows = [], []
+        for part in self._parts:
+            e, J = part.errors(state)
+            lengths = len(e) - part.angles
+            e[:lengths] /= self._length
+            J[:lengths] /= self._length
+            errors.append(e)
+            rows.append(J)
+        if self.loops:
+            e, J = self._open(state)
+            errors.append(self._stiff * (e if self._shift is None else e + self._shift))
+            rows.append(self._stiff * J)
+        return np.concatenate(errors), np.concatenate(rows)
+
+    def _open(self, state: State) -> tuple[Array, Array]:
+        """Errors of the loops, and their Jacobian [m, rad]."""
+        found = [position_residual(loop.rows(state)) for loop in self.loops]
+        return np.concatenate([e for e, _ in found]), np.concatenate([J for _, J in found])
+
+    def descend(self, q: Array, most: int = _STEPS) -> Reached:
+        """The end of the descent from a configuration, down to rounding."""
+        return self.bounded.descend(self.bounded.at(q), tolerance=0.02 * MET, most=most)
+
+    def misses(self, q: Array) -> dict[str, Miss]:
+        """{target: error}."""
+        return misses(self.robot, q, self.targets, self.com)
+
+    def apart(self, q: Array) -> dict[str, float]:
+        """{loop: position error} [m, rad]."""
+        state = State(self.robot, q)
+        return {loop.name: float(np.linalg.norm(position_residual(loop.rows(state))[0])) for loop in self.loops}
+
+    def met(self, reached: Reached) -> bool:
+        """Whether all targets are satisfied, and all loops closed."""
+        q = reached.state.q
+        if reached.residual > 1e3 * self.tolerance:
+            return False
+        closed = all(apart <= self.tolerance for apart in self.apart(q).values())
+        return closed and all(miss.within(self.tolerance) for miss in self.misses(q).values())
+
+    def other_start(self, q0: Array, rng: np.random.Generator, i: int) -> Array:
+        """Further initial configurations: around the posture, farther each time, then anywhere within the limits."""
+        if 2 * i < STARTS:
+            return self.bounded.move(q0, rng.normal(size=self.robot.nv) * (0.1 + 1.8 * i / STARTS))
+        q = self.bounded.inside(draw(self.robot, rng))
+        for base in self._bases:  # at the same place, in another orientation
+            place = slice(base.q.start, base.q.start + (3 if base.kind == "FreeFlyer" else 2))
+            q[place] = q0[place]
+        return q
+
+    def found(self, q0: Array, reached: Reached, starts: int) -> FoundPose:
+        """The result, after steps along the targets that reduce the displacement from the posture."""
+        state = self._nearer(q0, reached).state
+        d = self.bounded.way(q0, state.q)
+        for base in self._bases:
+            d[base.v] = 0.0
+        limits = np.flatnonzero(self._at_limit(state.q) & ~self._at_limit(q0))
+        names = tuple(self.robot.joints.velocities[i].name for i in limits)
+        return FoundPose(state, self.misses(state.q), self.apart(state.q), float(np.linalg.norm(d)), names, starts)
+
+    def _at_limit(self, q: Array) -> Array:
+        """Which coordinates are at a limit, shape (nv,), bool."""
+        lower, upper = self.bounded.room(q)
+        return np.minimum(-lower, upper) < 1e-9
+
+    def _nearer(self, q0: Array, reached: Reached) -> Reached:
+        weight = self._weight(q0)
+        at, d = reached, weight @ self.bounded.way(q0, reached.state.q)
+        for _ in range(_NEARER):
+            rows = at.J * (_HOLD / max(1e-300, float(np.linalg.norm(at.J, 2))))
+            A, b = np.concatenate([rows, weight]), np.append(np.zeros(len(rows)), -d)
+            z = within(A, b, *self.bounded.room(at.state.q))
+            z *= min(1.0, 0.5 / max(1e-300, max_abs(z)))
+            for _ in range(_HALVINGS):
+                there = self.descend(self.bounded.move(at.state.q, z), _BACK)
+                way = weight @ self.bounded.way(q0, there.state.q)
+                if way @ way < d @ d and self.met(there):
+                    break
+                z = 0.5 * z
+            else:
+                break
+            enough = way @ way > (1.0 - _GAIN) * (d @ d)
+            at, d = there, way
+            if enough:
+                break
+        return at
+
+    def _weight(self, q0: Array) -> Array:
+        """W, shape (nv, nv): one for joints and for the base's tilt, `_BASE` for its translation and its heading."""
+        weight = np.eye(self.robot.nv)
+        for base in self._bases:
+            weight[base.v, base.v] *= _BASE
+            if base.kind == "FreeFlyer":
+                turn = slice(base.v.start + 3, base.v.stop)
+                weight[turn, turn] = np.diag([1.0, 1.0, _BASE]) @ State(self.robot, q0).base_pose(base.id).rotation
+        return weight
+
+    def minimum(self, nearest: Reached) -> Minimum:
+        """The minimum of the targets' distance; with loops, by the method of multipliers."""
+        if not self.loops:
+            return self.bounded.minimise(nearest)
+        q, shift = nearest.state.q, 0.0 * self._open(nearest.state)[0]
+        for _ in range(_ROUNDS):
+            stiff = _Search(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
+            end = stiff.bounded.minimise(stiff.descend(q))
+            q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
+        # The slope over |J| |e| of the targets alone: the weight of the loops increases that of all.
+        alone = _Search(self.robot, self.targets, self.com, ()).bounded.at(q)
+        return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
+
+    def failure(self, end: Minimum, others: int, proof: OutOfReach | None) -> CannotReach:
+        """The error for targets that are not satisfied."""
+        q, name = end.at.state.q, self.robot.name
+        left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
+        size = {k: max(m.distance / self._length, m.angle) for k, m in left.items()}
+        worst = max(size.values(), default=0.0)
+        left = {k: left[k] for k in sorted(left, key=lambda k: -size[k]) if size[k] > _NOISE * worst}
+        pressed = {c.name: float(x) for c, x in zip(self.robot.joints.velocities, end.held, strict=True) if abs(x) > 0.0}
+        off = "; ".join(f"{k!r:.60} is {m} off" for k, m in _first(left))
+        say = [f"{name} does not reach its targets; at the nearest pose {off}."]
+        open_ = {k: x for k, x in self.apart(q).items() if x > 1e-9}
+        say += [f"Its loops do not close there: {', '.join(f'{k!r:.60} by {x:.3g}' for k, x in _first(open_))}."] * bool(open_)
+        say += [f"There is no pose: {proof}."] * bool(proof)
+        if end.proved:
+            at = f"; at a limit: {', '.join(k[:60] for k, _ in _first(pressed))}" if pressed else ""
+            say.append(f"No small motion reduces the distance: a true minimum (slope {end.slope:.0e}{at}).")
+        else:
+            say.append("The number of steps ran out, so that this may not be a minimum of the distance.")
+        say += [f"None of {others} further starts ended nearer."] * (others > 0)
+        without = self._without_each(q, left)
+        say += [f"Without {' or '.join(f'{k!r:.60}' for k in without)} the others are satisfied."] * bool(without)
+        return CannotReach(
+            " ".join(say), q=q, misses=left, minimum=end.proved, slope=end.slope, limits=pressed, proof=proof, without=without
+        )
+
+    def _without_each(self, q: Array, left: Mapping[str, Miss]) -> tuple[str, ...]:
+        """Targets without which, one at a time, the others are satisfied."""
+        out = []
+        for name, _ in _first(left):
+            targets = [t for t in self.targets if t.name != name]
+            com = None if self.com is None or self.com.name == name else self.com
+            if targets or com:
+                less = _Search(self.robot, targets, com, self.loops)
+                if less.met(less.descend(q)):
+                    out.append(name)
+        return tuple(out)
+
+
+def _first(of: Mapping[str, Named]) -> list[tuple[str, Named]]:
+    """The first items, for a message."""
+    return list(of.items())[:5]

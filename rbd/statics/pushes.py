@@ -1,0 +1,315 @@
+"""The largest push in each direction that a robot can withstand with torques within limits, and what gives way there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rbd.arrays import Array, as_array, check_finite, check_positive, lazy, rank_of
+from rbd.constraints.constraint import Constraint
+from rbd.errors import CannotHold, InputError, NoSolution
+from rbd.model.state import State
+from rbd.problem.force_set import at_rest
+from rbd.problem.programs import Outcome
+from rbd.statics.force_program import Program
+from rbd.statics.limits import Limit
+from rbd.statics.loads import Loads
+from rbd.statics.standing import TorqueRows, contact_forces, outside, place, standing_loads, torques_left
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+MOST_DIRECTIONS = 10_000
+_EVERY = 8
+"""Of pushes in one plane, each so many-th is solved first; those between two whose limit is one and the same follow."""
+_SAME = 1e-9
+"""Limits that differ by less than this, over the robot's weight, are one."""
+_MOVES = 1e-6
+"""A point or a motor takes part in the motion that begins where it has more than this of the largest part."""
+_CARRIES = 1e-7
+"""A point that carries less than this, over the robot's weight, carries nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class PushLimits:
+    """The largest pushes that some torques within limits, and contact forces within friction, withstand.
+
+    Attributes:
+        loads: The pose, its contacts, and what their forces do.
+        frame: Frame of the robot that is pushed.
+        offset: Where, from the frame's origin in the frame's axes, shape (3,) [m].
+        directions: Unit vectors in W, shape (k, 3).
+        forces: Largest push in each direction, shape (k,) [N]; `at_most` where no limit is met up to there.
+        bounds: What no push in each direction can exceed, proven by multipliers, shape (k,) [N].
+        weights: Contact forces at these pushes, as weights of `loads.sets` over the robot's weight, shape (k, p).
+        motions: The motion that begins there, shape (k, nv), of any size: the multipliers, read as a virtual velocity.
+        at_most: Larger pushes were not looked for [N].
+        programs: How many programs that took.
+    """
+
+    loads: Loads
+    frame: str
+    offset: Array
+    directions: Array
+    forces: Array
+    bounds: Array
+    weights: Array
+    motions: Array
+    at_most: float
+    programs: int
+
+    @property
+    def state(self) -> State:
+        """The pose."""
+        return self.loads.state
+
+    @property
+    def point(self) -> Array:
+        """Where the push acts, in W, shape (3,) [m]."""
+        return np.array(self.state.frame(self.frame, self.offset).X_WF.translation)
+
+    @lazy
+    def gives_way(self) -> tuple[tuple[Limit, ...], ...]:
+        """The limits that give way first, direction by direction; none where no limit is met up to `at_most`.
+
+        Motors that would yield; "friction" of contacts that would slip or turn at a point that carries a force; the "edge" of
+        contacts that would turn over an edge or a corner; where nothing but contacts opens, these, which only "push"; and
+        where nothing withstands, the "base" or the joints without motors that would move.
+        """
+        return tuple(_gives_way(self.loads, motion, x) for motion, x in zip(self.motions, self.weights, strict=True))
+
+    def tau(self, number: int) -> Array:
+        """Torques that withstand the largest push of a direction, shape (nu,) [N, N m]."""
+        return torques_left(self.loads, self.weights[self._number(number)], self._push(number))[0]
+
+    def contact_forces(self, number: int) -> dict[str, Array]:
+        """{contact: force or wrench, world axes} beside these torques [N, N m]."""
+        return contact_forces(self.loads, self.weights[self._number(number)])
+
+    @lazy
+    def residual(self) -> float:
+        """Largest error of all answers, recomputed [N, N m]: of balance, of forces outside cones, of torques beyond limits."""
+        worst, limit = 0.0, self.state.robot.effort_limit
+        for i, x in enumerate(self.weights):
+            tau, left = torques_left(self.loads, x, self._push(i))
+            beyond = float((np.abs(tau) - limit).max(initial=0.0))
+            worst = max(worst, float(np.abs(left).max(initial=0.0)), outside(self.loads, x), beyond)
+        return worst
+
+    def plot(self, ax: Axes) -> list[Artist]:
+        """Draw the largest horizontal pushes from above: see `rbd.visual.plot_pushes`."""
+        from rbd.visual.statics_plots import plot_pushes
+
+        return plot_pushes(ax, self)
+
+    def __str__(self) -> str:
+        weakest = int(np.argmin(self.forces))
+        way = ", ".join(f"{x + 0.0:.2f}" for x in np.round(self.directions[weakest], 2))
+        limits = ", ".join(map(str, self.gives_way[weakest]))
+        what = f"limited by {limits}" if limits else "where no limit was met"
+        end = f"{self.forces[weakest]:.4g} N"
+        if len(self.forces) == 1:
+            return f"pushed at {self.frame} along ({way}): withstands {end}, {what}; residual {self.residual:.1e} N."
+        return (
+            f"pushed at {self.frame} in {len(self.forces)} directions: withstands at least {end}, the least along ({way}), "
+            f"{what}; residual {self.residual:.1e} N."
+        )
+
+    def _push(self, number: int) -> Array:
+        return _point_jacobian(self.state, self.frame, self.offset).T @ (self.forces[number] * self.directions[number])
+
+    def _number(self, number: int) -> int:
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 <= number < len(self.forces):
+            raise InputError(f"number is {number!r:.80}; expected a whole number from 0 to {len(self.forces) - 1}.")
+        return int(number)
+
+
+def push_limits(
+    state: State,
+    contacts: Sequence[Constraint],
+    frame: str,
+    directions: Sequence[Sequence[float]] | Sequence[float] | Array,
+    *,
+    offset: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    at_most: float = 1e4,
+    friction: str = "cone",
+    margin: float = 0.0,
+) -> PushLimits:
+    """The largest push in each direction that the robot can withstand without moving, and what gives way first.
+
+    Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), |tau| <= limit, f in the friction
+    cones: motors know of the push and answer as well as they can. What fixed torques do is another question: `rbd.solve`.
+
+    Each answer is proven from both sides: by forces and torques, and by multipliers. These are a virtual motion that the push
+    drives against nothing but limits, so they tell what would give way.
+
+    Args:
+        state: The pose; v must be zero.
+        contacts: What the robot stands on and holds to, at least one.
+        frame: Frame of the robot that is pushed.
+        directions: In W, shape (3,) or (k, 3); their lengths do not count.
+        offset: Where the push acts, from the frame's origin in the frame's axes [m].
+        at_most: Larger pushes are not looked for [N].
+        friction: "cone", the circular cones; "inscribed" or "circumscribed", the pyramids inside or around them.
+        margin: Share of each coefficient of friction that is left unused.
+
+    Raises:
+        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        CannotHold: it cannot be held even without a push; `rbd.hold` says why.
+        FrameNotFound: with the nearest names.
+        InputError: no contacts, directions of no length, numbers that are not finite.
+    """
+    most = check_positive("at_most", at_most, 1e9)
+    at, ways = place("offset", offset), _unit_directions(directions)
+    loads = standing_loads(state, contacts, friction, margin)
+    search = _Search(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
+    search.run()
+    found = [search.answers[i] for i in range(len(ways))]
+    forces, bounds = np.array([max(0.0, a.size) for a in found]), np.array([max(0.0, a.bound) for a in found])
+    return PushLimits(
+        loads, frame, at, ways, forces * loads.unit, bounds * loads.unit,
+        np.array([a.x for a in found]), np.array([a.motion for a in found]), most, search.programs,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """A largest push, over the weight; and the half-space a . F <= b of all pushes that its multipliers prove."""
+
+    size: float
+    bound: float
+    x: Array
+    motion: Array
+    a: Array
+    b: float
+
+
+class _Search:
+    """Largest pushes in all directions, each solved, or between two others at one and the same limit."""
+
+    def __init__(self, loads: Loads, J: Array, ways: Array, most: float) -> None:
+        robot = loads.state.robot
+        self.loads, self.ways, self.most, self.programs = loads, ways, most, 0
+        self.B = J.T[robot.unactuated] / loads.row_size[:, None]
+        self.P = J.T[robot.motors] * (loads.unit / loads.limit)[:, None]
+        self.torques = rows = TorqueRows.of(loads, self.P)
+        self.own = Program.of(loads.A, loads.b, rows.C[:, :-3], rows.low, rows.high, loads)
+        self.answers: dict[int, _Answer] = {}
+
+    def run(self) -> None:
+        """Answer all."""
+        count = len(self.ways)
+        if count > 4 and rank_of(self.ways) == 2:
+            U = np.linalg.svd(self.ways)[2][:2]
+            order = np.argsort(np.arctan2(*(U @ self.ways.T)[::-1]), kind="stable").tolist()
+            first = [*order[::_EVERY], order[0]]
+            for start, i, j in zip(range(0, count, _EVERY), first[:-1], first[1:], strict=True):
+                self._between(i, order[start + 1 : start + _EVERY], j)
+        for i in range(count):
+            self._answer(i)
+
+    def _between(self, i: int, others: list[int], j: int) -> None:
+        """Answer the directions between two, in order."""
+        one, two = self._answer(i), self._answer(j)
+        if not others:
+            return
+        found = [self._on_the_way(one, self.ways[i], two, self.ways[j], self.ways[k]) for k in others]
+        if all(answer is not None for answer in found):
+            self.answers.update(zip(others, found, strict=True))  # type: ignore[arg-type]
+            return
+        middle = len(others) // 2
+        self._between(i, others[:middle], others[middle])
+        self._between(others[middle], others[middle + 1 :], j)
+
+    def _on_the_way(self, one: _Answer, d: Array, two: _Answer, e: Array, way: Array) -> _Answer | None:
+        """The answer where the straight line between two others is a limit; None where it is not proven to be."""
+        p, q = one.size * d, two.size * e
+        D = np.array([p, q]).T
+        shares = np.linalg.lstsq(D, way, rcond=1e-9)[0]
+        total = float(shares.sum())
+        if shares.min() < -1e-12 or not total > 0.0 or np.abs(D @ shares - way).max() > 1e-9:
+            return None
+        size, shares = 1.0 / total, shares / total
+        for side in (one, two):
+            slope = float(side.a @ way)
+            if slope > 0.0 and side.b / slope - size <= _SAME:
+                return _Answer(size, side.b / slope, shares @ np.array([one.x, two.x]), side.motion, side.a, side.b)
+        return None
+
+    def _answer(self, i: int) -> _Answer:
+        if i not in self.answers:
+            self.answers[i] = self._solved(self.ways[i])
+        return self.answers[i]
+
+    def _solved(self, way: Array) -> _Answer:
+        self.programs += 1
+        own, rows, loads, robot = self.own, self.torques, self.loads, self.loads.state.robot
+        program = Program(
+            np.column_stack([own.A, self.B @ way]), own.b, np.column_stack([own.C, rows.C[:, -3:] @ way]), own.low,
+            own.high, np.append(own.lower, 0.0), np.append(own.upper, self.most), own.cones, own.mu,
+        )  # fmt: skip
+        found = program.farthest(np.append(np.zeros(len(own.lower)), 1.0))
+        if found.outcome is Outcome.INFEASIBLE:
+            raise CannotHold(f"{robot.name} cannot be held on these contacts even without a push; rbd.hold says why.")
+        if found.outcome is not Outcome.SOLVED:
+            raise NoSolution(f"{robot.name}: the largest push along {np.round(way, 3)} was not found.")
+        motion, size = np.zeros(robot.nv), float(found.x[-1])
+        if size >= self.most - _SAME:  # nothing but the end of the search stops it
+            return _Answer(self.most, self.most, found.x[:-1], motion, np.zeros(3), 0.0)
+        motion[robot.unactuated] = -found.y / loads.row_size
+        motion[robot.actuated[rows.motors]] = -found.z / rows.size * loads.unit / loads.limit[rows.motors]
+        a = -(self.B.T @ found.y) - rows.C[:, -3:].T @ found.z
+        b = own.bound(np.zeros(len(own.lower)), found.y, found.z)
+        return _Answer(size, min(found.value, self.most), found.x[:-1], motion, a, b)
+
+
+def _gives_way(loads: Loads, motion: Array, x: Array) -> tuple[Limit, ...]:
+    robot = loads.state.robot
+    whole = at_rest(*[r.cone for r in loads.rows])  # of which pyramids are made: velocities of its points are vectors
+    velocity, rates = whole.G.T @ (loads.J @ motion), np.abs(motion[robot.actuated])
+    if not motion.any():
+        return ()
+    largest = max(float(np.abs(velocity).max(initial=0.0)), float(rates.max(initial=0.0)), _MOVES * float(np.abs(motion).max()))
+    found = [Limit("motor", robot.actuated_names[i]) for i in np.flatnonzero(rates > _MOVES * largest)]
+    points: dict[int, list[tuple[bool, bool]]] = {}
+    for e, ours in zip(whole.elements, loads.sets.elements, strict=True):
+        if whole.is_line[e.columns].all() and not e.is_cone:
+            continue  # held, whatever force that takes
+        force = x[ours.columns] @ loads.sets.push[ours.columns] if e.is_cone else x[ours.columns]
+        moves = bool(np.abs(velocity[e.columns]).max() > _MOVES * largest)
+        points.setdefault(e.rows, []).append((moves, bool(np.abs(force[-1]) > _CARRIES)))
+    opens = []
+    for i, each in points.items():
+        name = loads.rows[i].name
+        if any(moves and carries for moves, carries in each):
+            found.append(Limit("friction", name))
+        elif all(moves for moves, _ in each):
+            opens.append(Limit("push", name))
+        elif any(moves for moves, _ in each):
+            found.append(Limit("edge", name))
+    if found or opens:
+        return tuple(found or opens)
+    moves = np.abs(motion) > _MOVES * np.abs(motion).max()  # against nothing: along smooth ground, say
+    base = [joint for joint in robot.bases if moves[robot.model.joints[joint].idx_v :][:6].any()]
+    idle = {joint.name for joint in robot.joints.values() if joint.name in robot.passive and moves[joint.v].any()}
+    return tuple([Limit("base", robot.name)] * bool(base) + [Limit("passive", name) for name in sorted(idle)])
+
+
+def _point_jacobian(state: State, frame: str, offset: Array) -> Array:
+    return np.asarray(state.frame(frame, offset).J[:3])
+
+
+def _unit_directions(directions: Sequence[Sequence[float]] | Sequence[float] | Array) -> Array:
+    given = np.atleast_2d(as_array("directions", directions))
+    if given.ndim != 2 or given.shape[1] != 3 or not 0 < len(given) <= MOST_DIRECTIONS:
+        raise InputError(f"directions have shape {given.shape}; expected (k, 3), 1 to {MOST_DIRECTIONS:,} of them, in W.")
+    check_finite("directions", given)
+    largest = np.abs(given).max(axis=1, keepdims=True)
+    if not (largest > 0.0).all():
+        raise InputError("a direction has no length; expected vectors in W, e.g. (0, 1, 0).")
+    ways = given / largest
+    return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))

@@ -1,0 +1,254 @@
+"""Where the centre of mass may be over its contacts: the support region, for any contacts, with torque limits or without."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rbd.arrays import Array, as_array, check_flag, is_finite, lazy
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.convex.polygons import inside_distance
+from rbd.errors import InputError, NoSolution
+from rbd.model.state import State
+from rbd.problem.programs import Outcome
+from rbd.statics.force_program import Contradiction, Program
+from rbd.statics.loads import Loads
+from rbd.statics.planar_image import WITHIN_M, PlanarSet, area_of, planar_region, warn_of_gap
+from rbd.statics.standing import (
+    TorqueRows,
+    check_area_gap,
+    contact_forces,
+    friction_words,
+    names_of,
+    outside,
+    standing_loads,
+    torques_left,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+SMALLEST_GAP_M2 = 1e-9
+_SHARE = 1e-2
+"""A motor is in the way whose limit makes more than this of the proof's gap."""
+
+
+@dataclass(frozen=True, eq=False)
+class SupportRegion:
+    """Where the centre of mass may be, in the horizontal plane, for the robot to be at rest on its contacts.
+
+    Attributes:
+        loads: The pose, its contacts, and what their forces do.
+        friction: "cone", "inscribed" or "circumscribed".
+        torque_limits: Whether motors keep within their limits.
+        margin: Share of each coefficient of friction that is left unused.
+        vertices: Corners, counterclockwise, shape (k, 2) [m]: each proven by forces. Two of a segment, one of a point, none of
+            an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
+        outer: Corners of a polygon that holds the region, shape (j, 2) [m]; those of the region itself with pyramids.
+        weights: Forces that prove each corner, as weights of `loads.sets` over the robot's weight, shape (k, p).
+        directions: Unit vectors that span the directions in which the region has no end, shape (r, 2); none if it ends.
+        contradiction: Of an empty region, the multipliers that prove it; or None.
+        programs: How many linear or conic programs that took.
+        cut: Whether the region goes on beyond 10 m from its contacts, with an end or without, and `vertices` end there.
+    """
+
+    loads: Loads
+    friction: str
+    torque_limits: bool
+    margin: float
+    vertices: Array
+    outer: Array
+    weights: Array
+    directions: Array
+    contradiction: Contradiction | None
+    programs: int
+    cut: bool
+
+    @property
+    def state(self) -> State:
+        """The pose."""
+        return self.loads.state
+
+    @property
+    def empty(self) -> bool:
+        """Whether the robot can be at rest nowhere; `contradiction` proves it."""
+        return not len(self.vertices)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the region ends everywhere."""
+        return not len(self.directions)
+
+    @property
+    def area(self) -> float:
+        """Of the polygon of `vertices` [m2]; infinite where the region has no end."""
+        return area_of(self.vertices) if self.bounded else np.inf
+
+    @property
+    def area_gap(self) -> float:
+        """By how much the outer polygon is larger [m2]."""
+        return max(0.0, area_of(self.outer) - area_of(self.vertices))
+
+    def distance(self, point: Sequence[float] | Array | None = None) -> float:
+        """Distance from a point to the region's edge [m]: positive inside, negative outside; -inf of an empty region.
+
+        Args:
+            point: (x, y) in W [m], or (x, y, z), whose height does not count; the centre of mass if not given.
+        """
+        at = self.state.com if point is None else as_array("point", point)
+        if at.shape not in ((2,), (3,)) or not is_finite(at):
+            raise InputError(f"point is {point!r:.80}; expected two finite numbers, x and y in metres.")
+        return inside_distance(at[:2], self.vertices)
+
+    def forces(self, corner: int) -> dict[str, Array]:
+        """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that prove a corner."""
+        return contact_forces(self.loads, self.weights[self._corner(corner)])
+
+    def tau(self, corner: int) -> Array:
+        """Motor torques that go with these forces at this pose, shape (nu,) [N, N m]."""
+        return torques_left(self.loads, self.weights[self._corner(corner)])[0]
+
+    @lazy
+    def residual(self) -> float:
+        """Largest error of the corners, recomputed from forces: of balance [N, N m], and of forces outside their cones [N]."""
+        worst, robot = 0.0, self.state.robot
+        base = robot.bases[0]
+        at, R = robot.model.joints[base].idx_v, self.state.base_pose(base).rotation
+        for corner, x in zip(self.vertices, self.weights, strict=True):
+            moved = np.zeros(robot.nv)
+            moved[at + 3 : at + 6] = R.T @ np.cross([*(corner - self.state.com[:2]), 0.0], robot.mass * robot.gravity)
+            left = torques_left(self.loads, x, moved)[1]
+            worst = max(worst, float(np.abs(left).max()), outside(self.loads, x))
+        return worst
+
+    def plot(self, ax: Axes) -> list[Artist]:
+        """Draw it from above: see `rbd.visual.plot_region`."""
+        from rbd.visual.statics_plots import plot_region
+
+        return plot_region(ax, self)
+
+    def __str__(self) -> str:
+        limits = "within torque limits at this pose" if self.torque_limits else "torques of any size"
+        how = f"on {names_of(self.loads.rows)}; {friction_words(self.loads.sets)}, {limits}"
+        if self.empty:
+            blocked = self.motors_in_the_way
+            why = f" Torque limits in the way: {', '.join(blocked)}." if blocked else ""
+            return f"support region: empty, {how}.{why}"
+        if not self.bounded:
+            ways = "; ".join("(" + ", ".join(f"{x + 0.0:.3f}" for x in np.round(d, 3)) + ")" for d in self.directions)
+            return f"support region: without end along {ways}, {how}."
+        gap = f" and up to {1e4 * self.area_gap:.2f} more" if self.area_gap > SMALLEST_GAP_M2 else ""
+        where = f"centre of mass {1e3 * abs(self.distance()):.1f} mm {'inside' if self.distance() >= 0.0 else 'outside'}"
+        gap += f", cut at {WITHIN_M:g} m" if self.cut else ""
+        return f"support region: {1e4 * self.area:.2f} cm2{gap}, {len(self.vertices)} corners, {where}, {how}."
+
+    @property
+    def motors_in_the_way(self) -> tuple[str, ...]:
+        """Motors without whose limits an empty region may not be empty."""
+        if self.contradiction is None or not len(self.contradiction.z):
+            return ()
+        rows, z = _torque_rows(self.loads), self.contradiction.z
+        share = np.abs(z) * np.maximum(np.abs(rows.low), np.abs(rows.high))
+        return tuple(self.state.robot.actuated_names[i] for i in rows.motors[share > _SHARE * self.contradiction.gap])
+
+    def _corner(self, corner: int) -> int:
+        if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
+            raise InputError(f"corner is {corner!r:.80}; expected a whole number from 0 to {len(self.vertices) - 1}.")
+        return int(corner)
+
+
+def support_region(
+    state: State,
+    contacts: Sequence[Constraint],
+    *,
+    torque_limits: bool = False,
+    margin: float = 0.0,
+    friction: str = "cone",
+    area_gap: float = 1e-4,
+) -> SupportRegion:
+    """Where the centre of mass may be, seen from above, for some contact forces to balance the robot's weight.
+
+    The contacts may be any: soles, hands on walls, rails that are held, on whatever planes. The region is all c with forces f
+    in their cones and J^T f = h where no motor is, h the weight with its line of action through c.
+
+    With torque limits, |tau| <= limit besides, with the gravity torques and Jacobians of *this pose*: as if the centre of mass
+    moved and the pose stayed. That neglects what a true motion of the centre of mass changes in both, so that it is right where
+    the centre of mass of the pose is, and near it [Orsolino2020]. Joints without a motor are balanced at this pose likewise.
+
+    Args:
+        state: The pose of a robot with one floating base; v must be zero.
+        contacts: What it stands on and holds to, at least one.
+        torque_limits: Whether motors keep within the limits of the robot's file.
+        margin: Share of each coefficient of friction that is left unused, from 0 to below 1.
+        friction: "cone", the circular cones; "inscribed", the pyramids inside them, with each contact's facets;
+            "circumscribed", those around them. With pyramids the region is a polygon, found exactly.
+        area_gap: With circular cones, by how much the area of the polygon that holds the region may exceed that of the polygon
+            inside it [m2].
+
+    Raises:
+        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        InputError: a robot that is fixed to the world or has two bases, gravity that is not along -z, no contacts.
+        NoSolution: a program was not solved.
+    """
+    check_flag("torque_limits", torque_limits)
+    gap = check_area_gap(area_gap)
+    loads = standing_loads(state, contacts, friction, margin)
+    _check_stands(state)
+    program = _program(loads, torque_limits)
+    found, directions, cut = planar_region(program, gap if len(loads.sets.mu) else 0.0)
+    if found.outcome is Outcome.INFEASIBLE:
+        contradiction = found.contradiction or program.contradiction()
+        if contradiction is None:
+            raise NoSolution(f"{state.robot.name}: whether the region is empty was not found.")
+        return _region(loads, friction, torque_limits, margin, found, np.zeros((0, 2)), contradiction, False)
+    if found.outcome is not Outcome.SOLVED:
+        raise NoSolution(f"{state.robot.name}: a program of the support region was not solved. Use fewer contacts.")
+    warn_of_gap(found, gap, stacklevel=3)
+    return _region(loads, friction, torque_limits, margin, found, directions, None, cut)
+
+
+def _region(
+    loads: Loads, friction: str, limits: bool, margin: float, found: PlanarSet, directions: Array,
+    contradiction: Contradiction | None, cut: bool,
+) -> SupportRegion:  # fmt: skip
+    p = loads.A.shape[1]
+    return SupportRegion(
+        loads, friction, bool(limits), float(margin), found.inner, found.outer, found.x[:, :p], directions, contradiction,
+        found.programs, cut,
+    )  # fmt: skip
+
+
+def _check_stands(state: State) -> None:
+    robot, g = state.robot, state.robot.gravity
+    if len(robot.bases) != 1:
+        bases = "is fixed to the world" if not robot.bases else f"is {len(robot.bases)} robots"
+        raise InputError(f"{robot.name} {bases}; a support region is that of one robot with a floating base.")
+    if np.abs(g[:2]).max() > 1e-12 * abs(g[2]) or not g[2] < 0.0:
+        raise InputError(f"gravity is {g}; expected it along -z: a support region is horizontal.")
+
+
+def _program(loads: Loads, limits: bool) -> Program:
+    """X = (w, centre of mass): weight and forces balance.
+
+    A centre of mass moved by d adds the moment d x m g to what gravity does on the base.
+    """
+    state, robot = loads.state, loads.state.robot
+    R = state.base_pose(robot.bases[0]).rotation
+    first = int(np.searchsorted(robot.unactuated, robot.model.joints[robot.bases[0]].idx_v))
+    shift = np.zeros((len(loads.b), 2))
+    shift[first + 3 : first + 6] = R.T @ np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]])  # d x (0, 0, -1) = (-d_y, d_x, 0)
+    shift /= loads.row_size[:, None]
+    points = [r.patch.corners_W[:, :2] for r in loads.rows if r.patch is not None and len(r.patch.corners)]
+    middle = np.concatenate([state.com[None, :2], *points]).mean(axis=0)
+    torques = _torque_rows(loads) if limits else TorqueRows.none(loads, 2)
+    A, b = np.hstack([loads.A, shift]), loads.b + shift @ state.com[:2]
+    return Program.of(A, b, torques.C, torques.low, torques.high, loads).around(middle, WITHIN_M)
+
+
+def _torque_rows(loads: Loads) -> TorqueRows:
+    """A centre of mass loads no motor: the gravity torques are those of the pose."""
+    return TorqueRows.of(loads, np.zeros((loads.state.robot.nu, 2)))

@@ -1,0 +1,114 @@
+"""Regions, largest pushes and wrench cones among the marks around a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, rank_of
+from rbd.errors import InputError
+from rbd.statics.pushes import PushLimits
+from rbd.statics.regions import SupportRegion
+from rbd.statics.wrench_cones import ContactWrenchCone
+from rbd.statics.zero_moment_point import ZmpRegion
+from rbd.visual import shapes
+from rbd.visual.marks import Mark, Sizes
+from rbd.visual.shapes import Mesh
+from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR
+
+Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone
+_NAMES = {SupportRegion: "support region", ZmpRegion: "zero-moment points", PushLimits: "largest pushes"}
+_FARTHEST = 2.0
+"""Regions are cut so far from the centre of mass, in sizes of the robot."""
+
+
+def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
+    """What is drawn for regions, pushes and cones.
+
+    A support region lies at the height of the lowest contact, a region of zero-moment points on its plane; each push is an
+    arrow from where it acts, in the colour of what gives way, at the scale of the forces; of a wrench cone it is the forces
+    through its point without a moment.
+
+    Raises:
+        InputError: of something else.
+    """
+    out: list[Mark] = []
+    for i, one in enumerate(drawn):
+        at = f"statics/{i}"
+        if isinstance(one, SupportRegion):
+            heights = [r.patch.corners_W[:, 2].min() for r in one.loads.rows if r.patch is not None and len(r.patch.corners)]
+            corners = np.column_stack([one.vertices, np.full(len(one.vertices), min(heights, default=0.0))])
+            out += _area(at, corners, LIMITED_COLOR if one.torque_limits else SUPPORT_COLOR, i, sizes, one.state.com)
+        elif isinstance(one, ZmpRegion):
+            out += _area(at, one.vertices, ZMP_COLOR, i, sizes, one.state.com)
+        elif isinstance(one, PushLimits):
+            out += _pushes(at, one, sizes)
+        elif isinstance(one, ContactWrenchCone):
+            out += _cone(at, one, sizes)
+        else:
+            raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone of rbd.statics.")
+    return out
+
+
+def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
+    """(name, colour) of each."""
+    colors = {SupportRegion: SUPPORT_COLOR, ZmpRegion: ZMP_COLOR, PushLimits: LIMIT_COLORS["edge"][0]}
+    out = []
+    for one in drawn:
+        name, color = _NAMES.get(type(one), "forces through the point"), colors.get(type(one), WRENCH_COLOR)
+        if isinstance(one, SupportRegion) and one.torque_limits:
+            name, color = name + ", torques within limits", LIMITED_COLOR
+        if isinstance(one, SupportRegion | ZmpRegion) and (one.empty or not one.bounded):
+            name += ", empty" if one.empty else ", without end"
+        out.append((name, color))
+    return out
+
+
+def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: Array) -> list[Mark]:
+    """A polygon, an edge or a point, a little above what was drawn before it."""
+    if not len(corners):
+        return []
+    reach = _FARTHEST * sizes.body
+    corners = np.clip(corners, com - reach, com + reach) + [0.0, 0.0, (2.0 + number) * sizes.lift]
+    edge = shapes.tube(corners, radius=1.8 * sizes.line, closed=len(corners) > 2)
+    marks = [Mark(f"{at}/edge", edge, color, seen_through=True)]
+    if len(corners) > 2:
+        marks.append(Mark(f"{at}/area", shapes.polygon(corners), color, 0.22))
+    return marks
+
+
+def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
+    point, tips = limits.point, sizes.metres_per_newton * limits.forces[:, None] * limits.directions
+    reach = _FARTHEST * sizes.body
+    tips *= np.minimum(1.0, reach / np.maximum(np.linalg.norm(tips, axis=1), 1e-12))[:, None]
+    marks = []
+    kinds = [given[0].kind if given else "none" for given in limits.gives_way]
+    for kind, (color, _) in LIMIT_COLORS.items():
+        arrows = [shapes.arrow(point, tip, radius=0.3 * sizes.shaft) for tip, k in zip(tips, kinds, strict=True) if k == kind]
+        if arrows:
+            marks.append(Mark(f"{at}/{kind}", shapes.joined(arrows), color, seen_through=True))
+    if len(tips) > 2 and rank_of(limits.directions) == 2:
+        U = np.linalg.svd(limits.directions)[2][:2]
+        order = np.argsort(np.arctan2(*(U @ limits.directions.T)[::-1]), kind="stable")
+        around = shapes.tube(point + tips[order], radius=sizes.line, closed=True)
+        marks.append(Mark(f"{at}/around", around, "#7f7f7f", seen_through=True))
+    return marks
+
+
+def _cone(at: str, cone: ContactWrenchCone, sizes: Sizes) -> list[Mark]:
+    leans = cone.leans()
+    if len(leans) < 3:
+        return []
+    height = 2.0 * sizes.cone
+    rim = np.column_stack([leans, np.ones(len(leans))]) * height
+    rim *= np.minimum(1.0, 2.0 * height / np.linalg.norm(rim, axis=1))[:, None]
+    n = len(rim)
+    vertices = np.vstack([cone.about, cone.about + rim])
+    faces = np.array([[0, 1 + i, 1 + (i + 1) % n] for i in range(n)] + [[0, 1 + (i + 1) % n, 1 + i] for i in range(n)])
+    edge = shapes.tube(cone.about + rim, radius=sizes.line, closed=True)
+    return [
+        Mark(f"{at}/cone", Mesh(vertices, faces), WRENCH_COLOR, 0.28, seen_through=True),
+        Mark(f"{at}/rim", edge, WRENCH_COLOR, seen_through=True),
+    ]

@@ -1,0 +1,175 @@
+"""Where a robot can stand and how hard it can be pushed, on axes that are given: regions from above, largest pushes, leans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.convex.polygons import convex_hull
+from rbd.errors import InputError
+from rbd.statics.pushes import PushLimits
+from rbd.statics.regions import SupportRegion
+from rbd.statics.wrench_cones import ContactWrenchCone
+from rbd.statics.zero_moment_point import ZmpRegion
+from rbd.visual.plots import an_axis, frame
+from rbd.visual.style import COM_COLOR, LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+    from rbd.problem.rows import Rows
+
+_ROOM = 0.15
+"""Room around what is drawn, as a share of its size."""
+
+
+def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[str] = ()) -> list[Artist]:
+    """Draw regions from above, over their contacts, with the centre of mass.
+
+    Each region is an area with its edge; where its outer polygon is larger, that is dashed. One without end is cut off at the
+    frame. Several are drawn over each other, the first strongest. Contacts have the colours of the scene.
+
+    Args:
+        ax: Matplotlib axes.
+        regions: Of `support_region` or `zmp_region`, of one robot.
+        labels: Their names in the legend; what they are if not given.
+
+    Returns:
+        What was drawn: areas, outer polygons, contacts, the centre of mass.
+
+    Raises:
+        InputError: if `ax` are no axes, or something is no region.
+    """
+    an_axis(ax)
+    if not regions or not all(isinstance(r, SupportRegion | ZmpRegion) for r in regions):
+        raise InputError(f"regions are {regions!r:.80}; expected what support_region or zmp_region returns.")
+    if not isinstance(labels, list | tuple) or len(labels) not in (0, len(regions)):
+        raise InputError(f"labels are {labels!r:.80}; expected a name for each of {len(regions)} regions, or none.")
+    drawn: list[Artist] = []
+    for i, region in enumerate(regions):
+        kind = "zero-moment points"
+        if isinstance(region, SupportRegion):
+            kind = "support region, torques within limits" if region.torque_limits else "support region"
+        color = ZMP_COLOR
+        if isinstance(region, SupportRegion):
+            color = LIMITED_COLOR if region.torque_limits else SUPPORT_COLOR
+        name = str(labels[i]) if labels else kind
+        if region.empty:
+            name += " (empty)"
+        elif not region.bounded:
+            name += " (without end)"
+        corners, style = region.vertices[:, :2], ("-", "--", ":", "-.")[i % 4]
+        share = 1.0 / (1 + i)
+        drawn += ax.fill(*_closed(corners), color=color, alpha=0.18 * share, lw=0.0)
+        drawn += ax.plot(*_closed(corners), style, color=color, lw=1.8, alpha=0.4 + 0.6 * share, label=name)
+        if region.bounded and len(region.outer) and np.abs(region.outer[:, :2].max(axis=0) - corners.max(axis=0)).max() > 1e-6:
+            drawn += ax.plot(*_closed(region.outer[:, :2]), "--", color=color, lw=0.7)
+    drawn += _contacts(ax, [r for region in regions for r in region.loads.rows])
+    com = regions[0].state.com
+    drawn += ax.plot(com[:1], com[1:2], "o", color=COM_COLOR, ms=6.0, mec="white", mew=0.8, label="centre of mass")
+    _limits(ax, regions)
+    ax.set_aspect("equal")
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+    ax.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    frame(ax, "both")
+    return drawn
+
+
+def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
+    """Draw the largest pushes from above: a dot at the tip of each, coloured by what gives way, joined where they go round.
+
+    Args:
+        ax: Matplotlib axes.
+        limits: Of `push_limits`; directions that are not level are drawn by their level part.
+
+    Returns:
+        What was drawn: the curve through the tips, then the dots, one artist a kind of limit.
+
+    Raises:
+        InputError: if `ax` are no axes, or `limits` something else.
+    """
+    an_axis(ax)
+    if not isinstance(limits, PushLimits):
+        raise InputError(f"limits are {limits!r:.80}; expected what rbd.statics.push_limits returns.")
+    tips = limits.directions[:, :2] * limits.forces[:, None]
+    order = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
+    drawn: list[Artist] = []
+    if len(tips) > 2:
+        drawn += ax.plot(*_closed(tips[order]), "-", color="0.6", lw=1.0, zorder=1)
+    kinds = [given[0].kind if given else "none" for given in limits.gives_way]
+    for kind, (color, label) in LIMIT_COLORS.items():
+        of = tips[[k == kind for k in kinds]]
+        if len(of):
+            drawn += ax.plot(of[:, 0], of[:, 1], "o", color=color, ms=5.0, mec="white", mew=0.6, label=label, zorder=2)
+    ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
+    ax.set_aspect("equal")
+    ax.set_xlabel(f"push at {limits.frame} along x [N]")
+    ax.set_ylabel("along y [N]")
+    ax.legend(frameon=False, fontsize="small", title="what gives way first", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    frame(ax, "both")
+    return drawn
+
+
+def plot_wrench_cone(ax: Axes, cone: ContactWrenchCone) -> list[Artist]:
+    """Draw how far a force through the cone's point may lean without a moment: f_x / f_z and f_y / f_z.
+
+    Args:
+        ax: Matplotlib axes.
+        cone: Of `wrench_cone`.
+
+    Returns:
+        The area and its edge; nothing but a mark at zero where no such force is in the cone.
+
+    Raises:
+        InputError: if `ax` are no axes, or `cone` something else.
+    """
+    an_axis(ax)
+    if not isinstance(cone, ContactWrenchCone):
+        raise InputError(f"cone is {cone!r:.80}; expected what rbd.statics.wrench_cone returns.")
+    corners = cone.leans()
+    drawn: list[Artist] = []
+    if len(corners):
+        drawn += ax.fill(*_closed(corners), color=WRENCH_COLOR, alpha=0.2, lw=0.0)
+        drawn += ax.plot(*_closed(corners), "-", color=WRENCH_COLOR, lw=1.8)
+    drawn += ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
+    ax.set_aspect("equal")
+    ax.set_xlabel("$f_x / f_z$ of a force through the point, without a moment")
+    ax.set_ylabel("$f_y / f_z$")
+    frame(ax, "both")
+    return drawn
+
+
+def _closed(corners: Array) -> tuple[Array, Array]:
+    ends = np.vstack([corners, corners[:1]])
+    return ends[:, 0], ends[:, 1]
+
+
+def _contacts(ax: Axes, rows: Sequence[Rows]) -> list[Artist]:
+    """The outlines of contacts from above, each once: a patch as an outline, a point as a cross."""
+    drawn: list[Artist] = []
+    patches = {r.name: r.patch for r in rows if r.patch is not None}
+    for name, color in contact_colors(patches).items():
+        patch = patches[name]
+        assert patch is not None
+        corners = convex_hull(patch.corners_W[:, :2])
+        if len(corners) > 2:
+            drawn += ax.fill(*_closed(corners), color=color, alpha=0.3, lw=0.0, label=name, zorder=1)
+        else:
+            drawn += ax.plot(*_closed(corners), "-" if len(corners) == 2 else "x", color=color, lw=3.0, label=name, zorder=1)
+    return drawn
+
+
+def _limits(ax: Axes, regions: Sequence[SupportRegion | ZmpRegion]) -> None:
+    """Room around contacts, centres of mass and regions that end."""
+    points = [regions[0].state.com[None, :2]]
+    points += [region.vertices[:, :2] for region in regions if region.bounded]
+    points += [r.patch.corners_W[:, :2] for region in regions for r in region.loads.rows if r.patch is not None]
+    low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
+    room = _ROOM * max(float((high - low).max()), 0.05)
+    ax.set_xlim(low[0] - room, high[0] + room)
+    ax.set_ylim(low[1] - room, high[1] + room)
