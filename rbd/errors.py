@@ -170,6 +170,7 @@ class CannotMove(NoSolution):
     Attributes:
         limits: An irreducible set of `rbd.statics.limits.Limit`: all of them together cannot be kept, and any of them left out
             lets the rest be kept. Empty where the proof was not found.
+        irreducible: Whether that is so; False where there were too many to leave each of them out in turn, or there are none.
         certificate: The `Certificate` that they cannot: multipliers of the equations of motion and of the limits; or None.
         missing: `Missing`: the least wrench on the base (and torques at passive joints) that would let contact forces
             balance the motion, torque limits aside; or None.
@@ -182,13 +183,15 @@ class CannotMove(NoSolution):
         message: str,
         *,
         limits: tuple[Any, ...] = (),
+        irreducible: bool = False,
         certificate: Any = None,
         missing: Any = None,
         excess: np.ndarray | None = None,
         nearest: Callable[[], Any] | None = None,
     ) -> None:
         super().__init__(message)
-        self.limits, self.certificate, self.missing, self.excess = limits, certificate, missing, excess
+        self.limits, self.irreducible, self.certificate = limits, irreducible, certificate
+        self.missing, self.excess = missing, excess
         self._nearest_possible = nearest
 
     def nearest(self, *, weights: Mapping[str, float | np.ndarray] | None = None) -> Any:

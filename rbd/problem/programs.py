@@ -37,6 +37,9 @@ CONIC_STEPS = 200
 CONIC_SECONDS = 2.0
 """Clock limit of one conic program [s]. Robots need milliseconds."""
 
+LIMIT_PROGRAMS = 100
+"""Conic programs on which limits stand in the way of one motion. Robots on their feet need 5 to 40."""
+
 QP_STEPS = 300
 """Outer iterations of a quadratic program. Robots need 8 to 22, and a setting that needs 100 seldom converges."""
 QP_STEPS_LAST = 1000

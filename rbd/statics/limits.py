@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, lazy
+from rbd.problem import programs
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.force_set import Element, ForceSet, at_rest
 from rbd.problem.programs import Outcome
@@ -160,12 +161,13 @@ class Relaxable:
         found = solve_conic(self.program(relaxed), newton=False, tolerance=1e-8)
         return found.certificate if found.outcome is Outcome.INFEASIBLE else None
 
-    def irreducible(self, proof: Certificate) -> tuple[Limit, ...]:
-        """A set of limits that contradict each other, none of which could be left out.
+    def irreducible(self, proof: Certificate) -> tuple[tuple[Limit, ...], bool]:
+        """A set of limits that contradict each other, and whether none of them could be left out: not all may have been tried.
 
         Args:
             proof: That all of them do.
         """
+        left = programs.LIMIT_PROGRAMS
         kept = list(self.limits)
         gone = [limit for limit in kept if limit.kind == "motor" and not self._speaks(proof, limit)]
         if gone and self.refuted(gone) is None:
@@ -173,10 +175,11 @@ class Relaxable:
         for limit in self.limits:
             if limit in gone or (limit.kind == "push" and self._finer(limit, gone)):
                 continue
-            if self.refuted([*gone, limit]) is not None:
+            left -= 1
+            if left >= 0 and self.refuted([*gone, limit]) is not None:
                 gone.append(limit)
         out = [limit for limit in kept if limit not in gone]
-        return tuple(limit for limit in out if not (limit.kind == "push" and self._finer(limit, gone)))
+        return tuple(limit for limit in out if not (limit.kind == "push" and self._finer(limit, gone))), left >= 0
 
     def _finer(self, limit: Limit, gone: Sequence[Limit]) -> bool:
         """Whether friction, slip or edge of the same contact is in the way already."""

@@ -66,19 +66,22 @@ class Refusal:
                 "of a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
                 nearest=self.nearest,
             )
-        limits = relaxable.irreducible(proof)
+        limits, irreducible = relaxable.irreducible(proof)
         lack = missing(self.loads, self.effort)
         over = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
             over = excess(self.loads, self.effort)
         words = f"{name} cannot {does}{self._on()}: {self._why(limits, lack, over)}"
         if limits:
-            words += f" In the way together: {_listed([str(limit) for limit in limits])}."
+            together = "In the way together" if irreducible else "In the way, all of these or some of them"
+            words += f" {together}: {_listed([str(limit) for limit in limits])}."
         if lack is not None and lack.size > _NOTHING * self.loads.unit:
             words += f" {_capital(str(lack))}."
         if not self.holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
-        return kind(words, limits=limits, certificate=proof, missing=lack, excess=over, nearest=self.nearest)
+        return kind(
+            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack, excess=over, nearest=self.nearest
+        )
 
     def _on(self) -> str:
         return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""

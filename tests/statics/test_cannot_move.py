@@ -187,7 +187,7 @@ def test_what_is_in_the_way_is_irreducible(name: str, questions: dict[str, Quest
     error = refused(lambda: rbd.inverse_dynamics(state, a, contacts, **told))
     proves(ask.program(), error)
     named = error.limits
-    assert named and set(named) <= set(ask.limits)
+    assert named and error.irreducible and set(named) <= set(ask.limits)
     if EXPECTED[name]:
         assert {limit.kind for limit in named} == EXPECTED[name]
     finer = {limit.name for limit in named if limit.kind in ("friction", "edge", "slips")}
@@ -217,7 +217,7 @@ def test_drawn_motions_beyond_limits_are_refused_by_irreducible_sets(name: str, 
             continue
         count += 1
         ask, named = relaxable(state, a, contacts), error.limits
-        assert named and error.certificate is not None
+        assert named and error.irreducible and error.certificate is not None
         finer = {limit.name for limit in named if limit.kind in ("friction", "edge", "slips")}
         rest = [x for x in ask.limits if x not in named and not (x.kind == "push" and x.name in finer)]
         assert ask.refuted(rest) is not None
@@ -451,6 +451,20 @@ def test_messages_stay_short() -> None:
     ]
     error = refused(lambda: rbd.hold(state, many))
     assert len(str(error)) < 1500 and "and 32 more" in str(error)
+
+
+def test_a_search_among_many_limits_is_cut_short(talos: rbd.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then all that was not tried is named, as still refuted together, and said not to be irreducible."""
+    ask = {"external": 100.0 * talos.standing().frame("torso_2_link").J[1]}
+    whole = refused(lambda: rbd.hold(talos.standing(), talos.soles(0.1), **ask))
+    monkeypatch.setattr("rbd.problem.programs.LIMIT_PROGRAMS", 2)
+    part = refused(lambda: rbd.hold(talos.standing(), talos.soles(0.1), **ask))
+    assert whole.irreducible and not part.irreducible and len(part.limits) > len(whole.limits)
+    assert "In the way, all of these or some of them" in str(part) and "In the way together" in str(whole)
+    question = relaxable(talos.standing(), np.zeros(talos.nv), talos.soles(0.1), margin=0.0, **ask)
+    assert (
+        question.refuted([limit for limit in question.limits if limit not in part.limits and limit.kind != "push"]) is not None
+    )
 
 
 def test_with_a_margin_the_words_say_that_it_could_without(talos: rbd.Robot) -> None:
