@@ -71,7 +71,7 @@ class Refusal:
         over = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
             over = excess(self.loads, self.effort)
-        words = f"{name} cannot {does}{self._on()}: {self._why(limits, lack, over)}"
+        words = f"{name} cannot {does}{self._on()}: {self._why(limits if irreducible else (), lack, over)}"
         if limits:
             together = "In the way together" if irreducible else "In the way, all of these or some of them"
             words += f" {together}: {_listed([str(limit) for limit in limits])}."
