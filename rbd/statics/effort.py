@@ -22,6 +22,8 @@ from rbd.statics.loads import Loads
 
 FORCE_WEIGHT = 1e-4
 """Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
+POSSIBLE = 1e-9
+"""Torques and forces whose equations and limits are missed by no more, of numbers around one, are possible."""
 _MOST = 1e12
 _ALIKE = 1.0
 

@@ -17,11 +17,9 @@ from rbd.problem.conic import Conic, ConicAnswer
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic import solve_conic
 from rbd.statics.actuation import Actuation
-from rbd.statics.effort import Effort
+from rbd.statics.effort import POSSIBLE, Effort
 from rbd.statics.loads import Loads
 
-POSSIBLE = 1e-9
-"""Torques and forces whose equations and limits are missed by no more, of numbers around one, are possible."""
 _EXACT = 1e-14
 """What is left of balance below this, of numbers around one, is rounding."""
 

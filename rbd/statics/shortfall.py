@@ -12,9 +12,11 @@ from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
 from rbd.problem.conic import Conic
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic import solve_conic
-from rbd.statics.effort import Effort
+from rbd.statics.effort import POSSIBLE, Effort
 from rbd.statics.loads import Loads
 
+_NEAR = 1e-6
+"""A motion that is possible is called the nearest where it is by this, over the distance of numbers around one."""
 _ANY = 1e-9
 """Weight of the square of forces beside what is made least: it picks one set of forces among many."""
 
@@ -157,8 +159,8 @@ def excess(loads: Loads, effort: Effort) -> Array | None:
 
 def nearest_possible(
     loads: Loads, a: Array, rhs: Array, still: Array, offset: Array, effort: Effort
-) -> tuple[Array, Array] | None:
-    """(a, weights [N]) of the reachable acceleration nearest in the inertia metric, all contacts as they are.
+) -> tuple[Array, Array] | Outcome:
+    """(a, weights [N]) of the reachable acceleration nearest in the inertia metric, all contacts as they are; or why none.
 
         minimise 1/2 |a' - a|_M^2  subject to  M a' = S^T tau + rhs + J^T G w,  H^T J a' + offset = 0,  |tau| <= limit
 
@@ -201,6 +203,7 @@ def nearest_possible(
         ),
         newton=False, tolerance=1e-8,
     )  # fmt: skip
-    if found.outcome is not Outcome.SOLVED:
-        return None
+    near = found.outcome is Outcome.NOT_FOUND and found.program.outside(found.x) <= POSSIBLE and found.miss <= _NEAR
+    if not (found.solved or near):
+        return found.outcome
     return a + back @ found.x[:k], found.x[k:] * unit

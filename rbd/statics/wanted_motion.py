@@ -19,6 +19,7 @@ from rbd.model.state import State
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
+from rbd.problem.programs import CONIC_STEPS, Outcome
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.statics.actuation import Actuation
@@ -174,6 +175,8 @@ class WantedMotion:
     @property
     def _motion(self) -> tuple[Array, Array, Array]:
         """(J, bias and feedback, their sizes) of all rows."""
+        if not self.rows:
+            return np.zeros((0, self.state.robot.nv)), zeros(0), zeros(0)
         J = np.concatenate([r.J for r in self.rows])
         bias, feedback = np.concatenate([r.bias for r in self.rows]), np.concatenate([r.feedback for r in self.rows])
         return J, bias + feedback, np.abs(bias) + np.abs(feedback)
@@ -190,8 +193,11 @@ class WantedMotion:
         live = sets.lower < sets.upper
         H = sets.H[:, live].T
         found = nearest_possible(loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + sets.offset[live], self.effort)
-        if found is None:
-            raise NoSolution(f"{self.state.robot.name} has no possible motion that keeps its contacts as they are.")
+        name = self.state.robot.name
+        if found is Outcome.INFEASIBLE:
+            raise NoSolution(f"{name} has no possible motion that keeps its contacts as they are.")
+        if isinstance(found, Outcome):
+            raise NoSolution(f"the nearest possible motion of {name} was not found within {CONIC_STEPS} steps.")
         a, w = found
         moved = replace(self, a=a, holds=False)
         at = moved._loads(loads.sets)

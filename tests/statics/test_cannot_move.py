@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 import pytest
-from moving_states import Moving, drawn, robot, still_at_contacts
+from moving_states import NAMES, Moving, drawn, robot, still_at_contacts
 from second_conic import Whole, by_scs, proof
 
 import rbd
@@ -201,6 +201,32 @@ def test_what_is_in_the_way_is_irreducible(name: str, questions: dict[str, Quest
         assert str(one) in str(error) or len(named) > 8
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_drawn_motions_beyond_limits_are_refused_by_irreducible_sets(name: str, exhaustive: bool) -> None:
+    """Accelerations that are too large, of drawn moving states: an irreducible set each, and a nearest motion comes back."""
+    one, rng, count = robot(name), np.random.default_rng(41), 0
+    while count < (100 if exhaustive else 6):
+        moving = drawn(one, rng, friction=float(rng.uniform(0.2, 0.9)), speed=0.5)
+        state, contacts = moving.state, moving.contacts
+        a = still_at_contacts(moving, (1e5 if name == "leg" else 4.0) * rng.normal(size=one.nv))
+        try:
+            rbd.inverse_dynamics(state, a, contacts)
+        except CannotMove as caught:
+            error = caught
+        else:
+            continue
+        count += 1
+        ask, named = relaxable(state, a, contacts), error.limits
+        assert named and error.certificate is not None
+        finer = {limit.name for limit in named if limit.kind in ("friction", "edge", "slips")}
+        rest = [x for x in ask.limits if x not in named and not (x.kind == "push" and x.name in finer)]
+        assert ask.refuted(rest) is not None
+        assert all(ask.refuted([*rest, limit]) is None for limit in named)
+        near = error.nearest()
+        assert near.status == "solved" and (np.abs(near.tau) <= one.effort_limit).all()
+        assert off_by(rbd.solve(state, near.tau, contacts), near.a) < 1e-6
+
+
 def test_what_is_named_is_what_helps(talos: rbd.Robot) -> None:
     """Not of the program but of the robot: more friction where friction is named, a stronger motor where a motor is."""
     state = talos.standing()
@@ -368,6 +394,33 @@ def test_a_point_that_would_sink_has_a_nearest_motion(talos: rbd.Robot) -> None:
     near = error.nearest()
     assert np.abs(rbd.solve(state, near.tau, talos.soles()).a - near.a).max() < 1e-6
     assert abs(near.a[2]) < 0.5
+
+
+def test_in_the_air_the_nearest_motion_falls(talos: rbd.Robot) -> None:
+    """Of standing still: the centre of mass falls with g, whatever the motors do; of all such motions it is the nearest."""
+    state = talos.standing()
+    near = refused(lambda: rbd.hold(state, [])).nearest()
+    A_g, _, mass = state.centroidal()
+    assert A_g @ near.a == pytest.approx([0.0, 0.0, -mass * G, 0.0, 0.0, 0.0], abs=1e-6)
+    assert off_by(rbd.solve(state, near.tau), near.a) < 1e-8
+    assert near.a @ state.M @ near.a == pytest.approx(mass * G**2, rel=1e-8)  # falling without moving a joint
+
+
+def test_a_motion_that_keeps_contacts_may_be_impossible() -> None:
+    """A box without motors, lifted with five times its weight: its point only pushes, and cannot be kept on the ground."""
+    one = box(2.0)
+    state = rbd.State(one, pin.neutral(one.model))
+    floor = [rbd.PointContact("toe", "box", offset=(0.0, 0.0, 0.0), friction=0.5, on=None)]
+    lift = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 0.0])
+    error = refused(lambda: rbd.hold(state, floor, external=lift))
+    with pytest.raises(NoSolution, match="no possible motion that keeps its contacts as they are"):
+        error.nearest()
+
+
+def off_by(found: rbd.Solution, a: Array) -> float:
+    """How far a motion is from another, relative, in the metric of inertia."""
+    M, e = found.problem.M, found.a - a
+    return math.sqrt(e @ M @ e / max(1.0, a @ M @ a))
 
 
 def test_the_nearest_takes_no_weights_and_may_not_be_there(talos: rbd.Robot) -> None:
