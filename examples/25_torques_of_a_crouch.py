@@ -23,7 +23,7 @@ def crouch(g1: rbd.Robot, down_s: float) -> tuple[np.ndarray, list[rbd.Actuation
     plan = CubicSpline(t, [pin.difference(g1.model, q[0], x) for x in q], bc_type="clamped")  # the base does not turn
     for x, v, a in zip(q, plan(t, 1), plan(t, 2), strict=True):
         state = rbd.mechanism.project_velocity(rbd.State(g1, x, v), held)
-        nearest = rbd.solve(state, np.zeros(g1.nu), held, external=state.M @ a + state.h)  # a is the free one
+        nearest = rbd.mechanism.project_acceleration(state, a, held)
         ways.append(rbd.inverse_dynamics(state, nearest.a, soles))
     return t, ways
 

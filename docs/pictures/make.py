@@ -161,7 +161,7 @@ def inverse_dynamics() -> Path:
     weight, wanted, shares, reached, lateral = 9.81 * robot.mass, np.linspace(0.0, 3.0, 121), [], [], np.zeros(robot.nv)
     for rate in wanted:
         lateral[1] = rate
-        a = rbd.solve(state, np.zeros(robot.nu), held, external=state.M @ lateral + state.h).a
+        a = rbd.mechanism.project_acceleration(state, lateral, held).a
         try:
             way = rbd.inverse_dynamics(state, a, soles)
             friction = 1.0 - min(way.margins.friction.values())

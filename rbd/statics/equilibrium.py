@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from rbd.arrays import zeros
 from rbd.constraints.constraint import Constraint
-from rbd.errors import NotAtRest
 from rbd.model.dynamics import External, checked
 from rbd.model.state import State
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import Effort
+from rbd.statics.loads import refuse_motion
 from rbd.statics.wanted_motion import MARGIN, WantedMotion, checked_margin
-
-AT_REST = 1e-9
-"""Largest |v| of a robot at rest."""
 
 
 def hold(
@@ -52,12 +47,9 @@ def hold(
         CannotHold: naming the limits in the way, with the proof and what is missing.
     """
     robot = checked(state).robot
-    if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
-        raise NotAtRest(f"hold wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
+    refuse_motion(state)
     wanted = WantedMotion.of(state, zeros(robot.nv), contacts, external, objective, friction, holds=True, stacklevel=3)
-    for r in wanted.rows:  # at v = 0, J_dot v of a ground at rest is zero
-        if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
-            raise NotAtRest(f"hold wants a ground at rest, and what {r.name!r} touches moves. Use rbd.solve.")
+    refuse_motion(state, wanted.rows)
     if margin is not None:
         return wanted.actuation(checked_margin(margin), stacklevel=3)
     preferred = wanted.possible(MARGIN, stacklevel=3)

@@ -13,12 +13,46 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint, rows_of
+from rbd.errors import DuplicateName, NotAtRest
+from rbd.least_constraint import warn_of_distant
 from rbd.model.state import State
 from rbd.problem.force_set import ForceSet
 from rbd.problem.rows import Rows
 
 _BEYOND = 1e-9
 """A torque beyond its limit by less, over the limit, is there by rounding."""
+
+AT_REST = 1e-9
+"""Largest |v| of a robot at rest."""
+
+
+def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: int = 3) -> tuple[Rows, ...]:
+    """Rows of constraints, each with its own name; a warning names contacts off the planes that they stand on.
+
+    Raises:
+        DuplicateName: two of one name.
+    """
+    rows = tuple(rows_of(state, contacts))
+    if len(names := [r.name for r in rows]) != len(set(names)):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DuplicateName(f"two contacts are named {twice!r:.80}; give each its own name.")
+    if not all([r.patch is None or r.patch.touches for r in rows]):
+        warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
+    return rows
+
+
+def refuse_motion(state: State, rows: Sequence[Rows] = ()) -> None:
+    """Refuse a robot that moves, and contacts with a ground that does.
+
+    Raises:
+        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+    """
+    if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
+        raise NotAtRest(f"statics wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
+    for r in rows:  # at v = 0, J_dot v of a ground at rest is zero
+        if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
+            raise NotAtRest(f"statics wants a ground at rest, and what {r.name!r} touches moves. Use rbd.solve.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, as_float, as_vector3
-from rbd.constraints.constraint import Constraint, listed, rows_of
-from rbd.errors import DuplicateName, InputError, NotAtRest
-from rbd.least_constraint import warn_of_distant
+from rbd.constraints.constraint import Constraint, listed
+from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST
 from rbd.model.dynamics import checked
 from rbd.model.state import State
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import narrowed
 from rbd.problem.rows import Rows
-from rbd.statics.equilibrium import AT_REST
-from rbd.statics.loads import Loads
+from rbd.statics.loads import Loads, contact_rows, refuse_motion
 
 FRICTIONS = ("cone", "inscribed", "circumscribed")
 SMALLEST_GAP = 1e-6
@@ -41,29 +39,21 @@ def standing_loads(state: State, contacts: Sequence[Constraint], friction: str, 
         InputError: no contacts, no weight, a friction or a margin that is none.
     """
     robot = checked(state).robot
-    if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
-        raise NotAtRest(f"a robot at rest was expected, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
-    rows = contact_rows(state, contacts, stacklevel=4)
-    for r in rows:  # at v = 0, J_dot v of a ground at rest is zero
-        if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
-            raise NotAtRest(f"a ground at rest was expected, and what {r.name!r} touches moves.")
+    refuse_motion(state)
+    rows = given_rows(state, contacts, stacklevel=4)
+    refuse_motion(state, rows)
     sets = force_sets(rows, friction, margin)
     if not robot.mass * float(np.linalg.norm(robot.gravity)) > 0.0:
         raise InputError(f"{robot.name} has no weight (its mass, or gravity, is zero): it stands nowhere.")
     return Loads(state, rows, sets, state.h)
 
 
-def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: int = 3) -> tuple[Rows, ...]:
+def given_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: int = 3) -> tuple[Rows, ...]:
     """Rows of at least one contact; a warning names those off the planes that they stand on."""
     given = listed(contacts)
     if not given:
         raise InputError("contacts are empty; expected what the robot stands on, e.g. robot.soles().")
-    rows = tuple(rows_of(checked(state), given))
-    if len(names := [r.name for r in rows]) != len(set(names)):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise DuplicateName(f"two contacts are named {twice!r:.80}; give each its own name.")
-    warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
-    return rows
+    return contact_rows(checked(state), given, stacklevel=stacklevel + 1)
 
 
 def place(what: str, value: Sequence[float] | Array) -> Array:

@@ -12,9 +12,8 @@ from functools import partial
 import numpy as np
 
 from rbd.arrays import Array, as_float, zeros
-from rbd.constraints.constraint import Constraint, listed, rows_of
-from rbd.errors import CannotMove, ContactMoves, DuplicateName, InputError, NoSolution
-from rbd.least_constraint import warn_of_distant
+from rbd.constraints.constraint import Constraint, listed
+from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
 from rbd.problem.contact_motion import REST_SPEED
@@ -26,7 +25,7 @@ from rbd.problem.rows import Rows
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import DEFAULT, Effort
 from rbd.statics.effort_program import least_effort, warned
-from rbd.statics.loads import Loads
+from rbd.statics.loads import Loads, contact_rows
 from rbd.statics.refusal import Refusal
 from rbd.statics.shortfall import nearest_possible
 
@@ -84,12 +83,7 @@ class WantedMotion:
             DuplicateName: two constraints of one name.
         """
         given = listed(contacts)
-        rows = tuple(rows_of(state, given))
-        if len(names := [r.name for r in rows]) != len(set(names)):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise DuplicateName(f"two contacts are named {twice!r}; give each its own name.")
-        if not all([r.patch is None or r.patch.touches for r in rows]):
-            warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
+        rows = contact_rows(state, given, stacklevel=stacklevel + 1)
         if not isinstance(friction, str) or friction not in FRICTIONS:
             raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
         effort = DEFAULT if effort is None else effort

@@ -20,7 +20,7 @@ from rbd.constraints.convex.polygons import clipped, convex_hull
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import linear_program
-from rbd.statics.standing import contact_rows, force_sets, friction_words, place
+from rbd.statics.standing import force_sets, friction_words, given_rows, place
 from rbd.statics.zero_moment_point import wrench_map
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def wrench_cone(
     """
     if isinstance(friction, str) and friction == "cone":
         raise InputError("friction is 'cone', which has no faces; expected 'inscribed' or 'circumscribed'.")
-    rows = contact_rows(state, contacts)
+    rows = given_rows(state, contacts)
     sets = force_sets(rows, friction, margin)
     point = state.com.copy() if about is None else place("about", about)
     W = wrench_map(rows, sets.G, point)

@@ -28,7 +28,7 @@ from rbd.problem.rows import Rows
 from rbd.statics.force_program import Program
 from rbd.statics.loads import Loads
 from rbd.statics.planar_image import WITHIN_M, area_of, planar_region, warn_of_gap
-from rbd.statics.standing import check_area_gap, contact_forces, contact_rows, force_sets, friction_words, names_of
+from rbd.statics.standing import check_area_gap, contact_forces, force_sets, friction_words, given_rows, names_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -179,7 +179,7 @@ def zmp_region(
     check_flag("pendular", pendular)
     gap = check_area_gap(area_gap)
     ground = plane_of("the zero-moment point", on)
-    rows = contact_rows(state, contacts)
+    rows = given_rows(state, contacts)
     loads = Loads(state, rows, force_sets(rows, friction, margin), state.h)
     program = (_pendulum if pendular else _any_motion)(loads, ground)
     found, ways, cut = planar_region(program.around(np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
