@@ -46,6 +46,7 @@ class CheckedModel:
         actuation: S of the equations of motion, shape (nu, nv): S v are the motor rates, S^T tau the joint torques.
         actuated: Indices in v of the actuated coordinates, shape (nu,).
         motors: The same as a slice where they follow each other, which is faster.
+        idle: Those of `unactuated`, likewise.
         unactuated: The other indices in v, of bases and passive joints, ascending.
         actuated_names: Their joints' names, in the order of tau.
         effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
@@ -76,7 +77,7 @@ class CheckedModel:
         self.unactuated = np.setdiff1d(np.arange(self.nv), self.actuated)
         self.actuated_names = tuple(n for n, _ in motors)
         self.nu = len(motors)
-        self.motors = _as_slice(self.actuated)
+        self.motors, self.idle = _as_slice(self.actuated), _as_slice(self.unactuated)
         self.actuation = np.eye(self.nv)[self.actuated]
         limit = np.array(model.effortLimit, float)[self.actuated]
         # Zero, missing and +-DBL_MAX all mean that the file states no limit.

@@ -84,7 +84,7 @@ class Separable:
         J = (self.R[:, inside] / self.d[inside]) @ self.R[:, inside].T
         if not len(self.mu):
             return np.asarray(J)
-        V = cone_slopes(p[self.cones], self.mu) / self.d[self.cones[:, :1], None]
+        V = _slopes(p[self.cones], self.mu) / self.d[self.cones[:, :1], None]
         columns = self.R[:, self.cones]  # (r, k, 3)
         turned = np.einsum("rki,kij->rkj", columns, V).reshape(len(self.b), -1)
         return np.asarray(J + turned @ columns.reshape(len(self.b), -1).T)
@@ -137,7 +137,7 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
     return None
 
 
-def cone_slopes(p: Array, mu: Array) -> Array:
+def _slopes(p: Array, mu: Array) -> Array:
     """Derivatives of the projections on the cones |y_t| <= mu y_n, shape (k, 3, 3)."""
     t, n = np.hypot(p[:, 0], p[:, 1]), p[:, 2]
     inside, apex = t <= mu * n, mu * t <= -n

@@ -24,6 +24,8 @@ from rbd.arrays import Array, lazy
 from rbd.problem.cones import project_cones, pyramid
 from rbd.problem.force_set import ForceSet
 
+STILLEST = math.sqrt(3.0)
+"""The distance of a bound, or a circular cone, is at most this times the largest entry of its acceleration, over its scale."""
 _STILL = 1e-10
 _ROUNDING = 1e-14
 _TINY = 1e-300
@@ -145,7 +147,7 @@ def largest_distance(T: ForceSet, w: Array, y: Array, slack: Array, *, coulomb: 
     p, moves = w[T.cone_columns], y[T.cone_columns]
     size = np.sqrt(np.einsum("ij,ij->i", p, p))
     loaded = ~(size == 0.0)
-    still = math.sqrt(3.0) * (np.abs(moves).max(axis=1) * loaded).max()
+    still = STILLEST * (np.abs(moves).max(axis=1) * loaded).max()
     if still > _STILL * T.reach:
         # The change of the natural map grows with r, and r is at most this.
         moved = p - (np.maximum(size, 1.0) / T.reach)[:, None] * moves

@@ -120,6 +120,7 @@ class GaussProblem:
         origin: Stored as the attribute.
         rest_speed: Stored as the attribute.
         from_state: M and rhs come from a `State`, which has checked them.
+        stacked: (J, offset) of the rows, where they are known already.
 
     Raises:
         InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
@@ -134,8 +135,11 @@ class GaussProblem:
     origin: Origin | None = None
     rest_speed: float = REST_SPEED
     from_state: InitVar[bool] = False
+    stacked: InitVar[tuple[Array, Array] | None] = None
 
-    def __post_init__(self, from_state: bool) -> None:
+    def __post_init__(self, from_state: bool, stacked: tuple[Array, Array] | None) -> None:
+        if stacked is not None:
+            self.__dict__["J"], self.__dict__["offset"] = stacked
         if not from_state:
             self._check_inertia()
         if self.rest_speed is not REST_SPEED:

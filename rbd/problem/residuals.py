@@ -14,7 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, add_wrench, is_finite, lazy, max_abs
 from rbd.problem.force_set import ForceSet
-from rbd.problem.law_distance import bound_distances, largest_distance, points_of
+from rbd.problem.law_distance import STILLEST, bound_distances, largest_distance, points_of
 from rbd.problem.problem import CONVEX, GaussProblem, Law
 from rbd.problem.scales import Scales
 
@@ -324,6 +324,8 @@ def _of_set(T: ForceSet, circular: ForceSet, c: Array, f: Array, weights: Array 
         return gaps, far
 
     def most() -> float:
+        if T is circular and (quick := STILLEST * max_abs(y) / T.reach) <= ENOUGH:  # nothing moves: no point is looked at
+            return quick
         return largest_distance(T, w, y, slack, coulomb=coulomb)
 
     return _Terms(gap, slack, f - T.G @ w, T.slices, over, most)

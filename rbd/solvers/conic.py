@@ -12,14 +12,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import lapack
 
-from rbd.arrays import Array, is_finite
-from rbd.problem.cone_programs import cone_slopes
+from rbd.arrays import Array, is_finite, max_abs
 from rbd.problem.conic import Certificate, Conic, ConicAnswer
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome
 
 MET = 1e-11
 """A miss up to this is rounding, of numbers around one; where H has larger entries, 1e-14 of these."""
-_ROUNDING, _DIGITS = 1e-14, 1e-14  # of numbers around one; of entries of H
+_ROUNDING, _DIGITS = 1e-13, 1e-14  # of numbers around one; of entries of H
 NEWTON_STEPS = 12
 """Of Newton's method, before Clarabel is asked."""
 _NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
@@ -86,23 +85,19 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | 
     for count in range(NEWTON_STEPS + 1):
         s, r = program.C @ x, program.answer_of_X(x, y, z)
         p, t = x - r, s - z
-        inside = program.project(p)
+        inside, V = _projected(program, p)
         off = x - inside, program.A @ x - program.b, s - np.minimum(np.maximum(t, program.low), program.high)
-        miss = max(float(np.abs(part).max(initial=0.0)) for part in off)
+        miss = max(max_abs(off[0]), max_abs(off[1]), max_abs(off[2]))
+        if miss <= _ROUNDING:
+            return ConicAnswer(program, Outcome.SOLVED, inside, y, z, "Newton", count)
         if best is None or miss < best[0]:
             best = miss, count, x, y, z
-        if (
-            miss <= _ROUNDING
-            or count == NEWTON_STEPS
-            or not miss < 1e3 * max(best[0], 1.0)
-            or (best[0] <= met and count > best[1] + 1)
-        ):
+        if count == NEWTON_STEPS or not miss < 1e3 * max(best[0], 1.0) or (best[0] <= met and count > best[1] + 1):
             break
         # d off = [(I - V) + V H, -V A^T, -V C^T; A, 0, 0; (I - D) C, 0, D] with V, D the slopes of the projections: where a row
         # is between its bounds, z becomes 0, and its equation is left out.
         held = (t <= program.low) | (t >= program.high)
-        E = np.vstack([program.A, program.C[held]])
-        V = _slope(program, p)
+        E = np.concatenate([program.A, program.C[held]]) if held.any() else program.A
         m = len(E)
         K = np.zeros((n + m, n + m))
         K[:n, :n] = V @ program.H
@@ -127,15 +122,29 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | 
     return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count)
 
 
-def _slope(program: Conic, p: Array) -> Array:
-    """Derivative of the projection on X at p, shape (n, n)."""
-    inside = (p > program.lower) & (p < program.upper)
+def _projected(program: Conic, p: Array) -> tuple[Array, Array]:
+    """(projection of p on X, its derivative at p), shapes (n,) and (n, n); cone by cone, in plain floats."""
+    out = np.minimum(np.maximum(p, program.lower), program.upper)
     V = np.zeros((len(p), len(p)))
-    V.flat[:: len(p) + 1] = inside
-    if len(program.mu):
-        at = program.cones
-        V[at[:, :, None], at[:, None, :]] = cone_slopes(p[at], program.mu)
-    return V
+    V.flat[:: len(p) + 1] = out == p
+    for at, (a, b, n), mu in zip(program.cones.tolist(), p[program.cones].tolist(), program.mu.tolist(), strict=True):
+        t = math.hypot(a, b)
+        if t <= mu * n:
+            continue
+        share = 1.0 / (1.0 + mu * mu)
+        normal = (mu * t + n) * share
+        if normal <= 0.0:
+            out[at] = 0.0
+            V[at, at] = 0.0
+            continue
+        u, v = a / t, b / t
+        out[at] = mu * normal * u, mu * normal * v, normal
+        turned, along, tilt = mu * normal / t, mu * mu * share, mu * share  # tangents keep their direction
+        across = (along - turned) * u * v
+        V[at[0], at] = turned + (along - turned) * u * u, across, tilt * u
+        V[at[1], at] = across, turned + (along - turned) * v * v, tilt * v
+        V[at[2], at] = tilt * u, tilt * v, share
+    return out, V
 
 
 # ------------------------------------------------------------------------------------------------------------------- Clarabel

@@ -129,7 +129,7 @@ class Actuation:
         M = self.state.M
         if not self.state.robot.sound:  # no acceleration is solved for, so M may be singular; rows of zeros are met
             M = M + np.diag(np.where(M.diagonal() == 0.0, np.finfo(float).tiny, 0.0))
-        problem = GaussProblem(M, rhs, rows, balance, None, self.rest_speed, from_state=True)
+        problem = GaussProblem(M, rhs, rows, balance, None, self.rest_speed, from_state=True, stacked=self.loads.stacked)
         weights = None if problem.bilateral else given_weights(problem.force_set, sets, self.weights)
         return Answer(problem, self.a, sets.G @ self.weights, weights, COULOMB, CHOICE, self.iterations, 0.0)
 

@@ -7,6 +7,7 @@ tau / limit = t - T x                      its rows with one
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -64,22 +65,26 @@ class Loads:
         rows: The rows of the contacts and other constraints.
         sets: The forces that may act, as weights on p columns: f = G w.
         need: M a + h - tau_ext, shape (nv,) [N, N m]: what torques and forces must come to.
+        stacked: (J, bias and feedback) of the rows, where they are known already.
     """
 
     state: State
     rows: Sequence[Rows]
     sets: ForceSet
     need: Array
+    stacked: tuple[Array, Array] | None = None
 
     @lazy
     def unit(self) -> float:
         """The body weight [N]; 1 without gravity."""
         robot = self.state.robot
-        return robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
+        return robot.mass * math.hypot(*robot.model.gravity.linear.tolist()) or 1.0
 
     @lazy
     def J(self) -> Array:
         """Stacked Jacobian, shape (m, nv)."""
+        if self.stacked is not None:
+            return self.stacked[0]
         return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.state.robot.nv))
 
     @lazy
@@ -104,19 +109,19 @@ class Loads:
 
         The largest of its terms, at least what moves it at 1 m/s2 (rad/s2), or 1 N, over the unit.
         """
-        still = self.state.robot.unactuated
+        still = self.state.robot.idle
         top = np.maximum(np.abs(self.per_weight[still]).max(axis=1, initial=0.0), np.abs(self.need[still]) / self.unit)
         return np.maximum(top, np.minimum(self.state.M.diagonal()[still], 1.0) / self.unit)
 
     @lazy
     def A(self) -> Array:
         """Rows without motors, of weights over the unit, shape (e, p)."""
-        return self.per_weight[self.state.robot.unactuated] / self.row_size[:, None]
+        return self.per_weight[self.state.robot.idle] / self.row_size[:, None]
 
     @lazy
     def b(self) -> Array:
         """What they must come to, shape (e,)."""
-        return self.need[self.state.robot.unactuated] / (self.row_size * self.unit)
+        return self.need[self.state.robot.idle] / (self.row_size * self.unit)
 
     @lazy
     def T(self) -> Array:

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, zeros
+from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed
 from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution
 from rbd.model.dynamics import External, generalised
@@ -138,7 +138,7 @@ class WantedMotion:
     def _loads(self, sets: ForceSet) -> Loads:
         state = self.state
         need = state.h - self.tau_ext
-        return Loads(state, self.rows, sets, need if self.holds else state.M @ self.a + need)
+        return Loads(state, self.rows, sets, need if self.holds else state.M @ self.a + need, self._motion)
 
     def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[Refused, ...]]:
         allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)
@@ -167,19 +167,24 @@ class WantedMotion:
         """(what counts as zero, accelerations) of the columns of the sets."""
         if self.holds or not self.rows:
             return np.zeros(sets.size), np.zeros(sets.size)
-        J, offset, size = self._motion
-        terms = np.maximum(np.abs(J) @ np.abs(self.a) + size, 1.0)
+        J, offset = self._motion
+        y = sets.accelerations(J @ self.a + offset)
+        if max_abs(y) <= SOLVED:  # the least that counts as zero: all points keep still
+            return np.full(len(y), SOLVED), y
+        sizes = [np.abs(r.bias) + np.abs(r.feedback) for r in self.rows]
+        terms = np.maximum(np.abs(J) @ np.abs(self.a) + np.concatenate(sizes), 1.0)
         along = np.abs(sets.H).T @ terms + np.abs(sets.offset)
-        return SOLVED * np.maximum(along, 1.0), sets.accelerations(J @ self.a + offset)
+        return SOLVED * np.maximum(along, 1.0), y
 
-    @property
-    def _motion(self) -> tuple[Array, Array, Array]:
-        """(J, bias and feedback, their sizes) of all rows."""
+    @lazy
+    def _motion(self) -> tuple[Array, Array]:
+        """(J, bias and feedback) of all rows."""
         if not self.rows:
-            return np.zeros((0, self.state.robot.nv)), zeros(0), zeros(0)
-        J = np.concatenate([r.J for r in self.rows])
-        bias, feedback = np.concatenate([r.bias for r in self.rows]), np.concatenate([r.feedback for r in self.rows])
-        return J, bias + feedback, np.abs(bias) + np.abs(feedback)
+            return np.zeros((0, self.state.robot.nv)), zeros(0)
+        offset = np.concatenate([r.bias for r in self.rows])
+        if any([r.stabilised for r in self.rows]):
+            offset = offset + np.concatenate([r.feedback for r in self.rows])
+        return np.concatenate([r.J for r in self.rows]), offset
 
     def nearest(self, sets: ForceSet, margin: float) -> Actuation:
         """The nearest possible motion, contacts as they are.
@@ -189,7 +194,7 @@ class WantedMotion:
         """
         kept = narrowed(sets, margin)
         loads = self._loads(kept.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(kept.mu) else kept)
-        J, offset, _ = self._motion
+        J, offset = self._motion
         live = sets.lower < sets.upper
         H = sets.H[:, live].T
         found = nearest_possible(loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + sets.offset[live], self.effort)
