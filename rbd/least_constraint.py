@@ -27,7 +27,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
 from rbd.problem.answer import Status
-from rbd.problem.contact_motion import REST_SPEED, opening_words
+from rbd.problem.contact_motion import REST_SPEED, Opening, opening_words
 from rbd.problem.force_set import at_rest
 from rbd.problem.problem import COULOMB, GaussProblem, Law, MomentumBalance, checked
 from rbd.problem.rows import Rows
@@ -176,7 +176,7 @@ def assembled(
     origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
     balance = momentum_balance(state, wrench, with_base=loose)
     problem = GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
-    _warn_of_opening(state.robot, problem)
+    warn_of_opening(state.robot, problem.openings, rest_speed, stacklevel=3)
     return problem
 
 
@@ -203,14 +203,15 @@ def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> 
     return MomentumBalance(A_g, rate_bias, total, state.com, base)
 
 
-def _warn_of_opening(robot: CheckedModel, problem: GaussProblem) -> None:
-    if problem.openings:
+def warn_of_opening(robot: CheckedModel, openings: Sequence[Opening], rest_speed: float, *, stacklevel: int) -> None:
+    """Name the contacts that move away from what they touch; nothing where none does."""
+    if openings:
         warnings.warn(
-            f"contacts of {robot.name} separate, and carry no force: {opening_words(problem.openings)} "
-            f"(at rest is up to rest_speed = {problem.rest_speed:g} m/s). Of contacts that stay, put the velocity onto them, "
+            f"contacts of {robot.name} separate, and carry no force: {opening_words(openings)} "
+            f"(at rest is up to rest_speed = {rest_speed:g} m/s). Of contacts that stay, put the velocity onto them, "
             "state = rbd.mechanism.project_velocity(state, contacts), or give a larger rest_speed=.",
             OpeningContactWarning,
-            stacklevel=4,
+            stacklevel=stacklevel + 1,
         )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed
 from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution
+from rbd.least_constraint import warn_of_opening
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
 from rbd.problem.contact_motion import REST_SPEED
@@ -106,6 +107,7 @@ class WantedMotion:
             CannotMove: the acceleration is none that they allow, or there are no such torques and forces.
         """
         sets = self._sets()
+        warn_of_opening(self.state.robot, sets.openings, self.rest_speed, stacklevel=stacklevel)
         still, y = self._accelerations(sets)
         found = self._found(sets, y, still, margin, stacklevel + 1)
         if found is not None:

@@ -246,6 +246,17 @@ def test_a_point_that_opens_carries_nothing(crate: rbd.Robot) -> None:
         rbd.inverse_dynamics(at(crate), line(0.3, 0.0, 0.0), point(None), external=lift)
 
 
+def test_a_point_that_already_leaves_is_named_with_the_way_back(crate: rbd.Robot) -> None:
+    """Rising at 2 mm/s it carries nothing, whatever is wanted: a warning names it, its speed and `project_velocity`."""
+    with (
+        pytest.warns(rbd.errors.OpeningContactWarning, match="'toe' at 0.002 m/s.*project_velocity") as told,
+        pytest.raises(CannotMove) as caught,
+    ):
+        rbd.inverse_dynamics(at(crate, (0.0, 0.0, 2e-3)), line(0.0, 0.0, 0.0), point())
+    assert len(told) == 1 and told[0].filename == __file__
+    assert {limit.kind for limit in caught.value.limits} == {"opens", "base"}
+
+
 def test_dry_friction_and_stops_of_joints_take_their_part() -> None:
     """One hinge at rest: driven off its stop the stop gives nothing, and dry friction its bound against the motion."""
     one = rbd.load_robot("double_pendulum", root="fixed")
