@@ -224,7 +224,8 @@ def test_drawn_motions_beyond_limits_are_refused_by_irreducible_sets(name: str, 
         assert all(ask.refuted([*rest, limit]) is None for limit in named)
         near = error.nearest()
         assert near.status == "solved" and (np.abs(near.tau) <= one.effort_limit).all()
-        assert off_by(rbd.solve(state, near.tau, contacts), near.a) < 1e-6
+        # At its limits Coulomb's law may allow another motion too; the convex law has one motion, and all points keep still.
+        assert off_by(rbd.solve(state, near.tau, contacts, law="convex"), near.a) < 1e-6
 
 
 def test_what_is_named_is_what_helps(talos: rbd.Robot) -> None:
