@@ -67,12 +67,10 @@ class Relaxable:
     Attributes:
         loads: The equations of motion, and the sets of the forces.
         effort: What else the forces must keep to.
-        torque_limits: Whether motors have limits.
     """
 
     loads: Loads
     effort: Effort
-    torque_limits: bool = True
 
     @lazy
     def columns(self) -> dict[Limit, Array]:
@@ -109,11 +107,9 @@ class Relaxable:
         """Of bases and passive joints."""
         robot, out = self.loads.state.robot, dict[Limit, Array]()
         I = np.eye(robot.nv) * self.loads.unit
-        for joint in robot.joints.values():
-            where = [k for k in range(joint.v.start, joint.v.stop) if k in set(robot.unactuated.tolist())]
-            if where:
-                kind = "passive" if joint.name in robot.passive else "base"
-                out[Limit(kind, joint.name)] = I[:, where]
+        for joint, where in self.loads.idle_joints:
+            kind = "passive" if joint.name in robot.passive else "base"
+            out[Limit(kind, joint.name)] = I[:, where]
         return out
 
     @lazy
@@ -124,7 +120,7 @@ class Relaxable:
         motors = [Limit("motor", name) for name, has in zip(robot.actuated_names, loads.limited, strict=True) if has]
         kinds = "opens slips friction edge push passive base".split()
         rest = [limit for kind in kinds for limit in self.columns if limit.kind == kind]
-        return (*asked, *(motors if self.torque_limits else ()), *rest)
+        return (*asked, *motors, *rest)
 
     def _asks(self, name: str) -> bool:
         patch = {r.name: r.patch for r in self.loads.rows}[name]
@@ -141,9 +137,8 @@ class Relaxable:
         C, low, high = self.effort.rows(loads) if self.effort.normal_force or self.effort.edge_margin else _none(n)
         if any(limit.kind == "normal force" for limit in relaxed):
             C, low, high = _none(n)
-        kept = loads.limited & self.torque_limits
         gone = {limit.name for limit in relaxed if limit.kind == "motor"}
-        kept = kept & np.array([name not in gone for name in robot.actuated_names], bool)
+        kept = loads.limited & np.array([name not in gone for name in robot.actuated_names], bool)
         T = np.hstack([loads.T, X[robot.motors] / loads.limit[:, None]])[kept]
         t = loads.t[kept]
         A = np.hstack([loads.A, X[robot.unactuated] / (loads.unit * loads.row_size)[:, None]])

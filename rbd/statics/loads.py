@@ -17,6 +17,7 @@ from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.errors import DuplicateName, NotAtRest
 from rbd.least_constraint import warn_of_distant
+from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.problem.force_set import ForceSet
 from rbd.problem.rows import Rows
@@ -102,6 +103,16 @@ class Loads:
     def limited(self) -> Array:
         """Which motors have a stated limit, shape (nu,), of truth values."""
         return np.isfinite(self.state.robot.effort_limit)
+
+    @lazy
+    def idle_joints(self) -> list[tuple[Joint, list[int]]]:
+        """(joint, its indices in v that no motor drives), of bases and passive joints."""
+        still = set(self.state.robot.unactuated.tolist())
+        found = [
+            (joint, sorted(still.intersection(range(joint.v.start, joint.v.stop))))
+            for joint in self.state.robot.joints.values()
+        ]
+        return [(joint, where) for joint, where in found if where]
 
     @lazy
     def row_size(self) -> Array:

@@ -18,13 +18,38 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import InaccurateWarning
+from rbd.model.state import State
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome
 from rbd.statics.force_program import SAME, Contradiction, Program, Support
+from rbd.statics.loads import Loads
 
 WITHIN_M = 10.0
 """A region is looked for so far around its contacts, and cut off there."""
 _START = 0.1
 """Angle of the first direction: off the axes, along which many regions have edges, and an edge is no vertex."""
+
+
+class Region:
+    """Where something may be in a plane: what support regions and zero-moment regions have in common."""
+
+    loads: Loads
+    vertices: Array
+    directions: Array
+
+    @property
+    def state(self) -> State:
+        """The robot's state."""
+        return self.loads.state
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no such place."""
+        return not len(self.vertices)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the region ends everywhere."""
+        return not len(self.directions)
 
 
 @dataclass(frozen=True, eq=False)

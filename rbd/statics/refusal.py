@@ -11,7 +11,6 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove
-from rbd.model.dynamics import External
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -34,7 +33,6 @@ class Refusal:
         loads: The equations of motion and the sets of forces.
         a: The wanted acceleration.
         contacts: The contacts and other constraints.
-        external: Other forces.
         effort: What the forces must keep to.
         friction: "cone" or "inscribed".
         margin: Of friction.
@@ -46,7 +44,6 @@ class Refusal:
     loads: Loads
     a: Array
     contacts: Sequence[Constraint]
-    external: External
     effort: Effort
     friction: str
     margin: float
@@ -138,7 +135,6 @@ class Refusal:
                 f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. "
                 "Try friction=10.0 at its contacts."
             )
-        return ""
 
     def _friction_words(self) -> str:
         inside = self.friction == "inscribed"

@@ -16,7 +16,7 @@ from rbd.model.state import State
 from rbd.problem.programs import Outcome
 from rbd.statics.force_program import Contradiction, Program
 from rbd.statics.loads import Loads
-from rbd.statics.planar_image import WITHIN_M, PlanarSet, area_of, planar_region, warn_of_gap
+from rbd.statics.planar_image import WITHIN_M, PlanarSet, Region, area_of, planar_region, warn_of_gap
 from rbd.statics.standing import (
     TorqueRows,
     check_area_gap,
@@ -38,7 +38,7 @@ _SHARE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class SupportRegion:
+class SupportRegion(Region):
     """Where the centre of mass may be, in the horizontal plane, for the robot to be at rest on its contacts.
 
     Attributes:
@@ -67,21 +67,6 @@ class SupportRegion:
     contradiction: Contradiction | None
     programs: int
     cut: bool
-
-    @property
-    def state(self) -> State:
-        """The pose."""
-        return self.loads.state
-
-    @property
-    def empty(self) -> bool:
-        """Whether the robot can be at rest nowhere; `contradiction` proves it."""
-        return not len(self.vertices)
-
-    @property
-    def bounded(self) -> bool:
-        """Whether the region ends everywhere."""
-        return not len(self.directions)
 
     @property
     def area(self) -> float:

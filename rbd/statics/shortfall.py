@@ -75,8 +75,7 @@ def missing(loads: Loads, effort: Effort) -> Missing | None:
     robot, unit = state.robot, loads.unit
     L = _length(loads)
     columns, names, passive = [np.zeros((robot.nv, 0))], list[str](), list[tuple[str, int]]()
-    for joint in robot.joints.values():
-        where = sorted(set(range(joint.v.start, joint.v.stop)) & set(robot.unactuated.tolist()))
+    for joint, where in loads.idle_joints:
         if joint.id in robot.bases:
             X = state.base_pose(joint.id)
             R, arm = X.rotation, state.com - X.translation
@@ -87,7 +86,7 @@ def missing(loads: Loads, effort: Effort) -> Missing | None:
             per_wrench[at + 3 : at + 6, 3:] = R.T * L
             columns.append(per_wrench * unit)
             names.append(joint.name)
-        elif where:
+        else:
             for k in where:
                 column = np.zeros((robot.nv, 1))
                 column[k] = unit * (L if joint.kind.startswith(("R", "S")) else 1.0)
@@ -119,14 +118,12 @@ def missing(loads: Loads, effort: Effort) -> Missing | None:
 
 
 def _length(loads: Loads) -> float:
-    """Root mean square distance of the mass from its centre [m]; 1 m where there is no base."""
+    """Root mean square distance of the mass from its centre [m]; 1 m unless all bodies hang from one base."""
     robot = loads.state.robot
-    if not robot.bases:
+    if len(robot.bases) != 1:
         return 1.0
     A_g, _, mass = loads.state.centroidal()
     at = robot.joints[robot.model.names[robot.bases[0]]].v.start
-    if len(robot.bases) > 1:
-        return 1.0
     R = loads.state.base_pose().rotation
     return math.sqrt(max(float(np.trace(A_g[3:, at + 3 : at + 6] @ R.T)) / (2.0 * mass), 1e-12))
 

@@ -114,7 +114,7 @@ class WantedMotion:
             return found
         allowed, _ = self._allowed(sets, y, still, margin)
         raise Refusal(
-            self._loads(allowed), self.a, self.contacts, self.external, self.effort, self.friction, margin, self.holds,
+            self._loads(allowed), self.a, self.contacts, self.effort, self.friction, margin, self.holds,
             partial(WantedMotion.nearest, self, sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
         ).error()  # fmt: skip
 

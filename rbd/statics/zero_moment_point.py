@@ -27,7 +27,7 @@ from rbd.problem.programs import Outcome
 from rbd.problem.rows import Rows
 from rbd.statics.force_program import Program
 from rbd.statics.loads import Loads
-from rbd.statics.planar_image import WITHIN_M, area_of, planar_region, warn_of_gap
+from rbd.statics.planar_image import WITHIN_M, Region, area_of, planar_region, warn_of_gap
 from rbd.statics.standing import check_area_gap, contact_forces, force_sets, friction_words, given_rows, names_of
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def zmp(state: State, a: Array, *, on: On = 0.0, external: External = None) -> A
 
 
 @dataclass(frozen=True, eq=False)
-class ZmpRegion:
+class ZmpRegion(Region):
     """Where the zero-moment point may be for forces at the contacts to make the motion.
 
     Attributes:
@@ -95,21 +95,6 @@ class ZmpRegion:
     weights: Array
     directions: Array
     cut: bool
-
-    @property
-    def state(self) -> State:
-        """The robot's state."""
-        return self.loads.state
-
-    @property
-    def empty(self) -> bool:
-        """Whether no motion of this kind has such forces."""
-        return not len(self.vertices)
-
-    @property
-    def bounded(self) -> bool:
-        """Whether the region ends everywhere."""
-        return not len(self.directions)
 
     @property
     def area(self) -> float:
