@@ -155,8 +155,7 @@ class ContactDynamics:
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= _DOUBTFUL:
                 return None
-            method = "closed form" if w is None else "closed form: all points stick"
-            return Found(a, self._in_contact_axes(forces), w, method, 0, worst)
+            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
 
     def _slipping(
         self, q: Array, v: Array, generalised: Array, a: Array, held: Array, *, coulomb: bool, still: bool
@@ -175,7 +174,7 @@ class ContactDynamics:
         worst = max(worst, self.law_residual(bodies.row_accelerations(at_rest=still), w, coulomb=coulomb))
         if not worst <= _DOUBTFUL:
             return None
-        return Found(a, self._in_contact_axes(forces), w, "Newton on the contact bodies", found.steps, worst)
+        return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
 
     def law_residual(self, c: Array, w: Array, *, coulomb: bool) -> float:
         """Residual of the contact law, scaled by lower bounds: how fast points sink, and their distance to the law.
