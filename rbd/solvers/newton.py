@@ -66,12 +66,12 @@ def order_of(parts: ForceSet) -> Order:
     """The order of a problem's columns."""
     in_cones = parts.cone_columns.ravel()
     alone = np.setdiff1d(np.arange(parts.size), in_cones)
-    mu = parts.mu
+    mu, lower, upper = (np.asarray(x, dtype=float) for x in (parts.mu, parts.lower[alone], parts.upper[alone]))
     columns = np.concatenate([alone, in_cones]).astype(int)
     widths = np.r_[np.ones(len(alone), int), np.full(len(parts.mu), 3)]
     starts = np.cumsum(widths) - widths
     moved = None if np.array_equal(columns, np.arange(parts.size)) else columns
-    return Order(moved, len(alone), parts.lower[alone], parts.upper[alone], mu, 1.0 / (1.0 + mu * mu), starts, widths)
+    return Order(moved, len(alone), lower, upper, mu, 1.0 / (1.0 + mu * mu), starts, widths)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,7 +297,7 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
     return np.asarray(found)
 
 
-_MOST_COMPILED = 100
+_MOST_COMPILED = 75
 """Most weights for which elimination in loops is no slower than LAPACK's."""
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""

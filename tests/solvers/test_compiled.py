@@ -107,6 +107,16 @@ def test_one_step_is_the_same_to_rounding(coulomb, rng):
             assert np.abs(found[0] - plain[0]).max() < 1e-10
 
 
+def test_whole_numbers_as_friction_and_bounds():
+    """Frictions and bounds given as integers are numbers like others."""
+    S = scaled(np.eye(4), np.array([-1.0, -1.0, 0.0, -1.0]), at_rest(Product([FrictionCone(1), Box([0], [2])])))
+    root = np.sqrt(0.5)
+    for coulomb, expected in ((True, [0.0, 0.0, 0.0, 1.0]), (False, [0.5, 0.5, root, 1.0])):  # the latter: a projection
+        with compiled.use(True):
+            w, merit, _ = steps_from(S, np.zeros(4), coulomb=coulomb)
+        assert merit < FOUND and np.abs(S.weights(w) - expected).max() < 1e-12
+
+
 @pytest.mark.parametrize("law", ["coulomb", "convex"])
 def test_reference_problems_are_answered_alike(law):
     """`ConeSolver` with and without compiled code: the same motion to 1e-9, and the same forces where they are unique."""
