@@ -84,6 +84,10 @@ class CheckedModel:
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
         pieces = [p for p in self.joints.pieces if p.unit.start < p.unit.stop]
         self._unit_blocks = [(p.q + p.unit.start, p.q + p.unit.stop) for p in pieces]
+        circles = [begin for begin, end in self._unit_blocks if end - begin == 2]
+        #: Circles to normalise together, and the blocks that then remain; of a few circles that would be slower.
+        self._circles = np.array([circles, circles]) + [[0], [1]] if len(circles) >= 4 else None
+        self._spheres = [(begin, end) for begin, end in self._unit_blocks if end - begin != 2]
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
         self.sound = True
@@ -179,7 +183,7 @@ class CheckedModel:
             InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
         """
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
-        for begin, end in self._unit_blocks:
+        for begin, end in self._spheres if self._put_on_circles(q) else self._unit_blocks:
             block = q[begin:end]
             norm = math.sqrt(np.vdot(block, block))
             if not abs(norm - 1.0) <= UNIT_TOLERANCE:
@@ -191,6 +195,19 @@ class CheckedModel:
             if abs(norm - 1.0) > 4e-16:  # two roundings
                 block /= norm
         return q
+
+    def _put_on_circles(self, q: Array) -> bool:
+        """Normalise all unit circles of a configuration in place; False, and nothing done, if few or one far off."""
+        if self._circles is None:
+            return False
+        points = q[self._circles]
+        norms = np.hypot(*points)
+        off = np.abs(norms - 1.0)
+        if not off.max() <= UNIT_TOLERANCE:
+            return False
+        far = off > 4e-16  # two roundings
+        q[self._circles[:, far]] = points[:, far] / norms[far]
+        return True
 
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).
