@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.analysis.modes import RESOLUTION
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, identity, max_abs
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Free, FrictionCone, WrenchCone
 from rbd.problem.problem import GaussProblem
@@ -40,8 +40,7 @@ class HeldRows:
     def __init__(self, problem: GaussProblem, words: dict[str, tuple[str, ...]], factor: Array) -> None:
         P = problem
         self.words, self.internal, self._R = words, np.zeros((P.m, 0)), factor
-        E = lapack.dtrtri(P.factor, lower=1)[0]
-        E[np.triu_indices(P.nv, 1)] = 0.0  # LAPACK leaves there what it was given
+        E = blas.dtrsm(1.0, P.factor, identity(P.nv), lower=1)
         if not P.m:
             self._free, self._B = E.T @ E, np.zeros((P.nv, 0))
             return

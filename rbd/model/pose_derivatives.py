@@ -125,9 +125,11 @@ def _derivatives(
     """
     u_dq, a_dq, a_dv, J = of_body
     u = J @ v
-    turn, along, spin = J[3:], cross_matrix(u[:3]), cross_matrix(u[3:])
-    a_dq[:3] += spin @ u_dq[:3] - along @ u_dq[3:]
-    a_dv[:3] += spin @ J[:3] - along @ turn
+    turn = J[3:]
+    if v.any():
+        along, spin = cross_matrix(u[:3]), cross_matrix(u[3:])
+        a_dq[:3] += spin @ u_dq[:3] - along @ u_dq[3:]
+        a_dv[:3] += spin @ J[:3] - along @ turn
     if axes is None:
         turned = [R @ (cross_matrix(f) @ turn) for f in (-force[:3], -force[3:])]
         return PoseDerivatives(J, acceleration, u_dq, a_dq, a_dv, np.concatenate(turned)), force
