@@ -18,7 +18,7 @@ from rbd.analysis.active_set import CONSISTENT, ActiveSet
 from rbd.analysis.differences import STEP, slope
 from rbd.analysis.held_rows import HeldRows
 from rbd.arrays import RANK, Array
-from rbd.constraints.fixed_rows import fixed_rows_of
+from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import External, ExternalForce, HasRows
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
@@ -158,7 +158,8 @@ class _Chain:
         self.robot, self.nv, self.m = origin.state.robot, origin.state.robot.nv, answer.problem.m
         acting = [(c, r) for c, r in zip(origin.constraints, answer.problem.rows, strict=True) if len(r)]
         self.fixed = [(f, r) for c, r in acting if (f := fixed_rows_of(c)) is not None]
-        self.others = [(c, r) for c, r in acting if fixed_rows_of(c) is None]
+        self.constant = [r for c, r in acting if are_constant(c, r)]
+        self.others = [(c, r) for c, r in acting if fixed_rows_of(c) is None and not are_constant(c, r)]
 
     def derivatives(self) -> Derivatives:
         """All derivatives."""
@@ -195,7 +196,7 @@ class _Chain:
         return changes
 
     def _of_fixed(self) -> tuple[_Change, _Change]:
-        """Changes of M a + h, of external forces and of rows fixed to bodies, by Pinocchio's derivatives."""
+        """Changes of M a + h, of external forces and of rows that are constant or fixed to bodies: Pinocchio's derivatives."""
         P, f, nv, internal = self.answer.problem, self.answer.multipliers, self.nv, self.active.internal
         pushes = _pushes(self.origin.external)
         poses = [pose for pose, _ in pushes] + [rows.pose for rows, _ in self.fixed]
@@ -213,6 +214,8 @@ class _Chain:
             by_v.c[span], by_v.u[span] = moved.acceleration_dv[own], moved.J[own]
             if moved.force_dq is not None:
                 by_q.resultants[r.name] = moved.force_dq
+        for r in self.constant:
+            by_v.u[P.slices[r.name]] = r.J
         for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
             other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
             by_q.internal[:, i] = other.force_dq - found.force_dq

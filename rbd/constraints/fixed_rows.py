@@ -1,4 +1,4 @@
-"""Constraints whose rows are those of a pose fixed to a body, against ground at rest: what their derivatives are taken from."""
+"""Constraints whose rows are constant, or those of a pose fixed to a body: their derivatives need no differences."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
 from rbd.constraints.surface import UP, contact_axes
 from rbd.model.pose_derivatives import FixedPose
 from rbd.problem.ground import Ground
+from rbd.problem.rows import Rows
 
-_KINDS = (Contact, PointContact, SurfaceContact)
+_FIXED = (Contact, PointContact, SurfaceContact)
+_CONSTANT = (JointCoupling, JointFriction, JointLimit, JointLock)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,7 @@ def fixed_rows_of(constraint: object) -> FixedRows | None:
 
     An edge is not among them: two of its rows are the turn of a line. Neither are constraints with feedback.
     """
-    return _of_contact(constraint) if isinstance(constraint, Contact) and type(constraint) in _KINDS else None
+    return _of_contact(constraint) if isinstance(constraint, Contact) and type(constraint) in _FIXED else None
 
 
 @lru_cache(maxsize=256)
@@ -53,3 +56,14 @@ def _of_contact(contact: Contact) -> FixedRows | None:
     axes = contact_axes(UP if contact.normal is None else contact.normal)
     rows = slice(2, 3) if contact.friction == 0.0 else slice(3)
     return FixedRows(FixedPose(contact.frame, contact.placement, axes), rows)
+
+
+def are_constant(constraint: object, rows: Rows) -> bool:
+    """Whether J is the same in all states, and J_dot v zero: of joints with one degree of freedom, without feedback.
+
+    Args:
+        constraint: The constraint.
+        rows: Its rows at a state; a limit has them at its bound alone, and is taken from its side.
+    """
+    kind = type(constraint)
+    return kind in _CONSTANT and (kind is not JointLock or len(rows) == 1)

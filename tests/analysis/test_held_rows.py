@@ -14,7 +14,7 @@ import rbd
 from rbd.analysis.active_set import ActiveSet
 from rbd.analysis.held_rows import HeldRows
 from rbd.analysis.sensitivity import Derivatives
-from rbd.constraints.fixed_rows import fixed_rows_of
+from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 
 MOTION = ("da_dq", "da_dv", "da_dtau", "da_dexternal")
 ROWS = ("df_dq", "df_dv", "df_dtau", "df_dexternal")
@@ -98,6 +98,26 @@ def test_analytical_derivatives_are_those_by_differences(name: str, kind: str) -
     word = "sticks" if kind == "sticks" else "holds"
     assert {w for words in found.derivatives().active.values() for w in words} == {word}
     compare(found.derivatives(), opaque.derivatives(), 1e-8)
+
+
+def test_rows_on_joints_are_constant(talos: rbd.Robot) -> None:
+    """A brake, a gear, a stop and dry friction beside soles: their terms are those by differences of their rows."""
+    state, tau, push = draw(talos, 6, moving=False)
+    joints = talos.actuated_names
+    knee, hip = (float(state.q[talos.joints[joints[i]].q][0]) for i in (3, 2))
+    constraints = [
+        *talos.soles(None, on=None),
+        rbd.JointLock("brake", joints[20]),
+        rbd.JointCoupling("gear", joints[21], joints[22], ratio=0.5),
+        rbd.JointLimit("stop", joints[3], lower=knee - 1.0, upper=knee),
+        rbd.JointLimit("far", joints[2], upper=hip + 1e-3),
+        rbd.JointFriction("rub", joints[25], 1e3),
+    ]
+    solver = rbd.ConeSolver()
+    found = rbd.solve(state, tau, constraints, external=push, solver=solver).derivatives()
+    opaque = rbd.solve(state, tau, [Opaque(c) for c in constraints], external=push, solver=solver).derivatives()
+    assert found.active["brake"] == found.active["gear"] == found.active["rub"] == ("holds",) and found.active["far"] == ()
+    compare(found, opaque, 1e-8)
 
 
 @pytest.mark.parametrize("law", ["coulomb", "convex"])
@@ -210,6 +230,15 @@ def test_only_what_is_fixed_to_a_body_over_ground_at_rest_has_fixed_rows(talos: 
         Opaque(point),
     ):
         assert fixed_rows_of(other) is None
+
+
+def test_a_lock_of_a_base_is_not_constant(talos: rbd.Robot) -> None:
+    """Its rows turn with the base; those of a hinge do not, and with feedback they have more terms."""
+    state = talos.standing()
+    base, hinge = (rbd.JointLock("lock", name) for name in (talos.model.names[1], talos.actuated_names[0]))
+    assert not are_constant(base, base.rows(state)) and are_constant(hinge, hinge.rows(state))
+    pulled = rbd.constraints.Baumgarte(5.0).of(hinge)
+    assert not are_constant(pulled, pulled.rows(state))
 
 
 def test_a_contact_with_rows_of_its_own_is_differentiated_by_them(talos: rbd.Robot) -> None:
