@@ -100,6 +100,20 @@ def test_analytical_derivatives_are_those_by_differences(name: str, kind: str) -
     compare(found.derivatives(), opaque.derivatives(), 1e-8)
 
 
+def test_a_frame_that_no_joint_moves_has_derivatives_of_zero() -> None:
+    """A contact and a push at the fixed base of an arm that moves: its force is not unique, the rest as by differences."""
+    robot = rbd.load_robot("panda", root="fixed")
+    state = rbd.State(robot, robot.neutral(), np.ones(robot.nv))
+    pushes = [rbd.ExternalForce(link, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)) for link in ("panda_link0", "panda_hand")]
+    contacts = [rbd.PointContact("base", "panda_link0", offset=(0.1, 0.0, 0.0)), rbd.PointContact("tip", "panda_hand")]
+    found, opaque = (
+        rbd.solve(state, np.zeros(robot.nu), given, external=pushes, solver=rbd.KKT()).derivatives()
+        for given in (contacts, [Opaque(c) for c in contacts])
+    )
+    assert found.not_unique == ("base",)
+    compare(found, opaque, 1e-8)
+
+
 def test_rows_on_joints_are_constant(talos: rbd.Robot) -> None:
     """A brake, a gear, a stop and dry friction beside soles: their terms are those by differences of their rows."""
     state, tau, push = draw(talos, 6, moving=False)
