@@ -199,7 +199,8 @@ class CheckedModel:
             InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
         """
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
-        for begin, end in self._spheres if self._put_on_circles(q) else self._unit_blocks:
+        blocks = self._unit_blocks if self._circles is None or not self._put_on_circles(q, self._circles) else self._spheres
+        for begin, end in blocks:
             block = q[begin:end]
             norm = math.hypot(*block.tolist())
             if not abs(norm - 1.0) <= UNIT_TOLERANCE:
@@ -212,17 +213,15 @@ class CheckedModel:
                 block /= norm
         return q
 
-    def _put_on_circles(self, q: Array) -> bool:
-        """Normalise all unit circles of a configuration in place; False, and nothing done, if few or one far off."""
-        if self._circles is None:
-            return False
-        points = q[self._circles]
+    def _put_on_circles(self, q: Array, circles: Array) -> bool:
+        """Normalise all unit circles of a configuration in place; False, and nothing done, if one is far off."""
+        points = q[circles]
         norms = np.hypot(*points)
         off = np.abs(norms - 1.0)
         if not off.max() <= UNIT_TOLERANCE:
             return False
         far = off > 4e-16  # two roundings
-        q[self._circles[:, far]] = points[:, far] / norms[far]
+        q[circles[:, far]] = points[:, far] / norms[far]
         return True
 
     def check_v(self, v: Array, what: str = "v") -> Array:
