@@ -60,7 +60,7 @@ class LoopStack:
         self._with_a, self._relative = carries[self._a].T.copy(), (carries[self._b] - carries[self._a]).T.copy()
         self._enters = self._relative.T[self._row].copy()
         #: The force on the ground is minus that on the robot.
-        self.on_robot = np.array([1.0 if b else -1.0 for _, (b, _) in sites])
+        self.on_robot = [1.0 if b else -1.0 for _, (b, _) in sites]
 
     @classmethod
     def of(cls, robot: CheckedModel, constraints: Sequence[object]) -> LoopStack | None:

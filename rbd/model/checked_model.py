@@ -271,12 +271,19 @@ class CheckedModel:
 
 
 class Slot:
-    """One pin.Data and the ticket of the state whose kinematics it contains."""
+    """One pin.Data and the ticket of the state whose kinematics it contains.
 
-    __slots__ = ("data", "ticket")
+    Attributes:
+        data: The Data.
+        ticket: 0 while it contains no state's.
+        placements: X_WJ of each joint: references, which follow the data.
+    """
+
+    __slots__ = ("data", "placements", "ticket")
 
     def __init__(self, data: pin.Data) -> None:
         self.data = data
+        self.placements = [data.oMi[joint] for joint in range(len(data.oMi))]
         self.ticket = 0
 
 

@@ -175,8 +175,10 @@ class State:
     def joint_places(self, joints: Sequence[int]) -> tuple[Array, Array]:
         """(R_WJ, p_WJ) of joints by their numbers, shapes (n, 3, 3) and (n, 3) [m]."""
         with self._pool.lock:
-            oMi = self._data().oMi
-            places = np.array([oMi[joint].homogeneous for joint in joints])
+            self._data()
+            assert self._slot is not None
+            placements = self._slot.placements
+            places = np.array([placements[joint].homogeneous for joint in joints])
             return places[:, :3, :3], places[:, :3, 3]
 
     def joint_motion(self, joints: Sequence[int]) -> tuple[Array, Array, Array]:
