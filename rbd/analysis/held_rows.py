@@ -61,7 +61,7 @@ class HeldRows:
                 words[r.name] = ("holds",) * len(r)
                 continue
             span, corners = P.slices[r.name], _corner_forces(r.cone, answer.multipliers[P.slices[r.name]])
-            if corners is None or r.speed > P.rest_speed or max_abs(rest[span]) > 0.1 * RESOLUTION:
+            if corners is None or r.speed > 0.1 * P.rest_speed or max_abs(rest[span]) > 0.1 * RESOLUTION:
                 return None
             normal, mu = corners[:, 2], r.cone.mu  # type: ignore[attr-defined]
             room = (mu * normal - np.hypot(corners[:, 0], corners[:, 1])).min()
