@@ -19,6 +19,7 @@ from rbd.analysis.differences import STEP, slope
 from rbd.analysis.held_rows import HeldRows
 from rbd.arrays import RANK, Array
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
+from rbd.constraints.loop_stack import rows_function
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import External, ExternalForce, HasRows
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
@@ -160,6 +161,7 @@ class _Chain:
         self.fixed = [(f, r) for c, r in acting if (f := fixed_rows_of(c)) is not None]
         self.constant = [r for c, r in acting if are_constant(c, r)]
         self.others = [(c, r) for c, r in acting if fixed_rows_of(c) is None and not are_constant(c, r)]
+        self._rows = rows_function(self.robot, [c for c, _ in self.others])
 
     def derivatives(self) -> Derivatives:
         """All derivatives."""
@@ -233,8 +235,8 @@ class _Chain:
         P, a, f = self.answer.problem, self.answer.a, self.answer.multipliers
         force, internal = np.zeros(self.nv), np.zeros((self.nv, self.active.internal.shape[1]))
         c, u, resultants = [], [], []
-        for constraint, known in self.others:
-            r, part = constraint.rows(state), P.slices[known.name]
+        for r, (_, known) in zip(self._rows(state), self.others, strict=True):
+            part = P.slices[known.name]
             if len(r) != len(known):
                 return np.zeros(0)
             if not _same_set(r.cone, known.cone):

@@ -12,7 +12,7 @@ joints' Jacobian gives all rows, and with t' = w_a x t and p_b' = v_b,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import overload
 
@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.loop import LoopClosure
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -133,6 +134,12 @@ class LoopRows(Sequence[Rows]):
 
     def __iter__(self) -> Iterator[Rows]:
         return iter(self._made)
+
+
+def rows_function(robot: CheckedModel, constraints: Sequence[Constraint]) -> Callable[[State], Sequence[Rows]]:
+    """Each constraint's rows as a function of the state, of loops together where that is faster."""
+    stack = LoopStack.of(robot, constraints)
+    return (lambda state: rows_of(state, constraints)) if stack is None else stack.at
 
 
 def _carried_by(model: pin.Model, joint: int) -> Array:

@@ -16,7 +16,7 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, anchored, listed, rows_of
-from rbd.constraints.loop_stack import LoopRows, LoopStack
+from rbd.constraints.loop_stack import LoopRows, rows_function
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -207,12 +207,11 @@ class ConstraintManifold:
         self.tolerance, self.zero = tolerance, max(RANK, 10.0 * tolerance)
         self._state, self.n = state, state.robot.nv
         self.length, self.scale = state.robot.joints.length, state.robot.joints.scale
-        self._loops = LoopStack.of(state.robot, self.constraints)
+        self._rows = rows_function(state.robot, self.constraints)
 
     def rows(self, state: State) -> StackedRows:
         """The rows at a state, in their units."""
-        rows = rows_of(state, self.constraints) if self._loops is None else self._loops.at(state)
-        return StackedRows(state, rows, self._carried, self)
+        return StackedRows(state, self._rows(state), self._carried, self)
 
     @lazy
     def _start(self) -> StackedRows:
