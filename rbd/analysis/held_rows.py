@@ -54,14 +54,15 @@ class HeldRows:
         """The equations, or None where they are not surely those of the answer."""
         P = answer.problem
         words = {}
-        rest = None if P.bilateral else P.J @ answer.a + P.offset
+        c = None
         load = max(1.0, max_abs(answer.multipliers))
         for r in P.rows:
-            if rest is None or answer.weights is None or isinstance(r.cone, Free) or not len(r):
+            if answer.weights is None or isinstance(r.cone, Free) or not len(r):
                 words[r.name] = ("holds",) * len(r)
                 continue
             span, corners = P.slices[r.name], _corner_forces(r.cone, answer.multipliers[P.slices[r.name]])
-            if corners is None or r.speed > 0.1 * P.rest_speed or max_abs(rest[span]) > 0.1 * RESOLUTION:
+            c = P.J @ answer.a + P.offset if c is None else c
+            if corners is None or r.speed > 0.1 * P.rest_speed or max_abs(c[span]) > 0.1 * RESOLUTION:
                 return None
             normal, mu = corners[:, 2], r.cone.mu  # type: ignore[attr-defined]
             room = (mu * normal - np.hypot(corners[:, 0], corners[:, 1])).min()
