@@ -50,16 +50,21 @@ class LoopStack:
         self._joints = sorted({joint for pair in sites for joint, _ in pair})
         number = {joint: i for i, joint in enumerate(self._joints)}
         self._a, self._b = (np.array([number[pair[k][0]] for pair in sites]) for k in (0, 1))
-        self._point_a, self._point_b = (np.array([pair[k][1].translation for pair in sites])[:, :, None] for k in (0, 1))
+        # In the axes of the joint of frame_a: three directions, of which the first two count in a planar closure; its origin.
+        self._in_a = np.array(
+            [
+                np.column_stack([X_a.rotation @ loop.directions, X_a.translation])
+                for loop, ((_, X_a), _) in zip(loops, sites, strict=True)
+            ]
+        )
+        self._point_b = np.array([X_b.translation for _, (_, X_b) in sites])[:, :, None]
         carries = np.array([_carried_by(robot.model, joint) for joint in self._joints])
-        # Directions in frame_a: of each closure three, of a planar one the first two count.
-        self._axes = np.array([X_a.rotation @ loop.directions for loop, ((_, X_a), _) in zip(loops, sites, strict=True)])
         self._counts = np.concatenate([np.arange(3) < loop.size for loop in loops])
         ends = np.cumsum([loop.size for loop in loops]).tolist()
         self.spans = [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
         self._row = np.repeat(np.arange(len(loops)), [loop.size for loop in loops])
-        self._with_a, self._relative = carries[self._a].T.copy(), (carries[self._b] - carries[self._a]).T.copy()
-        self._enters = self._relative.T[self._row].copy()
+        relative = carries[self._b] - carries[self._a]
+        self._moves, self._enters = np.concatenate([relative, carries[self._a]]).T.copy(), relative[self._row]
         #: The force on the ground is minus that on the robot.
         self.on_robot = [1.0 if b else -1.0 for _, (b, _) in sites]
 
@@ -71,25 +76,27 @@ class LoopStack:
 
     def at(self, state: State) -> LoopRows:
         """Their rows at a state."""
+        n = len(self.loops)
         R, p, J_W = state.joint_motion(self._joints)
-        R_a = R.take(self._a, axis=0)
-        axes = R_a @ self._axes
-        p_a = p.take(self._a, axis=0) + (R_a @ self._point_a)[:, :, 0]
+        of_a = R.take(self._a, axis=0) @ self._in_a
+        axes = of_a[:, :, :3]
+        p_a = p.take(self._a, axis=0) + of_a[:, :, 3]
         p_b = p.take(self._b, axis=0) + (R.take(self._b, axis=0) @ self._point_b)[:, :, 0]
-        v = state.v[:, None]
-        V = (J_W @ (self._relative * v)).T  # V_b - V_a and its rate
-        V_a = (J_W[:6] @ (self._with_a * v)).T
+        moving = (J_W @ (self._moves * state.v[:, None])).T
+        V, V_a = moving[:n], moving[n:, :6]  # V_b - V_a and its rate; V_a
         V_b = V[:, :6] + V_a
         v_b = V_b[:, :3] + _cross(V_b[:, 3:], p_b)
+        each = np.concatenate([p_b, v_b, V_a[:, 3:], p_b - p_a, V], axis=1).take(self._row, axis=0)
+        V, V_dot = each[:, 12:18], each[:, 18:]
         t = axes.transpose(0, 2, 1).reshape(-1, 3)[self._counts]
-        p_b, v_b, w_a, r, V = (x.take(self._row, axis=0) for x in (p_b, v_b, V_a[:, 3:], p_b - p_a, V))
-        turned = _cross(w_a, t)
-        terms = np.concatenate([t, _cross(p_b, t)], axis=1)
-        rates = np.concatenate([turned, _cross(v_b, t) + _cross(p_b, turned)], axis=1)
+        turned = _cross(each[:, :9].reshape(-1, 3, 3), t[:, None])  # p_b, v_b and w_a x t
+        t_dot = turned[:, 2]
+        terms = np.concatenate([t, turned[:, 0]], axis=1)
+        rates = np.concatenate([t_dot, turned[:, 1] + _cross(each[:, :3], t_dot)], axis=1)
         J = terms @ J_W[:6]
         J *= self._enters
-        bias = np.vecdot(terms, V[:, 6:]) + np.vecdot(rates, V[:, :6])
-        return LoopRows(self, J, bias, np.vecdot(terms, V[:, :6]), np.vecdot(t, r), axes)
+        bias = np.vecdot(terms, V_dot) + np.vecdot(rates, V)
+        return LoopRows(self, J, bias, np.vecdot(terms, V), np.vecdot(t, each[:, 9:12]), axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +129,14 @@ class LoopRows(Sequence[Rows]):
             )
         return out
 
+    def forces(self, f: Array) -> dict[str, Array]:
+        """The force of each closure in world axes, shape (3,) [N], of row forces (m,)."""
+        loops, spans, signs = self.stack.loops, self.stack.spans, self.stack.on_robot
+        return {
+            loop.name: sign * (axes[:, : loop.size] @ f[s])
+            for loop, s, sign, axes in zip(loops, spans, signs, self.axes, strict=True)
+        }
+
     def __len__(self) -> int:
         return len(self.stack.loops)
 
@@ -153,8 +168,8 @@ def _carried_by(model: pin.Model, joint: int) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Cross products row by row, shape (n, 3): a third of the cost of np.cross."""
-    return a.take(_NEXT, axis=1) * b.take(_LAST, axis=1) - a.take(_LAST, axis=1) * b.take(_NEXT, axis=1)
+    """Cross products along the last axis: a third of the cost of np.cross."""
+    return a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1) - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
 
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])

@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, max_abs
 from rbd.constraints.constraint import Constraint, anchored, ground_of, is_carried, rows_of
+from rbd.constraints.loop_stack import LoopRows
 from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
@@ -189,6 +190,8 @@ class SmoothMotion:
         if not held.rows:
             return {}
         f, unique = self._solver.forces(held, stage.a, stage.rhs)
+        if unique and isinstance(held.rows, LoopRows):  # without the rows of each loop
+            return {name: ConstraintForce(force, HOLDS) for name, force in held.rows.forces(f).items()}
         found = None
         if not unique:  # of all equivalent forces, those of `rbd.solve`
             P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)

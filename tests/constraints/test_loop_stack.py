@@ -31,8 +31,12 @@ def check_same(state: rbd.State, loops: list[rbd.LoopClosure]) -> None:
     assert stack is not None
     found = stack.at(state)
     assert len(found) == len(loops) and [r.name for r in found] == [loop.name for loop in loops]
-    for loop, r in zip(loops, found, strict=True):
+    f = np.random.default_rng(0).normal(size=len(found.J))
+    forces = found.forces(f)
+    assert list(forces) == [loop.name for loop in loops]
+    for loop, r, part in zip(loops, found, stack.spans, strict=True):
         expected = loop.rows(state)
+        assert np.abs(forces[loop.name] - expected.resultant @ f[part]).max() < 1e-13
         assert r.cone == expected.cone and not r.stabilised and r.patch is None
         for part in ("J", "bias", "velocity", "error", "resultant"):
             one, other = getattr(r, part), getattr(expected, part)
@@ -64,6 +68,18 @@ def test_a_mechanism_takes_the_stack_of_its_loops() -> None:
         assert np.abs(found - np.concatenate([getattr(r, part) for r in each])).max() < 1e-13 * 100.0
     assert rows.placed is None and rows.names == [(loop.name, i) for loop in loops for i in range(2)]
     assert rows.drift == pytest.approx(max(np.abs(r.error).max() for r in each), rel=1e-13)
+
+
+def test_recorded_forces_of_many_loops_are_those_of_solve() -> None:
+    """Three four-bars that swing for a while: the force at each pin, by the motion's rows and by those of each loop."""
+    robot = rbd.mechanism.n_four_bar(3)
+    upright = robot.at("assembled")
+    moving = upright.with_velocity(rbd.mechanism.velocity_partition(upright, robot.loops(), {"crank_0_joint": -1.0}).v)
+    swing = rbd.simulate(moving, robot.loops(), duration=0.2, step=1e-2, integrator=rbd.RungeKutta4(), progress=False)
+    for k in (0, 11, 20):
+        solution = rbd.solve(robot.at(swing.q[k], swing.v[k]), [0.0], robot.loops(), solver=rbd.KKT())
+        for name, force in solution.forces.items():
+            assert np.abs(swing.forces[name][k] - force).max() < 1e-9 * max(1.0, np.abs(force).max())
 
 
 def test_other_closures_and_few_have_no_stack(talos: rbd.Robot) -> None:
