@@ -213,17 +213,6 @@ class CheckedModel:
                 block /= norm
         return q
 
-    def _put_on_circles(self, q: Array, circles: Array) -> bool:
-        """Normalise all unit circles of a configuration in place; False, and nothing done, if one is far off."""
-        points = q[circles]
-        norms = np.hypot(*points)
-        off = np.abs(norms - 1.0)
-        if not off.max() <= UNIT_TOLERANCE:
-            return False
-        far = off > 4e-16  # two roundings
-        q[circles[:, far]] = points[:, far] / norms[far]
-        return True
-
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).
 
@@ -239,6 +228,17 @@ class CheckedModel:
             InputError: wrong size (the floating base and passive joints have no entry) or not finite.
         """
         return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
+
+    def _put_on_circles(self, q: Array, circles: Array) -> bool:
+        """Normalise all unit circles of a configuration in place; False, and nothing done, if one is far off."""
+        points = q[circles]
+        norms = np.hypot(*points)
+        off = np.abs(norms - 1.0)
+        if not off.max() <= UNIT_TOLERANCE:
+            return False
+        far = off > 4e-16  # two roundings
+        q[circles[:, far]] = points[:, far] / norms[far]
+        return True
 
     def _vector(self, what: str, value: Array, size: int, meaning: str, most: float = math.inf) -> Array:
         out = as_array(f"{what} of {self.name}", value)
