@@ -919,7 +919,7 @@ def public() -> Iterator[str]:
                 yield room + name
 
 
-INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion"}
+INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion", "dynamics.polarised"}
 """What constraints and problems call, with what was checked."""
 
 

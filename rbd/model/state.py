@@ -175,9 +175,11 @@ class State:
     def joint_places(self, joints: Sequence[int]) -> tuple[Array, Array]:
         """(R_WJ, p_WJ) of joints by their numbers, shapes (n, 3, 3) and (n, 3) [m]."""
         with self._pool.lock:
-            oMi = self._data().oMi
-            places = [oMi[joint] for joint in joints]
-            return np.array([X.rotation for X in places]), np.array([X.translation for X in places])
+            self._data()
+            assert self._slot is not None
+            placements = self._slot.placements
+            places = np.array([placements[joint].homogeneous for joint in joints])
+            return places[:, :3, :3], places[:, :3, 3]
 
     def joint_motion(self, joints: Sequence[int]) -> tuple[Array, Array, Array]:
         """`joint_places`, and the joints' Jacobian at W's origin over its time derivative, shape (12, nv).

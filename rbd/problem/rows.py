@@ -105,7 +105,15 @@ class Rows:
 
     @classmethod
     def unchecked(
-        cls, name: str, J: Array, bias: Array, cone: Cone, velocity: Array, error: Array | None, resultant: Array, patch: Patch
+        cls,
+        name: str,
+        J: Array,
+        bias: Array,
+        cone: Cone,
+        velocity: Array,
+        error: Array | None,
+        resultant: Array,
+        patch: Patch | None,
     ) -> Rows:
         """The same without the checks, a third of what two contacts cost: for float arrays that fit by construction."""
         self = object.__new__(cls)
