@@ -126,7 +126,7 @@ def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> So
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
     if not isinstance(check, bool):
         raise InputError(f"check is {check!r:.80}; expected True or False.")
-    _refuse_moving(problem, solver)
+    refuse_moving(problem, solver)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
@@ -165,19 +165,24 @@ def assembled(
     """As `gauss_problem`; its warnings name the line that called the caller."""
     if not isinstance(state, State):
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
-    rhs, wrench = free_force(state, tau, external)
-    _warn_of_effort(state.robot, np.asarray(tau, float))
     given = listed(constraints)
-    rows = rows_of(state, given)
-    _warn_of_open(given, rows)
-    if not all([r.patch is None or r.patch.touches for r in rows]):
-        warn_of_distant(state.robot, rows, stacklevel=4)
-    loose = any([r.resultant is None or r.patch is None for r in rows])
-    origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
-    balance = momentum_balance(state, wrench, with_base=loose)
-    problem = GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
+    problem = posed(state, tau, given, external, rest_speed)
+    _warn_of_effort(state.robot, np.asarray(tau, float))
+    _warn_of_open(given, problem.rows)
+    if not all([r.patch is None or r.patch.touches for r in problem.rows]):
+        warn_of_distant(state.robot, problem.rows, stacklevel=4)
     warn_of_opening(state.robot, problem.openings, rest_speed, stacklevel=3)
     return problem
+
+
+def posed(state: State, tau: Array, constraints: tuple[Constraint, ...], external: External, rest_speed: float) -> GaussProblem:
+    """As `gauss_problem`, without its warnings."""
+    rhs, wrench = free_force(state, tau, external)
+    rows = rows_of(state, constraints)
+    loose = any([r.resultant is None or r.patch is None for r in rows])
+    origin = StateOrigin(state, constraints, tuple(external) if type(external) is list else external)
+    balance = momentum_balance(state, wrench, with_base=loose)
+    return GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
 
 
 def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:
@@ -226,7 +231,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     """
     told = []
     for r in rows:
-        gaps = None if r.patch is None or r.patch.touches or (r.stabilised and r.error is not None) else r.patch.gaps
+        gaps = gaps_off_plane(r)
         if gaps is None:
             continue
         assert r.patch is not None
@@ -249,9 +254,22 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         )
 
 
-def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
+def gaps_off_plane(r: Rows) -> Array | None:
+    """Heights of a contact's corners above the plane that it is off [m]; None if it touches, or feedback pulls it back."""
+    if r.patch is None or r.patch.touches or (r.stabilised and r.error is not None):
+        return None
+    return r.patch.gaps
+
+
+def is_open(constraint: Constraint, r: Rows) -> bool:
+    """Whether it is a loop that is open by more than `OPEN` at the state of its rows."""
+    return closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN
+
+
+def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> None:
     for constraint, r in zip(constraints, rows, strict=True):
-        if closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN:
+        if is_open(constraint, r):
+            assert r.error is not None
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
                 "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte reduces the error over time.",
@@ -272,7 +290,7 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
         )
 
 
-def _refuse_moving(problem: GaussProblem, solver: Solver) -> None:
+def refuse_moving(problem: GaussProblem, solver: Solver) -> None:
     """Refuse impacts; and, under the convex law, sliding contacts."""
     T, rest = problem.force_set, problem.rest_speed
     if T.impact:

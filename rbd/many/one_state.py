@@ -1,0 +1,46 @@
+"""The answer at one of many states, by `rbd.solve`'s way for all kinds of constraints."""
+
+from __future__ import annotations
+
+from rbd.least_constraint import gaps_off_plane, is_open, posed, refuse_moving
+from rbd.many.states import ManyStates
+from rbd.problem.problem import Law
+from rbd.solution import Solution, solution_of
+from rbd.solvers.default import solver_of
+
+TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE = (
+    "a torque is beyond its effort limit",
+    "a contact is off its plane",
+    "a contact separates and carries no force",
+    "a loop is open",
+    "more than one motion satisfies the law",
+    "inaccurate",
+)
+"""Kinds of warnings of many states; their records and summaries."""
+
+
+def answer_at(states: ManyStates, i: int, law: Law, rest_speed: float) -> Solution:
+    """What `rbd.solve(state, ..., check=False)` returns at state i, without its warnings.
+
+    Raises:
+        InputError: state i is no input.
+        ContactMoves: a contact moves as the law does not cover.
+        Unsupported: the solver of the law cannot take the problem.
+    """
+    problem = posed(states.state(i), states.vectors["tau"][i], states.constraints_at(i), states.external_at(i), rest_speed)
+    solver = solver_of(law, None)
+    refuse_moving(problem, solver)
+    return solution_of(problem, solver)
+
+
+def warnings_of(states: ManyStates, solution: Solution) -> list[str]:
+    """Of what `rbd.solve` would have warned; torques are looked at for all states at once."""
+    rows = solution.problem.rows
+    told = [DISTANT] if any(gaps_off_plane(r) is not None for r in rows) else []
+    if solution.problem.openings:
+        told.append(OPENED)
+    if solution.others:
+        told.append(SEVERAL)
+    if any(is_open(constraint, r) for constraint, r in zip(states.constraints, rows, strict=True)):
+        told.append(LOOP)
+    return told
