@@ -19,6 +19,7 @@ from rbd.errors import (
     RbdWarning,
 )
 from rbd.many.answers import Sheet
+from rbd.many.blocks import by_blocks
 from rbd.many.one_state import DISTANT, INACCURATE, LOOP, OPENED, SEVERAL, TORQUE, answer_at, warnings_of
 from rbd.many.solutions import Solutions
 from rbd.many.states import Friction, ManyExternal, ManyStates
@@ -88,7 +89,9 @@ def solve_many(
         raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
     states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, tau=tau)
     sheet = Sheet(states)
-    for i in range(len(states)):
+    for i, message in states.refused.items():
+        sheet.refuse(i, InputError(f"at state {i}: {message}"))
+    for i in by_blocks(sheet, asked, rest_speed).tolist():
         _one(sheet, i, asked, rest_speed)
     sheet.column("warned", TORQUE)[:] = states.overloaded & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
