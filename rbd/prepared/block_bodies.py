@@ -65,8 +65,10 @@ class BlockBodies(ContactBodies):
         run(model, data, q[0], v[0], generalised[0], *fixed)
         force, own_pivots = data.lambda_c, factors.D[: self.m]  # views that follow
         bodies = [(*pose, R[k], p[k]) for k, pose in enumerate(self._poses)]
-        for i in range(n):
-            a[i] = run(model, data, q[i], v[i], generalised[i], *fixed)
+        i = -1
+        for q_i, v_i, generalised_i in zip(q, v, generalised, strict=True):
+            i += 1
+            a[i] = run(model, data, q_i, v_i, generalised_i, *fixed)
             f[i] = force
             pivots[i] = own_pivots
             for rotation, translation, rotations, translations in bodies:
@@ -106,16 +108,19 @@ class BlockBodies(ContactBodies):
         bodies = list(zip(self._wrench_views, wrenches, self._acceleration_views, x, strict=True))
         twists = list(zip(self._twist_views, u, strict=True)) if moves else []
         run, model, data, forces = pin.rnea, self._model, self._data, self._forces
-        for i in range(n):
+        i = -1
+        for q_i, v_i, a_i in zip(q, v, a, strict=True):
+            i += 1
             for slot, wrench, _, _ in bodies:
                 slot[:] = wrench[i]
-            left[i] = run(model, data, q[i], v[i], a[i], forces)
+            left[i] = run(model, data, q_i, v_i, a_i, forces)
             for _, _, acceleration, seen in bodies:
                 seen[i] = acceleration
             for twist, seen in twists:
                 seen[i] = twist
         left -= generalised
         left *= self._per_inertia
+        left /= np.maximum(np.abs(a), 1.0)  # M_ii |a_i| is a term of row i
         fall, c = float(self._model.gravity.linear[2]), np.empty((n, self.m))
         for k, site, rows in sites:
             x[k, :, :3] += fall * places.R[k, :, 2]  # rnea leaves a - R^T g

@@ -94,13 +94,15 @@ class ContactBlocks(ContactDynamics):
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
         moves = np.any(v, axis=1).tolist()
 
+        surely = self._surely.dot
+
         def judge(i: int) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""
             held = f[i]
             if moves[i] and max(map(self.bodies.speed, self._frictional)) > rest_speed:
                 method[i] = -1
             elif mu is None:
-                room = self._surely.dot(held)
+                room = surely(held)
                 if not room[room.argmin()] >= 0.0 and self.sticking(held) is None:
                     method[i] = 2 if self._slips(self._newton, a[i], held, w[i], coulomb) else -1
             elif not _in_cones(self._least_norm.dot(held), T.cone_at, mu[i]):
