@@ -15,7 +15,7 @@ import pytest
 import rbd
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
 from rbd.many import Solutions, StateStatus
-from rbd.many.solving import WARNINGS
+from rbd.many.warned import WARNINGS
 
 URDF = Path(__file__).parents[1] / "urdf"
 

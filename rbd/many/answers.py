@@ -172,6 +172,11 @@ class Sheet:
         """The number of a method."""
         return self.methods.setdefault(method, len(self.methods))
 
+    def refuse_bad_input(self) -> None:
+        """The states that are no input."""
+        for i, message in self.states.refused.items():
+            self.refuse(i, InputError(f"at state {i}: {message}"))
+
     def refuse(self, i: int, error: RbdError) -> None:
         """State i has no answer, for the reason that an error gives."""
         self.status[i] = status_of_error(error)

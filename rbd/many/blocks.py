@@ -10,13 +10,13 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import member
 from rbd.least_constraint import posed
 from rbd.many.answers import Sheet
-from rbd.many.one_state import DISTANT
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
+from rbd.many.warned import DISTANT
 from rbd.model.dynamics import generalised
-from rbd.prepared.contact_dynamics import DOUBTFUL, METHODS, Found
-from rbd.prepared.many import BLOCK, BlockAnswer, ContactBlocks, prepared_blocks
-from rbd.problem.problem import COULOMB, GaussProblem, Law
+from rbd.prepared.contact_dynamics import DOUBTFUL, Found
+from rbd.prepared.many import BLOCK, METHODS, BlockAnswer, ContactBlocks, prepared_blocks
+from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
 
@@ -122,7 +122,9 @@ def of_row(
         rows.append(r.resultant.T @ forces[r.name])
         weights.append(rows[-1] if r.patch.friction is None else (corners[r.name] @ r.patch.axes).ravel())
     w = None if problem.bilateral else np.concatenate(weights)
-    return Solution.prepared(partial(_same, problem), Found(a, np.concatenate(rows), w, method), law, 0.0)
+    return Solution.prepared(
+        partial(_same, problem), Found(a, np.concatenate(rows), w, method), BILATERAL if w is None else law, 0.0
+    )
 
 
 def _same(problem: GaussProblem) -> GaussProblem:

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from rbd.least_constraint import gaps_off_plane, is_open, posed, refuse_moving
+from rbd.least_constraint import posed, refuse_moving
 from rbd.many.states import ManyStates
+from rbd.many.warned import OPENED, SEVERAL, of_rows
 from rbd.problem.problem import Law
 from rbd.solution import Solution, solution_of
 from rbd.solvers.default import solver_of
-
-TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE = (
-    "a torque is beyond its effort limit",
-    "a contact is off its plane",
-    "a contact separates and carries no force",
-    "a loop is open",
-    "more than one motion satisfies the law",
-    "inaccurate",
-)
-"""Kinds of warnings of many states; their records and summaries."""
 
 
 def answer_at(states: ManyStates, i: int, law: Law, rest_speed: float) -> Solution:
@@ -35,12 +26,7 @@ def answer_at(states: ManyStates, i: int, law: Law, rest_speed: float) -> Soluti
 
 def warnings_of(states: ManyStates, solution: Solution) -> list[str]:
     """Of what `rbd.solve` would have warned; torques are looked at for all states at once."""
-    rows = solution.problem.rows
-    told = [DISTANT] if any(gaps_off_plane(r) is not None for r in rows) else []
+    told = of_rows(states.constraints, solution.problem.rows)
     if solution.problem.openings:
         told.append(OPENED)
-    if solution.others:
-        told.append(SEVERAL)
-    if any(is_open(constraint, r) for constraint, r in zip(states.constraints, rows, strict=True)):
-        told.append(LOOP)
-    return told
+    return [*told, SEVERAL] if solution.others else told

@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint
-from rbd.errors import (
-    DistantContactWarning,
-    EffortLimitWarning,
-    InaccurateWarning,
-    InputError,
-    LoopNotClosedWarning,
-    NonUniqueMotionWarning,
-    OpeningContactWarning,
-    RbdError,
-    RbdWarning,
-)
+from rbd.errors import InputError, RbdError
 from rbd.many.answers import Sheet
 from rbd.many.blocks import by_blocks
-from rbd.many.one_state import DISTANT, INACCURATE, LOOP, OPENED, SEVERAL, TORQUE, answer_at, warnings_of
+from rbd.many.one_state import answer_at, warnings_of
 from rbd.many.solutions import Solutions
 from rbd.many.states import Friction, ManyExternal, ManyStates
 from rbd.many.status import StateStatus
+from rbd.many.warned import INACCURATE, TORQUE, warn
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.problem import COULOMB, Law
 from rbd.solvers.default import slip_law
-
-WARNINGS: dict[str, type[RbdWarning]] = {
-    TORQUE: EffortLimitWarning,
-    DISTANT: DistantContactWarning,
-    OPENED: OpeningContactWarning,
-    LOOP: LoopNotClosedWarning,
-    SEVERAL: NonUniqueMotionWarning,
-    INACCURATE: InaccurateWarning,
-}
-"""The warning of each kind, one for all states."""
 
 
 def solve_many(
@@ -89,14 +69,13 @@ def solve_many(
         raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
     states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, tau=tau)
     sheet = Sheet(states)
-    for i, message in states.refused.items():
-        sheet.refuse(i, InputError(f"at state {i}: {message}"))
+    sheet.refuse_bad_input()
     for i in by_blocks(sheet, asked, rest_speed).tolist():
         _one(sheet, i, asked, rest_speed)
     sheet.column("warned", TORQUE)[:] = states.overloaded & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     found = Solutions(**sheet.fields(), law=asked, rest_speed=rest_speed)
-    _warn(found)
+    warn(found, stacklevel=2)
     return found
 
 
@@ -110,13 +89,3 @@ def _one(sheet: Sheet, i: int, law: Law, rest_speed: float) -> None:
         return
     for what in warnings_of(sheet.states, solution):
         sheet.column("warned", what)[i] = True
-
-
-def _warn(found: Solutions) -> None:
-    for what, some in found.warned.items():
-        warnings.warn(
-            f"{what} at {int(some.sum())} of {len(found)} states of {found.states.robot.name}, the first of them state "
-            f"{int(some.argmax())}; `solutions.warned[{what!r}]` says which. rbd.solve of one of them says more.",
-            WARNINGS[what],
-            stacklevel=3,
-        )

@@ -15,7 +15,8 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
-from rbd.prepared.contact_dynamics import EXACT, LEAST_PUSH, METHODS as METHODS, MOST, TINY, ContactDynamics, keep
+from rbd.prepared.contact_dynamics import EXACT, MOST, ContactDynamics, keep
+from rbd.prepared.point_law import LEAST_PUSH
 from rbd.prepared.sites import Site, covered
 from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.cones import WrenchCone
@@ -25,6 +26,9 @@ from rbd.solvers.contact_newton import ContactNewton
 
 BLOCK = 512
 """States whose working arrays are in memory at a time; of two soles on a Talos 1.5 MB."""
+METHODS = ("closed form", "closed form", "cones: Newton")
+"""Words for bilateral contacts, those that stick, and those that slip or open."""
+_TINY = 1e-300
 _SIDES = 8
 """Of the pyramids inside the cones, by which most points that stick are seen to be inside."""
 
@@ -161,7 +165,7 @@ class ContactBlocks(ContactDynamics):
             normal = np.maximum(x_n, 0.0)
         else:
             normal = np.where(t <= mu * x_n, x_n, np.maximum((mu * t + x_n) / (1.0 + mu * mu), 0.0))
-        cut = np.minimum(mu * normal / np.maximum(t, TINY), 1.0)
+        cut = np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)
         far = np.maximum(np.maximum(np.abs(cut * x_1 - p_1), np.abs(cut * x_2 - p_2)), np.abs(normal - p_n))
         beyond = np.maximum(np.sqrt(rub) - mu * p_n, -p_n)
         off = np.abs(f - self.G @ w) / np.maximum(np.abs(f), LEAST_PUSH)
