@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, closes_loop, listed, rows_of
+from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
 from rbd.errors import (
     ContactMoves,
     DistantContactWarning,
@@ -38,9 +38,6 @@ from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.default import slip_law, solver_of
-
-OPEN = 1e-3
-"""A loop that is open by more than this [m, rad] at the solved state gets a warning."""
 
 
 def solve(
@@ -285,7 +282,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     """
     told = []
     for r in rows:
-        gaps = gaps_off_plane(r)
+        gaps = r.gaps_off_plane
         if gaps is None:
             continue
         assert r.patch is not None
@@ -306,18 +303,6 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
             DistantContactWarning,
             stacklevel=stacklevel,
         )
-
-
-def gaps_off_plane(r: Rows) -> Array | None:
-    """Heights of a contact's corners above the plane that it is off [m]; None if it touches, or feedback pulls it back."""
-    if r.patch is None or r.patch.touches or (r.stabilised and r.error is not None):
-        return None
-    return r.patch.gaps
-
-
-def is_open(constraint: Constraint, r: Rows) -> bool:
-    """Whether it is a loop that is open by more than `OPEN` at the state of its rows."""
-    return closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN
 
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> None:

@@ -71,6 +71,7 @@ def contact_answers() -> Iterator[object]:
     many = rbd.solve_many(talos, np.tile(state.q, (3, 1)), None, held.tau, soles, friction=[0.5, 0.6, -1.0])
     assert str(many)
     yield many
+    yield rbd.statics.hold_many(talos, state.q, soles)
     yield rbd.studies.compare_laws(state, held.tau, soles)
     yield rbd.studies.compare_solvers(state, held.tau, soles)
     pair = rbd.robots.merge_robots(talos, box)

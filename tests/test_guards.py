@@ -127,6 +127,11 @@ def use_many(**given: Any) -> Any:
     return [array[found.answered] for array in (found.a, found.worst, *found.forces.values(), *found.corner_forces.values())]
 
 
+def use_actuations(found: rbd.statics.Actuations) -> Any:
+    """The rows that have an answer."""
+    return [array[found.answered] for array in (found.tau, found.worst, *found.forces.values())]
+
+
 def use_cone(cone: Any) -> Any:
     """A set of forces in a problem of its own."""
     n = cone.dim
@@ -384,6 +389,17 @@ CASES: dict[str, Case] = {
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
     "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True, "rest_speed": 1e-6}, 200),
     "solve_many": Case(use_many, MANY | {"law": "coulomb", "external": np.zeros(BOLT.nv), "friction": 0.5, "rest_speed": 1e-6}),
+    "hold_many": Case(
+        lambda **given: use_actuations(rbd.statics.hold_many(**given)),
+        {key: MANY[key] for key in ("robot", "q")} | {"contacts": FEET, "coefficients": 0.5, "friction": "cone", "margin": 0.0},
+        20,
+    ),
+    "inverse_dynamics_many": Case(
+        lambda **given: use_actuations(rbd.control.inverse_dynamics_many(**given)),
+        {key: MANY[key] for key in ("robot", "q", "v")}
+        | {"a": np.zeros(BOLT.nv), "contacts": FEET, "coefficients": 0.5, "rest_speed": 1e-6, "external": np.zeros(BOLT.nv)},
+        20,
+    ),
     "solve_problem": Case(rbd.solve_problem, {"problem": PROBLEM, "solver": rbd.ProxQP(), "check": True}),
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
@@ -704,6 +720,7 @@ MADE_BY_RBD = {
     "SupportRegion",
     "ZmpRegion",
     "Actuation",
+    "Actuations",
     "ActuationUniqueness",
     "Limit",
     "Margins",

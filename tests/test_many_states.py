@@ -323,3 +323,80 @@ def test_as_a_dataset(talos: rbd.Robot, rng: np.random.Generator, monkeypatch: p
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(rbd.InputError, match=r"rbd-contact\[study\]"):
         solutions.to_xarray()
+
+
+class TestActuations:
+    """Torques of many poses and motions are those of `rbd.hold` and `rbd.inverse_dynamics`."""
+
+    def test_held_poses(self, talos: rbd.Robot, rng: np.random.Generator):
+        """Torques, forces and margins as of single poses; one that cannot be held is a row, its proof on demand."""
+        q, soles = near(talos, rng, 8), anywhere(talos.soles(0.7))
+        q[2, 0] = np.nan
+        q[5] = talos.standing().q
+        push = np.zeros((8, talos.nv))
+        push[5, 1] = 500.0
+        found = rbd.statics.hold_many(talos, q, soles, external=push)
+        assert found.status.tolist() == [0, 0, 5, 0, 0, 7, 0, 0]
+        assert "cannot be held" in found.reasons[5] and np.isnan(found.tau[[2, 5]]).all()
+        for i in (0, 1, 3, 4, 6, 7):
+            one = rbd.hold(rbd.State(talos, q[i]), soles, external=push[i])
+            np.testing.assert_allclose(found.tau[i], one.tau, rtol=0.0, atol=1e-7)
+            assert found.margin[i] == one.margin and found.least[i] and found.worst[i] <= 1e-9
+            for name in one.forces:
+                np.testing.assert_allclose(found.forces[name][i], one.forces[name], rtol=0.0, atol=1e-6)
+                np.testing.assert_allclose(found.corner_forces[name][i], one.corner_forces[name], rtol=0.0, atol=1e-6)
+                assert abs(found.friction_used[name][i] - one.contacts[name].friction_used) < 1e-8
+            np.testing.assert_allclose(found[i].tau, found.tau[i], rtol=0.0, atol=1e-7)
+        with pytest.raises(rbd.CannotHold, match="base"):
+            found[5]
+        with pytest.raises(rbd.InputError, match="at state 2"):
+            found[2]
+        assert repr(found).startswith("Actuations(8 states of 'talos': 6 solved, 1 bad input, 1 cannot move")
+
+    def test_wanted_motions(self, g1: rbd.Robot, rng: np.random.Generator):
+        """`rbd.solve_many` with the torques gives the accelerations back; one that the soles do not allow is a row."""
+        soles, held = anywhere(g1.soles(0.7)), anywhere(g1.soles(None))
+        q = near(g1, rng, 6)
+        a = np.array([rbd.mechanism.project_acceleration(rbd.State(g1, x), 0.2 * rng.normal(size=g1.nv), held).a for x in q])
+        a[4, 2] -= 1.0
+        found = rbd.control.inverse_dynamics_many(g1, q, None, a, soles)
+        good = [0, 1, 2, 3, 5]
+        assert found.status[good].tolist() == [0] * 5 and found.status[4] == StateStatus.CANNOT_MOVE
+        assert "cannot move so" in found.reasons[4]
+        for i in good:
+            one = rbd.inverse_dynamics(rbd.State(g1, q[i]), a[i], soles)
+            np.testing.assert_allclose(found.tau[i], one.tau, rtol=0.0, atol=1e-7)
+        back = rbd.solve_many(g1, q[good], None, found.tau[good], soles)
+        np.testing.assert_allclose(back.a, a[good], rtol=0.0, atol=1e-8)
+        np.testing.assert_array_equal(found.a[good], a[good])
+
+    def test_friction_and_what_is_wrong_everywhere(self, talos: rbd.Robot):
+        """Coefficients a row a pose; words and objectives are checked once."""
+        q, soles = talos.standing().q, talos.soles(0.7)
+        found = rbd.statics.hold_many(
+            talos, q, soles, coefficients=[0.1, 0.7, -1.0], external=rbd.ExternalForce("torso_2_link", (0, 70.0, 0))
+        )
+        assert found.status.tolist() == [0, 0, 5]
+        one = rbd.hold(talos.standing(), talos.soles(0.1), external=rbd.ExternalForce("torso_2_link", (0, 70.0, 0)))
+        np.testing.assert_allclose(found.tau[0], one.tau, rtol=0.0, atol=1e-7)
+        assert len(rbd.statics.hold_many(talos, np.zeros((0, talos.nq)), soles)) == 0
+        for given, told in (
+            ({"friction": "dry"}, "friction is 'dry'"),
+            ({"objective": 3}, "objective is 3"),
+            ({"margin": 2.0}, "margin is 2"),
+            ({"coefficients": {"toe": 1.0}}, "friction is given for 'toe'"),
+            ({"q": np.zeros(3)}, "q has shape"),
+        ):
+            with pytest.raises(rbd.InputError, match=told):
+                rbd.statics.hold_many(**({"robot": talos, "q": q, "contacts": soles} | given))
+
+    def test_contacts_that_leave(self, talos: rbd.Robot):
+        """Feet that already separate carry nothing, and are told once."""
+        state = talos.standing()
+        v = np.zeros((2, talos.nv))
+        v[:, 2] = 0.5
+        falls = np.zeros(talos.nv)
+        falls[2] = -9.81
+        with pytest.warns(OpeningContactWarning, match="at 2 of 2 states"):
+            found = rbd.control.inverse_dynamics_many(talos, state.q, v, falls, talos.soles(0.7))
+        assert (found.forces["left_sole"][found.answered] == 0.0).all()

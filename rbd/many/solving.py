@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError, RbdError
@@ -72,7 +74,7 @@ def solve_many(
     sheet.refuse_bad_input()
     for i in by_blocks(sheet, asked, rest_speed).tolist():
         _one(sheet, i, asked, rest_speed)
-    sheet.column("warned", TORQUE)[:] = states.overloaded & (sheet.status != StateStatus.BAD_INPUT)
+    sheet.column("warned", TORQUE)[:] = _overloaded(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     found = Solutions(**sheet.fields(), law=asked, rest_speed=rest_speed)
     warn(found, stacklevel=2)
@@ -89,3 +91,9 @@ def _one(sheet: Sheet, i: int, law: Law, rest_speed: float) -> None:
         return
     for what in warnings_of(sheet.states, solution):
         sheet.column("warned", what)[i] = True
+
+
+def _overloaded(states: ManyStates) -> Array:
+    """At which states some torque is beyond its effort limit, shape (n,), of truth values."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(states.vectors["tau"]) > states.robot.effort_limit).any(axis=1))

@@ -127,13 +127,6 @@ class ManyStates:
             self._last[0] = mu, found
         return found
 
-    @property
-    def overloaded(self) -> Array:
-        """At which states some torque is beyond its effort limit, shape (n,), of truth values."""
-        tau = self.vectors["tau"]
-        with np.errstate(invalid="ignore"):
-            return np.asarray((np.abs(tau) > self.robot.effort_limit).any(axis=1))
-
     def __repr__(self) -> str:
         return f"ManyStates({len(self)} of {self.robot.name!r})"
 

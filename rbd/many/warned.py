@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, is_open
 from rbd.errors import (
     DistantContactWarning,
     EffortLimitWarning,
@@ -15,7 +15,6 @@ from rbd.errors import (
     OpeningContactWarning,
     RbdWarning,
 )
-from rbd.least_constraint import gaps_off_plane, is_open
 from rbd.many.answers import ManyAnswers
 from rbd.problem.rows import Rows
 
@@ -40,7 +39,7 @@ WARNINGS: dict[str, type[RbdWarning]] = {
 
 def of_rows(constraints: Sequence[Constraint], rows: Sequence[Rows]) -> list[str]:
     """Kinds that the rows of one state give."""
-    told = [DISTANT] if any(gaps_off_plane(r) is not None for r in rows) else []
+    told = [DISTANT] if any(r.gaps_off_plane is not None for r in rows) else []
     if any(is_open(constraint, r) for constraint, r in zip(constraints, rows, strict=True)):
         told.append(LOOP)
     return told
