@@ -16,6 +16,7 @@ import rbd
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
 from rbd.many import Solutions, StateStatus
 from rbd.many.warned import WARNINGS
+from rbd.prepared.many import prepared_blocks
 
 URDF = Path(__file__).parents[1] / "urdf"
 
@@ -400,3 +401,38 @@ class TestActuations:
         with pytest.warns(OpeningContactWarning, match="at 2 of 2 states"):
             found = rbd.control.inverse_dynamics_many(talos, state.q, v, falls, talos.soles(0.7))
         assert (found.forces["left_sole"][found.answered] == 0.0).all()
+
+
+@pytest.mark.parametrize("law", ["coulomb", "convex"])
+@pytest.mark.parametrize(
+    "fault", ["sign of forces", "stale acceleration", "another q", "another v", "wrong site", "scaled forces"]
+)
+def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Generator, law: str, fault: str, monkeypatch):
+    """What finds the answers is spoilt, what judges them is not: not one row of a block is certified."""
+    blocks = prepared_blocks(talos, tuple(anywhere(talos.soles(0.7))))
+    assert blocks is not None
+    q, v, n = near(talos, rng, 12), np.zeros((12, talos.nv)), 12
+    generalised = np.zeros((n, talos.nv))
+    generalised[:, talos.motors] = pushed(talos, rng, n)
+    asked = {"coulomb": law == "coulomb", "rest_speed": 1e-6, "mu": None}
+    assert blocks.solve(q, v, generalised, **asked).found.all()
+    found = blocks.bodies.motions
+
+    def spoilt(q, v, generalised, a, f, judge):
+        if fault == "another q":
+            q = np.array([pin.integrate(talos.model, x, np.full(talos.nv, 1e-4)) for x in q])
+        elif fault == "another v":
+            v = v + 0.05
+        places = found(q, v, generalised, a, f, judge)
+        if fault == "sign of forces":
+            f *= -1.0
+        elif fault == "scaled forces":
+            f *= 1.0 + 1e-7
+        elif fault == "stale acceleration":
+            a[:] = np.roll(a, 1, axis=0)
+        elif fault == "wrong site":
+            f[:] = np.roll(f, 6, axis=1)
+        return places
+
+    monkeypatch.setattr(blocks.bodies, "motions", spoilt)
+    assert not blocks.solve(q, v, generalised, **asked).found.any()
