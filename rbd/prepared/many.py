@@ -72,6 +72,8 @@ class ContactBlocks(ContactDynamics):
         self._splits = [
             np.linalg.pinv(WrenchCone(c.corners, 0.0).corner_map).T if len(c.corners) > 1 else None for c in contacts
         ]
+        self._upright = np.zeros(T.size)
+        self._upright[T.cone_at + 2] = 1.0
         turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
         sides = np.stack([-np.cos(turn), -np.sin(turn), np.zeros(_SIDES)], axis=1)
         inscribed = [np.zeros((0, bodies.m))]
@@ -98,17 +100,17 @@ class ContactBlocks(ContactDynamics):
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
         moves = np.any(v, axis=1).tolist()
 
-        surely = self._surely.dot
+        surely, speed, own = self._surely.dot, self.bodies.speed, self._newton
 
         def judge(i: int) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""
             held = f[i]
-            if moves[i] and max(map(self.bodies.speed, self._frictional)) > rest_speed:
+            if moves[i] and max(map(speed, self._frictional)) > rest_speed:
                 method[i] = -1
             elif mu is None:
                 room = surely(held)
                 if not room[room.argmin()] >= 0.0 and self.sticking(held) is None:
-                    method[i] = 2 if self._slips(self._newton, a[i], held, w[i], coulomb) else -1
+                    method[i] = 2 if self._slips(own, a[i], held, w[i], coulomb) else -1
             elif not _in_cones(self._least_norm.dot(held), T.cone_at, mu[i]):
                 newton = ContactNewton(self.G, mu[i]) if T.only_cones else None
                 method[i] = 2 if self._slips(newton, a[i], held, w[i], coulomb) else -1
@@ -131,21 +133,24 @@ class ContactBlocks(ContactDynamics):
         """One row by Newton's method on the rows of the contact bodies, in place; whether it found an answer."""
         if newton is None:
             return False
-        mobility = self.bodies.mobility()
-        found = newton.forces(mobility, -mobility.dot(f), self._least_norm.dot(f), coulomb=coulomb)
-        if not found.merit <= EXACT:
-            return False
+        mobility, start = self.bodies.mobility(), self._least_norm.dot(f)
+        free = -mobility.dot(f)
+        found = newton.forces(mobility, free, start, coulomb=coulomb)
+        if not found.merit <= EXACT:  # from other starts it may get there, at a tenth of what the general way costs
+            for other in (self._upright * np.abs(start), 0.5 * start):
+                found = newton.forces(mobility, free, other, coulomb=coulomb)
+                if found.merit <= EXACT:
+                    break
+            else:
+                return False
         a += self.bodies.moved(mobility.dot(found.wrench - f))
         f[:], w[:] = found.wrench, found.weights
         return True
 
     def _residuals(self, left: Array, c: Array, f: Array, w: Array, mu: Array, coulomb: bool) -> dict[str, Array]:
         """Upper bounds of the scaled residuals, as `rbd.prepared.certificate` has them."""
-        n, T, turned = (
-            len(left),
-            self.force_set,
-            np.ascontiguousarray,
-        )  # states along the last axis: maxima are four times as fast
+        n, T, turned = len(left), self.force_set, np.ascontiguousarray
+        # States along the last axis: maxima are four times as fast.
         out = {"stationarity": np.abs(turned(left.T)).max(axis=0)}
         c = turned(c.T)
         if self.bilateral:
