@@ -418,12 +418,12 @@ def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Gen
     assert blocks.solve(q, v, generalised, **asked).found.all()
     found = blocks.bodies.motions
 
-    def spoilt(q, v, generalised, a, f, judge):
+    def spoilt(q, v, generalised, a, f, *rest):
         if fault == "another q":
             q = np.array([pin.integrate(talos.model, x, np.full(talos.nv, 1e-4)) for x in q])
         elif fault == "another v":
             v = v + 0.05
-        places = found(q, v, generalised, a, f, judge)
+        places = found(q, v, generalised, a, f, *rest)
         if fault == "sign of forces":
             f *= -1.0
         elif fault == "scaled forces":

@@ -77,8 +77,10 @@ def _write(sheet: Sheet, part: Array, found: BlockAnswer, law: Law, rest_speed: 
             found.found[row] = True
             for name in found.residuals:
                 found.residuals[name][row] = solution.residuals.scaled[name]
-    good = found.found
-    at = part[good]
+    good: Array | slice = found.found
+    at: Array | slice = part[good]
+    if found.found.all() and part[-1] - part[0] == len(part) - 1:  # one copy in place of two
+        good, at = slice(None), slice(int(part[0]), int(part[-1]) + 1)
     sheet.a[at], sheet.status[at] = found.a[good], StateStatus.SOLVED
     codes = np.array([sheet.code(METHODS[code]) for code in np.unique(found.method[good])], np.int8)
     sheet.codes[at] = codes[np.searchsorted(np.unique(found.method[good]), found.method[good])] if len(codes) else -1

@@ -46,7 +46,7 @@ class BlockBodies(ContactBodies):
         self._twist_views = [data.v[j].vector for j in joints]
 
     def motions(
-        self, q: Array, v: Array, generalised: Array, a: Array, f: Array, judge: Callable[[int], None] | None
+        self, q: Array, v: Array, generalised: Array, a: Array, f: Array, judge: Callable[[int], None], clear: Array
     ) -> Places:
         """Hold the bodies at each state: accelerations and row forces go into a and f.
 
@@ -57,8 +57,9 @@ class BlockBodies(ContactBodies):
             a: Accelerations, shape (n, nv); written.
             f: Row forces, shape (n, m); written.
             judge: Called with a state's number while the factors are those of that state; it may change its a and f.
+            clear: It is not called for a robot at rest whose row forces make all of clear @ f positive, shape (j, m).
         """
-        n, data, factors, moves = len(q), self._data, self._factors, np.any(v, axis=1).tolist()
+        n, j, data, factors, moves = len(q), len(clear), self._data, self._factors, np.any(v, axis=1).tolist()
         R, p, pivots = np.empty((len(self.sites), n, 3, 3)), np.empty((len(self.sites), n, 3)), np.empty((n, self.m))
         run, fixed = pin.constraintDynamics, (self._models, self._datas, self._settings)
         model = self._model
@@ -79,8 +80,11 @@ class BlockBodies(ContactBodies):
                 if turning is not None:
                     a[i] += self.moved(turning)
                     f[i] += self.inertia() @ turning
-            if judge is not None:
-                judge(i)
+            if j and not moves[i]:
+                room = clear.dot(force)
+                if room[room.argmin()] >= 0.0:
+                    continue
+            judge(i)
         turned = np.ascontiguousarray(pivots.T)
         with np.errstate(invalid="ignore"):  # all are negative
             return Places(R, p, turned.max(axis=0) < DEPENDENT * turned.min(axis=0))

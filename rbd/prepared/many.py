@@ -100,23 +100,24 @@ class ContactBlocks(ContactDynamics):
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
         moves = np.any(v, axis=1).tolist()
 
-        surely, speed, own = self._surely.dot, self.bodies.speed, self._newton
+        speed, own = self.bodies.speed, self._newton
 
         def judge(i: int) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""
             held = f[i]
+            if self.bilateral:
+                return
             if moves[i] and max(map(speed, self._frictional)) > rest_speed:
                 method[i] = -1
             elif mu is None:
-                room = surely(held)
-                if not room[room.argmin()] >= 0.0 and self.sticking(held) is None:
+                if self.sticking(held) is None:
                     method[i] = 2 if self._slips(own, a[i], held, w[i], coulomb) else -1
             elif not _in_cones(self._least_norm.dot(held), T.cone_at, mu[i]):
                 newton = ContactNewton(self.G, mu[i]) if T.only_cones else None
                 method[i] = 2 if self._slips(newton, a[i], held, w[i], coulomb) else -1
 
         with self.bodies.lock:
-            places = self.bodies.motions(q, v, generalised, a, f, None if self.bilateral else judge)
+            places = self.bodies.motions(q, v, generalised, a, f, judge, self._surely if mu is None else self._surely[:0])
             left, c = self.bodies.checked(q, v, generalised, a, f, places)
         method[~places.independent] = -1
         if not self.bilateral:
