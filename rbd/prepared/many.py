@@ -187,9 +187,9 @@ class ContactBlocks(ContactDynamics):
         forces, corners, friction, pressures = [], [], [], []
         for k, (contact, site, rows) in enumerate(zip(self._contacts, self.bodies.sites, self.bodies.rows, strict=True)):
             R, p, own, turn = places.R[k], places.p[k], f[:, rows], contact.turned
-            centre = R @ site.X_JC.translation + p
+            centre = (R.reshape(-1, 3) @ site.X_JC.translation).reshape(n, 3) + p
             if site.size == 6:
-                axes = R @ site.X_JC.rotation
+                axes = (R.reshape(-1, 3) @ site.X_JC.rotation).reshape(n, 3, 3)
                 forces.append(
                     np.concatenate([np.einsum("nij,nj->ni", axes, own[:, 3 * s : 3 * s + 3]) for s in (0, 1)], axis=1)
                 )
@@ -203,7 +203,7 @@ class ContactBlocks(ContactDynamics):
                 points = w[:, T.slices[k]].reshape(n, -1, 3)
             else:
                 points = local[:, None, :3] if split is None else (local @ split).reshape(n, -1, 3)
-            corners.append(np.einsum("nij,nkj->nki", axes, points))
+            corners.append(points @ axes.transpose(0, 2, 1))
             normal = local[:, 2]
             with np.errstate(invalid="ignore", divide="ignore"):
                 loaded = np.where(normal >= CARRIES_NOTHING_N, normal, np.nan)
@@ -218,7 +218,7 @@ class ContactBlocks(ContactDynamics):
                 else:
                     pressures.append(np.where(np.isnan(loaded)[:, None], np.nan, centre))
             if contact.plane is not None:
-                corners_W = np.einsum("nij,kj->nki", R, site.in_joint_axes(contact.corners)) + p[:, None]
+                corners_W = site.in_joint_axes(contact.corners) @ R.transpose(0, 2, 1) + p[:, None]
                 distant |= (np.abs(contact.plane.distances(corners_W.reshape(-1, 3))).reshape(n, -1) > TOUCHES).any(axis=1)
         return BlockAnswer(found, a, forces, corners, friction, pressures, residuals, method, distant)
 
