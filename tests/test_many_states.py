@@ -436,3 +436,19 @@ def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Gen
 
     monkeypatch.setattr(blocks.bodies, "motions", spoilt)
     assert not blocks.solve(q, v, generalised, **asked).found.any()
+
+
+@pytest.mark.parametrize("name", ["talos", "solo12"])
+def test_blocks_of_poses_are_single_poses(name: str, rng: np.random.Generator):
+    """Most poses need no program: the least effort is inside all limits. Their torques and forces are those of the program."""
+    robot = rbd.load_robot(name)
+    feet, q = anywhere(robot.feet(friction=0.7)), near(robot, rng, 30)
+    found = rbd.statics.hold_many(robot, q, feet, objective=rbd.statics.Effort(torques=2.0, forces=1e-3))
+    assert found.counts == {"solved": 30} and found.one_by_one.sum() <= 3
+    for i in range(0, 30, 3):
+        one = rbd.hold(rbd.State(robot, q[i]), feet, objective=rbd.statics.Effort(torques=2.0, forces=1e-3))
+        np.testing.assert_allclose(found.tau[i], one.tau, rtol=0.0, atol=1e-7)
+        for foot in one.corner_forces:
+            np.testing.assert_allclose(found.corner_forces[foot][i], one.corner_forces[foot], rtol=0.0, atol=1e-6)
+    bounded = rbd.statics.Effort(normal_force={feet[0].name: (0.3 * robot.mass * 9.81, np.inf)})
+    assert rbd.statics.hold_many(robot, q[:2], feet, objective=bounded).one_by_one.all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -15,7 +16,7 @@ from rbd.many.status import StateStatus
 from rbd.many.warned import DISTANT
 from rbd.model.dynamics import generalised
 from rbd.prepared.contact_dynamics import DOUBTFUL, Found
-from rbd.prepared.many import BLOCK, METHODS, BlockAnswer, ContactBlocks, prepared_blocks
+from rbd.prepared.many import BLOCK, METHODS, BlockAnswer, prepared_blocks
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.solution import Solution
@@ -29,7 +30,7 @@ def by_blocks(sheet: Sheet, law: Law, rest_speed: float) -> Array:
     blocks = prepared_blocks(states.robot, states.constraints)
     if blocks is None:
         return np.flatnonzero(left)
-    mu = _friction(states, blocks)
+    mu = friction_of(states)
     fit = left if mu is None else left & (mu > 0.0).all(axis=1)
     some = np.flatnonzero(fit)
     for start in range(0, len(some), BLOCK):
@@ -38,12 +39,13 @@ def by_blocks(sheet: Sheet, law: Law, rest_speed: float) -> Array:
             states.q[part], states.v[part], _generalised(states, part), coulomb=law == COULOMB, rest_speed=rest_speed,
             mu=None if mu is None else mu[part],
         )  # fmt: skip
-        _write(sheet, part, found, law, rest_speed)
+        _settle_doubtful(states, part, found, law, rest_speed)
+        write(sheet, part, found, METHODS)
         left[part[found.found]] = False
     return np.flatnonzero(left)
 
 
-def _friction(states: ManyStates, blocks: ContactBlocks) -> Array | None:
+def friction_of(states: ManyStates) -> Array | None:
     """Coefficients of all points at all states, shape (n, k); None where they are the contacts' own."""
     if not states.friction:
         return None
@@ -54,18 +56,26 @@ def _friction(states: ManyStates, blocks: ContactBlocks) -> Array | None:
 
 def _generalised(states: ManyStates, part: Array) -> Array:
     """S^T tau + tau_ext of some states, shape (n, nv)."""
-    robot, external = states.robot, states.external
-    out = np.zeros((len(part), robot.nv)) if not isinstance(external, np.ndarray) else external[part].copy()
-    out[:, robot.motors] += states.vectors["tau"][part]
-    if isinstance(external, tuple):
+    out = external_of(states, part)
+    out[:, states.robot.motors] += states.vectors["tau"][part]
+    return out
+
+
+def external_of(states: ManyStates, part: Array) -> Array:
+    """tau_ext of some states, shape (n, nv)."""
+    external = states.external
+    if isinstance(external, np.ndarray):
+        return np.array(external[part])
+    out = np.zeros((len(part), states.robot.nv))
+    if external is not None:
         for row, i in zip(out, part.tolist(), strict=True):
             row += generalised(states.state(i), external)[0]
     return out
 
 
-def _write(sheet: Sheet, part: Array, found: BlockAnswer, law: Law, rest_speed: float) -> None:
-    """The certified rows of a block; of the others, those that the scales of their residuals, computed in full, certify."""
-    states, names = sheet.states, [c.name for c in sheet.states.constraints]
+def _settle_doubtful(states: ManyStates, part: Array, found: BlockAnswer, law: Law, rest_speed: float) -> None:
+    """Certify rows whose bounds are too coarse by the scales of their residuals, computed in full."""
+    names = [c.name for c in states.constraints]
     with np.errstate(invalid="ignore"):
         doubtful = ~found.found & (found.method >= 0) & (np.maximum.reduce(list(found.residuals.values())) <= DOUBTFUL)
     for row in np.flatnonzero(doubtful).tolist():
@@ -77,13 +87,25 @@ def _write(sheet: Sheet, part: Array, found: BlockAnswer, law: Law, rest_speed: 
             found.found[row] = True
             for name in found.residuals:
                 found.residuals[name][row] = solution.residuals.scaled[name]
+
+
+def write(sheet: Sheet, part: Array, found: BlockAnswer, methods: Sequence[str]) -> None:
+    """The certified rows of a block.
+
+    Args:
+        sheet: Written.
+        part: Numbers of the block's states.
+        found: Their answers.
+        methods: Words for the numbers of `found.method`.
+    """
+    names = [c.name for c in sheet.states.constraints]
     good: Array | slice = found.found
     at: Array | slice = part[good]
     if found.found.all() and part[-1] - part[0] == len(part) - 1:  # one copy in place of two
         good, at = slice(None), slice(int(part[0]), int(part[-1]) + 1)
     sheet.a[at], sheet.status[at] = found.a[good], StateStatus.SOLVED
-    codes = np.array([sheet.code(METHODS[code]) for code in np.unique(found.method[good])], np.int8)
-    sheet.codes[at] = codes[np.searchsorted(np.unique(found.method[good]), found.method[good])] if len(codes) else -1
+    which, places = np.unique(found.method[good], return_inverse=True)
+    sheet.codes[at] = np.array([sheet.code(methods[code]) for code in which.tolist()], np.int8)[places]
     for name, values in found.residuals.items():
         sheet.column("residuals", name)[at] = values[good]
     if found.distant.any():

@@ -89,6 +89,42 @@ class BlockBodies(ContactBodies):
         with np.errstate(invalid="ignore"):  # all are negative
             return Places(R, p, turned.max(axis=0) < DEPENDENT * turned.min(axis=0))
 
+    def loads(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Places]:
+        """What a wanted motion takes, and through what forces act, at each state.
+
+        Args:
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+
+        Returns:
+            M a + h, shape (n, nv); the rows' Jacobians (n, m, nv) and speeds (n, contacts), the largest entries [m/s, rad/s];
+            where the bodies are.
+        """
+        n, model, data, nc = len(q), self._model, self._data, len(self.sites)
+        need, J = np.empty((n, model.nv)), np.empty((n, self.m, model.nv))
+        R, p, u = np.empty((nc, n, 3, 3)), np.empty((nc, n, 3)), np.empty((nc, n, 6))
+        axes = {3: pin.LOCAL_WORLD_ALIGNED, 6: pin.LOCAL}
+        fixed = [
+            (rows, site.size, site.joint, site.X_JC, axes[site.size]) for rows, site in zip(self._rows, self.sites, strict=True)
+        ]
+        bodies = [
+            (*pose, twist, R[k], p[k], u[k]) for k, (pose, twist) in enumerate(zip(self._poses, self._twist_views, strict=True))
+        ]
+        for i in range(n):
+            need[i] = pin.rnea(model, data, q[i], v[i], a[i])
+            pin.computeJointJacobians(model, data, q[i])
+            for rows, size, joint, X, seen in fixed:
+                J[i, rows] = pin.getFrameJacobian(model, data, joint, X, seen).reshape(6, -1)[:size]
+            for rotation, translation, twist, rotations, translations, twists in bodies:
+                rotations[i] = rotation
+                translations[i] = translation
+                twists[i] = twist
+        speeds = np.empty((n, nc))
+        for k, site in enumerate(self.sites):
+            speeds[:, k] = np.abs(u[k] @ self._to_contact[k].T)[:, : site.size].max(axis=1)
+        return need, J, speeds, Places(R, p, np.ones(n, bool))
+
     def checked(self, q: Array, v: Array, generalised: Array, a: Array, f: Array, places: Places) -> tuple[Array, Array]:
         """(residuals of the equations of motion over lower bounds of their scales, row accelerations), by `pin.rnea`.
 

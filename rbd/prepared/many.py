@@ -47,6 +47,7 @@ class BlockAnswer:
         residuals: {equation: upper bound of its scaled residual, shape (n,)}.
         method: Which of `METHODS` found them, shape (n,).
         distant: Which have a contact off its plane, shape (n,).
+        still: Largest acceleration of a contact point [m/s2], or of a bilateral row, shape (n,).
     """
 
     found: Array
@@ -58,6 +59,7 @@ class BlockAnswer:
     residuals: dict[str, Array]
     method: Array
     distant: Array
+    still: Array
 
 
 class ContactBlocks(ContactDynamics):
@@ -118,17 +120,39 @@ class ContactBlocks(ContactDynamics):
 
         with self.bodies.lock:
             places = self.bodies.motions(q, v, generalised, a, f, judge, self._surely if mu is None else self._surely[:0])
-            left, c = self.bodies.checked(q, v, generalised, a, f, places)
-        method[~places.independent] = -1
-        if not self.bilateral:
-            stick = method <= 1
-            w[stick] = f[stick] @ self._least_norm.T
+            if not self.bilateral:
+                stick = method <= 1
+                w[stick] = f[stick] @ self._least_norm.T
+            method[~places.independent] = -1
+            return self.judged(q, v, generalised, a, f, w, places, method, coulomb=coulomb, mu=mu)
+
+    def judged(
+        self, q: Array, v: Array, generalised: Array, a: Array, f: Array, w: Array, places: Places, method: Array, *,
+        coulomb: bool, mu: Array | None,
+    ) -> BlockAnswer:  # fmt: skip
+        """The certificate of n answers, and what they are in world axes; under the bodies' lock.
+
+        Args:
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            generalised: S^T tau + tau_ext, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            f: Row forces in the axes of the bodies, shape (n, m).
+            w: Weights of the force set, shape (n, p).
+            places: Where the bodies are.
+            method: Numbers of what found them, shape (n,); -1 where nothing did.
+            coulomb: Coulomb's law; else the convex one.
+            mu: As of `solve`.
+        """
+        n = len(q)
+        left, c = self.bodies.checked(q, v, generalised, a, f, places)
         used = np.broadcast_to(self._mu, (n, len(self._mu))) if mu is None else mu
         residuals = self._residuals(left, c, f, w, used, coulomb)
         worst = np.maximum.reduce(list(residuals.values()))
         with np.errstate(invalid="ignore"):
             found = (method >= 0) & (worst <= SOLVED)
-        return self._in_world(found, a, f, w, used, residuals, method, places)
+        still = np.abs(c if self.bilateral else c @ self.G).max(axis=1)
+        return self._in_world(found, a, f, w, used, residuals, method, places, still)
 
     def _slips(self, newton: ContactNewton | None, a: Array, f: Array, w: Array, coulomb: bool) -> bool:
         """One row by Newton's method on the rows of the contact bodies, in place; whether it found an answer."""
@@ -180,7 +204,7 @@ class ContactBlocks(ContactDynamics):
 
     def _in_world(
         self, found: Array, a: Array, f: Array, w: Array, mu: Array, residuals: dict[str, Array], method: Array,
-        places: Places,
+        places: Places, still: Array,
     ) -> BlockAnswer:  # fmt: skip
         n, T = len(a), self.force_set
         distant = np.zeros(n, bool)
@@ -220,7 +244,7 @@ class ContactBlocks(ContactDynamics):
             if contact.plane is not None:
                 corners_W = site.in_joint_axes(contact.corners) @ R.transpose(0, 2, 1) + p[:, None]
                 distant |= (np.abs(contact.plane.distances(corners_W.reshape(-1, 3))).reshape(n, -1) > TOUCHES).any(axis=1)
-        return BlockAnswer(found, a, forces, corners, friction, pressures, residuals, method, distant)
+        return BlockAnswer(found, a, forces, corners, friction, pressures, residuals, method, distant, still)
 
 
 def _in_cones(w: Array, at: Array, mu: Array) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +11,15 @@ from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import rows_of
 from rbd.errors import CannotMove, RbdError
 from rbd.many.answers import ManyAnswers, Sheet
+from rbd.many.blocks import external_of, friction_of, write
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
 from rbd.many.warned import INACCURATE, OPENED, of_rows, warn
 from rbd.model.dynamics import generalised
+from rbd.prepared.many import BLOCK, prepared_blocks
 from rbd.problem.answer import Status
-from rbd.statics.actuation import Actuation
+from rbd.statics.actuation import CHOICE, Actuation
+from rbd.statics.actuation_blocks import least_effort_of
 from rbd.statics.effort import DEFAULT, Effort
 from rbd.statics.loads import refuse_motion
 from rbd.statics.wanted_motion import MARGIN, WantedMotion, check_choice, checked_margin
@@ -100,9 +103,7 @@ def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actua
     sheet, n = Sheet(states), len(states)
     tau, margin, least = np.full((n, states.robot.nu), np.nan), np.full(n, np.nan), np.zeros(n, bool)
     sheet.refuse_bad_input()
-    for i in range(n):
-        if i in states.refused:
-            continue
+    for i in _by_blocks(sheet, asked, tau, margin, least).tolist():
         try:
             found = _one(sheet, i, asked)
         except RbdError as error:
@@ -116,6 +117,33 @@ def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actua
     out = Actuations(**sheet.fields(), tau=tau, margin=margin, least=least, asked=asked)
     warn(out, stacklevel=stacklevel + 1)
     return out
+
+
+def _by_blocks(sheet: Sheet, asked: Asked, tau: Array, margin: Array, least: Array) -> Array:
+    """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
+    states, left = sheet.states, np.ones(len(sheet.states), bool)
+    left[list(states.refused)] = False
+    effort, blocks = asked.effort, prepared_blocks(states.robot, states.constraints)
+    plain = (
+        asked.friction == "cone"
+        and not effort.normal_force
+        and not effort.edge_margin
+        and not isinstance(effort.forces, Mapping)
+    )
+    if blocks is None or not plain:
+        return np.flatnonzero(left)
+    mu, kept = friction_of(states), MARGIN if asked.margin is None else asked.margin
+    some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
+    for start in range(0, len(some), BLOCK):
+        part = some[start : start + BLOCK]
+        a = np.zeros((len(part), states.robot.nv)) if asked.holds else states.vectors["a"][part]
+        own = None if mu is None else mu[part]
+        found = least_effort_of(blocks, states, part, external_of(states, part), a, own, effort, kept, asked.rest_speed)
+        write(sheet, part, found.answer, (CHOICE,))
+        good = found.answer.found
+        tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True
+        left[part[good]] = False
+    return np.flatnonzero(left)
 
 
 def wanted_at(states: ManyStates, i: int, asked: Asked) -> WantedMotion:
