@@ -452,3 +452,26 @@ def test_blocks_of_poses_are_single_poses(name: str, rng: np.random.Generator):
             np.testing.assert_allclose(found.corner_forces[foot][i], one.corner_forces[foot], rtol=0.0, atol=1e-6)
     bounded = rbd.statics.Effort(normal_force={feet[0].name: (0.3 * robot.mass * 9.81, np.inf)})
     assert rbd.statics.hold_many(robot, q[:2], feet, objective=bounded).one_by_one.all()
+
+
+def test_mixed_contacts_in_a_block(talos: rbd.Robot, rng: np.random.Generator):
+    """A held sole beside one with friction, and a hand on an inclined wall; robots that move with their contacts at rest."""
+    left, right = anywhere(talos.soles(0.6))
+    hand = rbd.PointContact(
+        "hand", "arm_left_7_link", offset=(0.02, 0.0, 0.1), friction=0.5, on=rbd.Ground(normal=(0.0, -0.6, 0.8))
+    )
+    bar = rbd.PointContact("bar", "arm_right_7_link", on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+    q, tau = near(talos, rng, 10), pushed(talos, rng, 10, push=3.0)
+    for contacts in ([left, right, hand], [left.with_friction(None), right, bar], [left, bar]):
+        held = [c.with_friction(None) for c in contacts]
+        v = np.array([rbd.mechanism.project_velocity(rbd.State(talos, x, rng.normal(size=talos.nv)), held).v for x in q])
+        for given in (None, 0.3 * v):
+            solutions = rbd.solve_many(talos, q, given, tau, contacts)
+            assert solutions.counts == {"solved": 10}
+            assert not solutions.one_by_one[:4].all()
+            agrees(solutions)
+            for i in (0, 5):
+                assert solutions[i].residuals.worst <= 1e-9
+                assert solutions[i].corner_forces.keys() == solutions.corner_forces.keys()
+                for name, corners in solutions[i].corner_forces.items():
+                    assert corners.shape == solutions.corner_forces[name][i].shape
