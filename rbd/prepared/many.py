@@ -29,6 +29,8 @@ BLOCK = 512
 METHODS = ("closed form", "closed form", "cones: Newton")
 """Words for bilateral contacts, those that stick, and those that slip or open."""
 _TINY = 1e-300
+_COEFFICIENTS = 64
+"""Sets of coefficients for which Newton's method is kept."""
 _SIDES = 8
 """Of the pyramids inside the cones, by which most points that stick are seen to be inside."""
 
@@ -74,6 +76,7 @@ class ContactBlocks(ContactDynamics):
         self._splits = [
             np.linalg.pinv(WrenchCone(c.corners, 0.0).corner_map).T if len(c.corners) > 1 else None for c in contacts
         ]
+        self._newtons: dict[bytes, ContactNewton] = {}
         self._upright = np.zeros(T.size)
         self._upright[T.cone_at + 2] = 1.0
         turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
@@ -115,8 +118,7 @@ class ContactBlocks(ContactDynamics):
                 if self.sticking(held) is None:
                     method[i] = 2 if self._slips(own, a[i], held, w[i], coulomb) else -1
             elif not _in_cones(self._least_norm.dot(held), T.cone_at, mu[i]):
-                newton = ContactNewton(self.G, mu[i]) if T.only_cones else None
-                method[i] = 2 if self._slips(newton, a[i], held, w[i], coulomb) else -1
+                method[i] = 2 if self._slips(self._newton_of(mu[i]), a[i], held, w[i], coulomb) else -1
 
         with self.bodies.lock:
             places = self.bodies.motions(q, v, generalised, a, f, judge, self._surely if mu is None else self._surely[:0])
@@ -153,6 +155,17 @@ class ContactBlocks(ContactDynamics):
             found = (method >= 0) & (worst <= SOLVED)
         still = np.abs(c if self.bilateral else c @ self.G).max(axis=1)
         return self._in_world(found, a, f, w, used, residuals, method, places, still)
+
+    def _newton_of(self, mu: Array) -> ContactNewton | None:
+        """Newton's method with other coefficients; sweeps repeat them."""
+        if not self.force_set.only_cones:
+            return None
+        key = mu.tobytes()
+        found = self._newtons.get(key)
+        if found is None:
+            found = ContactNewton(self.G, mu)
+            keep(self._newtons, key, found, _COEFFICIENTS)
+        return found
 
     def _slips(self, newton: ContactNewton | None, a: Array, f: Array, w: Array, coulomb: bool) -> bool:
         """One row by Newton's method on the rows of the contact bodies, in place; whether it found an answer."""
