@@ -1,6 +1,6 @@
 """Prepared contacts at many states: Pinocchio's contact dynamics a state, everything else in array operations over blocks.
 
-What is found at a state, and what judges it, is that of `rbd.prepared.contact_dynamics` and `rbd.prepared.certificate`: the
+What is found at a state, and what judges it, is that of `rbd.prepared.contact_dynamics` and `rbd.prepared.point_law`: the
 accelerations that hold all contact bodies, the corner forces of minimum norm where these are in their cones, else Newton's
 method on the few rows of the bodies; then `pin.rnea`, and the accelerations of the bodies that it leaves.
 """
@@ -186,7 +186,7 @@ class ContactBlocks(ContactDynamics):
         return True
 
     def _residuals(self, left: Array, c: Array, f: Array, w: Array, mu: Array, coulomb: bool) -> dict[str, Array]:
-        """Upper bounds of the scaled residuals, as `rbd.prepared.certificate` has them."""
+        """Upper bounds of the scaled residuals, as `rbd.prepared.point_law` has them."""
         n, T, turned = len(left), self.force_set, np.ascontiguousarray
         # States along the last axis: maxima are four times as fast.
         out = {"stationarity": np.abs(turned(left.T)).max(axis=0)}
@@ -209,7 +209,7 @@ class ContactBlocks(ContactDynamics):
         else:
             normal = np.where(t <= mu * x_n, x_n, np.maximum((mu * t + x_n) / (1.0 + mu * mu), 0.0))
         cut = np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)
-        far = np.maximum(np.maximum(np.abs(cut * x_1 - p_1), np.abs(cut * x_2 - p_2)), np.abs(normal - p_n))
+        far = np.sqrt((cut * x_1 - p_1) ** 2 + (cut * x_2 - p_2) ** 2 + (normal - p_n) ** 2)
         beyond = np.maximum(np.sqrt(rub) - mu * p_n, -p_n)
         off = np.abs(f - self.G @ w) / np.maximum(np.abs(f), LEAST_PUSH)
         outside = np.maximum(np.maximum(beyond / push, 0.0).max(axis=0), off.max(axis=0))
