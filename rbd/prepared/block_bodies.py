@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
-from rbd.prepared.contact_bodies import DEPENDENT, ContactBodies
+from rbd.prepared.contact_bodies import DEPENDENT, TURNS, ContactBodies
 from rbd.prepared.sites import Site
 
 
@@ -43,11 +43,13 @@ class BlockBodies(ContactBodies):
         self._wrench_views = [self._forces[j].vector for j in joints]
         self._poses = [(data.oMi[j].rotation, data.oMi[j].translation) for j in joints]
         self._acceleration_views = [data.a_gf[j].vector for j in joints]
+        self._velocity_views = [velocity.vector[: site.size] for velocity, site in zip(self._velocities, sites, strict=True)]
         self._twist_views = [data.v[j].vector for j in joints]
 
     def motions(
-        self, q: Array, v: Array, generalised: Array, a: Array, f: Array, judge: Callable[[int], None], clear: Array
-    ) -> Places:
+        self, q: Array, v: Array, generalised: Array, a: Array, f: Array, judge: Callable[[int, bool], None], clear: Array,
+        rest_speed: float,
+    ) -> Places:  # fmt: skip
         """Hold the bodies at each state: accelerations and row forces go into a and f.
 
         Args:
@@ -56,8 +58,10 @@ class BlockBodies(ContactBodies):
             generalised: S^T tau + tau_ext, shape (n, nv).
             a: Accelerations, shape (n, nv); written.
             f: Row forces, shape (n, m); written.
-            judge: Called with a state's number while the factors are those of that state; it may change its a and f.
-            clear: It is not called for a robot at rest whose row forces make all of clear @ f positive, shape (j, m).
+            judge: Called with a state's number, and whether its contacts rest, while the factors are of that state; it may
+                change its a and f.
+            clear: It is not called where contacts rest and the row forces make all of clear @ f positive, shape (j, m).
+            rest_speed: Contacts that are slower for certain rest [m/s, rad/s].
         """
         n, j, data, factors, moves = len(q), len(clear), self._data, self._factors, np.any(v, axis=1).tolist()
         R, p, pivots = np.empty((len(self.sites), n, 3, 3)), np.empty((len(self.sites), n, 3)), np.empty((n, self.m))
@@ -66,6 +70,7 @@ class BlockBodies(ContactBodies):
         run(model, data, q[0], v[0], generalised[0], *fixed)
         force, own_pivots = data.lambda_c, factors.D[: self.m]  # views that follow
         bodies = [(*pose, R[k], p[k]) for k, pose in enumerate(self._poses)]
+        velocities, slow = self._velocity_views, min(TURNS, rest_speed**2)  # |w x v| is at most half the square of (v, w)
         i = -1
         for q_i, v_i, generalised_i in zip(q, v, generalised, strict=True):
             i += 1
@@ -75,16 +80,20 @@ class BlockBodies(ContactBodies):
             for rotation, translation, rotations, translations in bodies:
                 rotations[i] = rotation
                 translations[i] = translation
+            rests = True
             if moves[i]:
-                turning = self._centripetal()
-                if turning is not None:
-                    a[i] += self.moved(turning)
-                    f[i] += self.inertia() @ turning
-            if j and not moves[i]:
+                for velocity in velocities:
+                    rests = rests and velocity.dot(velocity) <= slow
+                if not rests:
+                    turning = self._centripetal()
+                    if turning is not None:
+                        a[i] += self.moved(turning)
+                        f[i] += self.inertia() @ turning
+            if j and rests:
                 room = clear.dot(force)
                 if room[room.argmin()] >= 0.0:
                     continue
-            judge(i)
+            judge(i, rests)
         turned = np.ascontiguousarray(pivots.T)
         with np.errstate(invalid="ignore"):  # all are negative
             return Places(R, p, turned.max(axis=0) < DEPENDENT * turned.min(axis=0))
@@ -166,7 +175,9 @@ class BlockBodies(ContactBodies):
             x[k, :, :3] += fall * places.R[k, :, 2]  # rnea leaves a - R^T g
             own = x[k] @ self._to_contact[k].T
             if moves:
-                speed = u[k] @ self._to_contact[k].T
-                own[:, :3] += np.cross(speed[:, 3:], speed[:, :3])
+                x_1, x_2, x_3, w_1, w_2, w_3 = self._to_contact[k] @ u[k].T
+                own[:, 0] += w_2 * x_3 - w_3 * x_2
+                own[:, 1] += w_3 * x_1 - w_1 * x_3
+                own[:, 2] += w_1 * x_2 - w_2 * x_1
             c[:, rows] = own if site.size == 6 else np.einsum("nij,nj->ni", places.R[k], own[:, :3])
         return left, c

@@ -33,7 +33,7 @@ DEPENDENT = 1e-9
 """Pivots of the contact rows below this, over the largest: rows that may be dependent."""
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
-_TURNS = 1e-13
+TURNS = 1e-13
 """Centripetal accelerations up to this are rounding [m/s2]."""
 
 
@@ -124,7 +124,7 @@ class ContactBodies:
             if site.size == 6:
                 x, y, z, p, q, r = velocity.vector.tolist()
                 turn = (r * y - q * z, p * z - r * x, q * x - p * y)
-                if not max(map(abs, turn)) <= _TURNS:
+                if not max(map(abs, turn)) <= TURNS:
                     out[rows.start : rows.start + 3] = turn
                     moves = True
         return out if moves else None

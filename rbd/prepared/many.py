@@ -32,7 +32,7 @@ _TINY = 1e-300
 _COEFFICIENTS = 64
 """Sets of coefficients for which Newton's method is kept."""
 _SIDES = 8
-"""Of the pyramids inside the cones, by which most points that stick are seen to be inside."""
+"""Of the pyramids inside and around the cones, which decide most states in one product."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +81,12 @@ class ContactBlocks(ContactDynamics):
         self._upright[T.cone_at + 2] = 1.0
         turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
         sides = np.stack([-np.cos(turn), -np.sin(turn), np.zeros(_SIDES)], axis=1)
-        inscribed = [np.zeros((0, bodies.m))]
+        inscribed, around = [np.zeros((0, bodies.m))], [np.zeros((0, bodies.m))]
         for at, mu in zip(T.cone_at.tolist(), T.mu.tolist(), strict=True):
-            sides[:, 2] = mu * np.cos(np.pi / _SIDES)
-            inscribed.append(sides @ self._least_norm[at : at + 3])
-        self._surely = np.concatenate(inscribed)
+            for faces, radius in ((inscribed, mu * np.cos(np.pi / _SIDES)), (around, mu)):
+                sides[:, 2] = radius
+                faces.append(sides @ self._least_norm[at : at + 3])
+        self._surely, self._possibly = np.concatenate(inscribed), np.concatenate(around)
 
     def solve(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, mu: Array | None
@@ -103,25 +104,27 @@ class ContactBlocks(ContactDynamics):
         n, T = len(q), self.force_set
         a, f, w = np.empty(v.shape), np.empty((n, self.bodies.m)), np.zeros((n, T.size))
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
-        moves = np.any(v, axis=1).tolist()
 
-        speed, own = self.bodies.speed, self._newton
+        speed, own, possibly = self.bodies.speed, self._newton, self._possibly.dot
 
-        def judge(i: int) -> None:
+        def judge(i: int, rests: bool) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""
             held = f[i]
             if self.bilateral:
                 return
-            if moves[i] and max(map(speed, self._frictional)) > rest_speed:
+            if not rests and max(map(speed, self._frictional)) > rest_speed:
                 method[i] = -1
             elif mu is None:
-                if self.sticking(held) is None:
+                room = possibly(held)
+                if not room[room.argmin()] >= 0.0 or self.sticking(held) is None:
                     method[i] = 2 if self._slips(own, a[i], held, w[i], coulomb) else -1
             elif not _in_cones(self._least_norm.dot(held), T.cone_at, mu[i]):
                 method[i] = 2 if self._slips(self._newton_of(mu[i]), a[i], held, w[i], coulomb) else -1
 
         with self.bodies.lock:
-            places = self.bodies.motions(q, v, generalised, a, f, judge, self._surely if mu is None else self._surely[:0])
+            places = self.bodies.motions(
+                q, v, generalised, a, f, judge, self._surely if mu is None else self._surely[:0], rest_speed
+            )
             if not self.bilateral:
                 stick = method <= 1
                 w[stick] = f[stick] @ self._least_norm.T
