@@ -24,11 +24,11 @@ from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.contact_newton import ContactNewton
 from rbd.solvers.point_law import law_residual
 
-_DOUBTFUL = 1e-6
+DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
 _FEW = 16
 """Points up to which one matrix tells which are inside their cones."""
-_EXACT = 1e-10
+EXACT = 1e-10
 """Scaled merit of Newton's method below which its weights are judged."""
 MOST, MOST_BODIES = 64, 16
 """Sets of contacts, and of bodies in contact, that are kept with a robot."""
@@ -152,7 +152,7 @@ class ContactDynamics:
                     return self._slipping(q, v, generalised, a, forces, coulomb=coulomb, still=still)
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
-            if not worst <= _DOUBTFUL:
+            if not worst <= DOUBTFUL:
                 return None
             return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
 
@@ -167,14 +167,14 @@ class ContactDynamics:
         free, start = -mobility.dot(held), self._least_norm.dot(held)
         newton = self._newton
         found = newton.gauss_first(mobility, free, start) if coulomb else newton.forces(mobility, free, start, coulomb=False)
-        if not found.merit <= _EXACT:
+        if not found.merit <= EXACT:
             return None
         forces, w = found.wrench, found.weights
         a += bodies.moved(mobility.dot(forces - held))
         worst = bodies.stationarity(q, v, a, forces, generalised)
         c = bodies.row_accelerations(at_rest=still)
         worst = max(worst, law_residual(self._pull, c, w, self.force_set.mu, coulomb=coulomb))
-        if not worst <= _DOUBTFUL:
+        if not worst <= DOUBTFUL:
             return None
         return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
 
@@ -211,7 +211,7 @@ def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynami
     if covered(robot, contacts):
         own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
         made = ContactDynamics(_bodies(robot, tuple([Site.of(robot, contact) for contact in own])), own)
-    _keep(kept, contacts, made, MOST)
+    keep(kept, contacts, made, MOST)
     return made
 
 
@@ -222,11 +222,12 @@ def _bodies(robot: CheckedModel, sites: tuple[Site, ...]) -> ContactBodies:
     found = kept.get(key)
     if found is None:
         found = ContactBodies(robot, sites)
-        _keep(kept, key, found, MOST_BODIES)
+        keep(kept, key, found, MOST_BODIES)
     return found
 
 
-def _keep(kept: dict, key: object, value: object, most: int) -> None:
+def keep(kept: dict, key: object, value: object, most: int) -> None:
+    """Keep a value under a key, and at most so many of them."""
     while len(kept) >= most:  # the oldest goes; another thread may be faster
         kept.pop(next(iter(kept)), None)
     kept[key] = value

@@ -186,6 +186,13 @@ class Rows:
         return self.feedback is not zeros(len(self))
 
     @property
+    def gaps_off_plane(self) -> Array | None:
+        """Heights of corners above the plane that they are off [m]; None if they touch, or feedback pulls them back."""
+        if self.patch is None or self.patch.touches or (self.stabilised and self.error is not None):
+            return None
+        return self.patch.gaps
+
+    @property
     def speed(self) -> float:
         """Largest entry of |velocity|."""
         return float(np.abs(self.velocity).max(initial=0.0))

@@ -13,12 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.constraint import Constraint, anchored, ground_of, is_carried, rows_of
+from rbd.constraints.constraint import OPEN, Constraint, anchored, ground_of, is_carried, rows_of
 from rbd.constraints.loop_stack import LoopRows
 from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
-from rbd.least_constraint import OPEN
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
