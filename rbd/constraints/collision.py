@@ -172,7 +172,7 @@ class CollisionContacts:
         """
         found, kept = self._touching(state), self._kept
         return ContactPoints(
-            found.names, found.positions, found.axes, found.gaps, found.J[kept], found.velocity[kept], found.bias[kept],
+            found.names, found.positions, found.each_axes, found.gaps, found.J[kept], found.velocity[kept], found.bias[kept],
             (self._cone,) * len(found.gaps), self._resultant(found),
         )  # fmt: skip
 
@@ -277,8 +277,7 @@ class CollisionPoints:
         J = found.J[kept]
         return Measured(
             self._structure(found.numbers), J, found.velocity[kept], found.bias[kept], found.gaps, np.zeros(len(J)), None,
-            None if contacts.pairs else found.positions - contacts._point, found.positions,
-            found.axes if contacts.pairs else contacts._axes,
+            None if contacts.pairs else found.positions - contacts._point, found.positions, found.axes,
         )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:

@@ -36,7 +36,7 @@ class Touching:
         numbers: Identify points over time: the same corner of the same shape has the same number, shape (k,).
         label: The name of a point, from its number.
         positions: In W, shape (k, 3) [m].
-        axes: R_WC of each, shape (k, 3, 3).
+        axes: R_WC of all, shape (3, 3), or of each, shape (k, 3, 3).
         gaps: Shape (k,) [m]; negative where shapes overlap.
         J: Jacobian of the relative velocity, shape (3k, nv).
         velocity: Shape (3k,) [m/s].
@@ -52,6 +52,11 @@ class Touching:
     velocity: Array
     bias: Array
 
+    @property
+    def each_axes(self) -> Array:
+        """R_WC of each point, shape (k, 3, 3)."""
+        return np.broadcast_to(self.axes, (len(self.gaps), 3, 3))
+
     @lazy
     def names(self) -> tuple[str, ...]:
         """Names of the points, as constant as their numbers."""
@@ -65,11 +70,11 @@ def joined(parts: Sequence[Touching], label: Callable[[int], str], nv: int) -> T
     if not parts:
         none = np.zeros(0)
         return Touching(np.zeros(0, int), label, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, np.zeros((0, nv)), none, none)
-    numbers, *arrays = (
-        np.concatenate([getattr(p, what) for p in parts])
-        for what in ("numbers", "positions", "axes", "gaps", "J", "velocity", "bias")
+    numbers, positions, gaps, J, velocity, bias = (
+        np.concatenate([getattr(p, what) for p in parts]) for what in ("numbers", "positions", "gaps", "J", "velocity", "bias")
     )
-    return Touching(numbers, label, *arrays)
+    axes = np.concatenate([p.each_axes for p in parts])
+    return Touching(numbers, label, positions, axes, gaps, J, velocity, bias)
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,19 +95,30 @@ class OnPlane:
         by_point *= self._carries.take(body, axis=0)[:, None, :]
         velocity, bias = np.zeros(3 * k), np.zeros(3 * k)
         if moves:
-            V = (self._carries * v) @ J_W.T
-            dV = (self._carries * v) @ data.dJ.reshape(6, nv).T
-            motion, turning, turned = V.take(body, axis=0), V[:, 3:] @ _CROSS, dV[:, 3:] @ _CROSS
-            turning, turned = (x.reshape(-1, 3, 3).take(body, axis=0) for x in (turning, turned))
-            moving = motion[:, :3] + np.vecdot(turning, P[:, None, :])
-            np.matmul(moving, self.axes, out=velocity.reshape(k, 3))
+            rates, turning = self._rates(J_W, data.dJ.reshape(6, nv), v)
+            both = np.vecdot(rates[:, :, :3].take(body, axis=0), P[:, None, :]) + rates[:, :, 3].take(body, axis=0)
+            velocity, bias = both[:, :3].reshape(3 * k), both[:, 3:].reshape(3 * k)
             if self.points.has_rounds:
-                rate = np.matmul((V[:, 3:] @ -cross_matrix(n))[:, None, :], R)[:, 0]  # R^T (n x w)
-                at, over = self.points.wander(numbers, up, rate)
-                moving[at] += np.vecdot(R.take(body.take(at), axis=0), over.T[:, None, :])
-            change = dV.take(body, axis=0)[:, :3] + np.vecdot(turned, P[:, None, :]) + np.vecdot(turning, moving[:, None, :])
-            np.matmul(change, self.axes, out=bias.reshape(k, 3))
-        return Touching(numbers, self.label, P, np.broadcast_to(self.axes, (k, 3, 3)), gaps, J, velocity, bias)
+                w = turning @ n  # w x n of each body
+                at, over = self.points.wander(numbers, up, np.matmul(-w[:, None, :], R)[:, 0])
+                of = body.take(at)
+                spin = self.axes.T @ (turning.take(of, axis=0) @ R.take(of, axis=0))
+                bias.reshape(k, 3)[at] += np.vecdot(spin, over.T[:, None, :])
+        return Touching(numbers, self.label, P, self.axes, gaps, J, velocity, bias)
+
+    def _rates(self, J_W: Array, dJ_W: Array, v: Array) -> tuple[Array, Array]:
+        """(velocity and J_dot v of points fixed to each body, (bodies, 6, 4); [w]_x of each, (bodies, 3, 3)).
+
+        Both are linear in the point: columns 0 to 2 are multiplied by P, column 3 is added.
+        """
+        moves = self._carries * v
+        V, dV = moves @ J_W.T, moves @ dJ_W.T
+        turning, rates = (V[:, 3:] @ _CROSS).reshape(-1, 3, 3), np.empty((len(V), 2, 3, 4))
+        rates[:, 0, :, :3], rates[:, 0, :, 3] = turning, V[:, :3]
+        rates[:, 1] = turning @ rates[:, 0]
+        rates[:, 1, :, :3] += (dV[:, 3:] @ _CROSS).reshape(-1, 3, 3)
+        rates[:, 1, :, 3] += dV[:, :3]
+        return (self.axes.T @ rates).reshape(-1, 6, 4), turning
 
     def label(self, number: int) -> str:
         """The name of a point."""

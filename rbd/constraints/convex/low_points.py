@@ -6,7 +6,8 @@ body, c the centre of its shape and r the radius of the ball around it, the heig
     (up . c + z) before - (up . c + z) now + |up now - up before| r
 
 As long as this is less than what the points of each shape had above the margin then, only the list is looked at (in
-molecular dynamics: Verlet's list). The result is the same, to the last bit, as if all points were looked at.
+molecular dynamics: Verlet's list). Points of a shape with many that `spread_each` does not choose, turned by up to `TURN`, are
+not in the list either. The result is the same, to the last bit, as if all points were looked at.
 """
 
 from __future__ import annotations
@@ -18,45 +19,62 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.convex.few_points import MOST_POINTS, possible, spread_each
 from rbd.constraints.convex.rounds import Rim, Round, stacked
 from rbd.constraints.convex.solids import RIM_CORNERS, ConvexShape
-from rbd.constraints.convex.spread import MOST_POINTS, spread_each
 
 SKIN = 0.03
 """How far above the margin points are listed [m]: a longer list lasts longer."""
+TURN = 0.05
+"""How far a body may turn before its points are listed again [rad]."""
 _ROUNDING = 1e-9
 """Heights are right to this [m], near and far."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Listed:
-    """Points that were near, and the poses at which they were.
+    """The list: points that can be near.
 
     Attributes:
-        margin: Height up to which points are near [m].
-        up: Normal of the plane in each body's axes, shape (bodies, 3).
-        above: Height of each shape's centre, shape (shapes,) [m].
-        spare: What the lowest point outside of the list has above the margin, of each shape, shape (shapes,) [m].
-        index: The points of the list, ascending, shape (n,).
+        index: Their numbers, ascending, shape (n,).
         points: Shape (3, n) [m]; those of round parts are replaced at each call.
         body: Body of each, shape (n,).
-        group: Shape of each corner; of round parts the number of shapes, shape (n,).
+        shape: Shape of each, shape (n,).
+        many: Which are corners of a shape with more than `MOST_POINTS` of them, shape (n,).
         rounds: Where round parts are in the list.
         corners: Where corners of rims are in the list.
         rims: Their rims.
     """
 
-    margin: float
-    up: Array
-    above: Array
-    spare: Array
     index: Array
     points: Array
     body: Array
-    group: Array
+    shape: Array
+    many: Array
     rounds: Array
     corners: Array
     rims: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """The poses at which the points of each shape were listed.
+
+    Attributes:
+        margin: Height up to which points are near [m].
+        listed: Which points are in the list, shape (n,).
+        up: Normal of the plane in each shape's axes, shape (shapes, 3).
+        above: Height of each shape's centre, shape (shapes,) [m].
+        turn: How far each shape may turn, shape (shapes,) [rad].
+        spare: What the lowest point outside of the list has above the margin, of each shape, shape (shapes,) [m].
+    """
+
+    margin: float
+    listed: Array
+    up: Array
+    above: Array
+    turn: Array
+    spare: Array
 
 
 class LowPoints:
@@ -80,7 +98,7 @@ class LowPoints:
         self._centres, self._reach = np.array([s.centre for s in shapes]), np.array([s.reach for s in shapes])
         self._points = np.concatenate([np.vstack([s.vertices, np.zeros((len(s.rounds), 3))]) for s in shapes]).T.copy()
         self.body = np.repeat(bodies, sizes)
-        self._group = np.repeat(np.arange(len(shapes)), sizes)
+        self._shape = np.repeat(np.arange(len(shapes)), sizes)
         rounds = [r for s in shapes for r in s.rounds]
         #: Points of the round parts, ascending; and these parts stacked by kind, with their place among them, and their bodies.
         self._round = np.array([first + len(s.vertices) + i for s, first in self._each() for i in range(len(s.rounds))], int)
@@ -92,9 +110,12 @@ class LowPoints:
         rims = [first + r.first for s, first in self._each() for r in s.rounds if isinstance(r, Rim)]
         self._corners = np.array([i for start in rims for i in range(start, start + RIM_CORNERS)], int)
         self._rims = np.repeat(np.arange(len(rims)), RIM_CORNERS)
-        self._group[self._round] = len(shapes)
+        self._many = np.repeat([len(s.vertices) > MOST_POINTS for s in shapes], sizes)
+        self._many[self._round] = False
+        self._is_round = np.zeros(len(self.body), bool)
+        self._is_round[self._round] = True
         self.has_rounds = bool(rounds)
-        self._listed: _Listed | None = None
+        self._list: tuple[_Reference, _Listed] | None = None
 
     def _each(self) -> Iterator[tuple[ConvexShape, int]]:
         yield from zip(self.shapes, self._first.tolist(), strict=True)
@@ -102,7 +123,7 @@ class LowPoints:
     def another(self) -> LowPoints:
         """A copy with a list of its own."""
         out = copy(self)
-        out._listed = None
+        out._list = None
         return out
 
     def label(self, point: int) -> tuple[str, int]:
@@ -113,31 +134,28 @@ class LowPoints:
     def at(self, up: Array, height: Array, margin: float) -> tuple[Array, Array, Array]:
         """(numbers (k,), places in their bodies (3, k) [m], heights (k,) [m]) of the points up to `margin` above the plane.
 
-        Of a shape with many, those chosen by `spread_each`. Not for two threads at once.
+        Of a shape with more than `MOST_POINTS` corners, those chosen by `spread_each`. Not for two threads at once.
 
         Args:
             up: Normal of the plane in each body's axes, shape (bodies, 3).
             height: Height of each body's origin, shape (bodies,) [m].
             margin: [m].
         """
-        now = self._listed
-        if now is None or now.margin != margin or not self._lasts(now, up, height):
-            now = self._listed = self._list(up, height, margin)
+        now = self._current(up, height, margin)
         stands = self._place_rounds(now, up)
         above = _heights(now.points, now.body, up, height)
         if stands is not None and len(now.corners):
             above[now.corners[stands[now.rims]]] = np.inf
         near = (above <= margin).nonzero()[0]
-        group = now.group.take(near)
-        counts = np.bincount(group, minlength=len(self.shapes) + 1)[:-1]
-        crowded = np.append(counts > MOST_POINTS, False)
-        if crowded.any():
-            many = crowded.take(group)
-            rows, of = near[many], crowded[:-1].nonzero()[0]
+        many = now.many.take(near)
+        rows = near[many]
+        if len(rows):
+            counts = np.bincount(now.shape.take(rows))
+            of = counts.nonzero()[0]
+            up = up.take(self._bodies.take(of), axis=0)
+            chosen = spread_each(now.points.take(rows, axis=1), above.take(rows), counts.take(of), up)
             few = ~many
-            few[many] = spread_each(
-                now.points.take(rows, axis=1), above.take(rows), counts[of], up.take(self._bodies.take(of), axis=0)
-            )
+            few[many.nonzero()[0].take(chosen)] = True
             near = near[few]
         return now.index.take(near), now.points.take(near, axis=1), above.take(near)
 
@@ -152,7 +170,7 @@ class LowPoints:
         moves = np.empty((3, len(self._round)))
         for parts, which, bodies in self._kinds:
             moves[:, which] = parts.wander(up.take(bodies, axis=0), rate.take(bodies, axis=0)).T
-        at = (self._group.take(points) == len(self.shapes)).nonzero()[0]
+        at = self._is_round.take(points).nonzero()[0]
         return at, moves.take(np.searchsorted(self._round, points.take(at)), axis=1)
 
     def _place_rounds(self, now: _Listed, up: Array) -> Array | None:
@@ -165,37 +183,58 @@ class LowPoints:
                 stands = parts.stands(n)
         return stands
 
-    def _lasts(self, then: _Listed, up: Array, height: Array) -> bool:
-        """Whether no point outside of the list can be near."""
-        turned = up - then.up
-        turned = np.sqrt(np.vecdot(turned, turned)).take(self._bodies)
-        return bool((then.above - self._above(up, height) + turned * self._reach < then.spare - _ROUNDING).all())
+    def _current(self, up: Array, height: Array, margin: float) -> _Listed:
+        """The list, with points of those shapes listed again of which others may have come near."""
+        up_shape = up.take(self._bodies, axis=0)
+        above = np.vecdot(up_shape, self._centres) + height.take(self._bodies)
+        again = np.ones(len(above), bool)
+        if self._list is not None and self._list[0].margin == margin:
+            then, listed = self._list
+            turned = up_shape - then.up
+            turned = np.sqrt(np.vecdot(turned, turned))
+            lasts = (turned <= then.turn) & (then.above - above + turned * self._reach < then.spare - _ROUNDING)
+            if lasts.all():
+                return listed
+            again = ~lasts
+            known = then.listed, then.up, then.above, then.turn, then.spare
+        else:
+            n = len(above)
+            known = np.zeros(len(self.body), bool), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
+        now = _Reference(margin, *(x.copy() for x in known))
+        now.up[again], now.above[again] = up_shape[again], above[again]
+        self._renew(now, again, up, height)
+        listed = self._listed(now.listed)
+        self._list = now, listed
+        return listed
 
-    def _above(self, up: Array, height: Array) -> Array:
-        """Height of each shape's centre, shape (shapes,)."""
-        return np.asarray(np.vecdot(up.take(self._bodies, axis=0), self._centres) + height.take(self._bodies))
+    def _renew(self, now: _Reference, again: Array, up: Array, height: Array) -> None:
+        """List the points of some shapes."""
+        points = again.take(self._shape).nonzero()[0]
+        above = _heights(self._points.take(points, axis=1), self.body.take(points), up, height)
+        shape, is_round, many = self._shape.take(points), self._is_round.take(points), self._many.take(points)
+        listed = (above <= now.margin + SKIN) | is_round
+        starts = shape.searchsorted(again.nonzero()[0])
+        now.spare[again] = np.minimum.reduceat(np.where(listed, np.inf, above), starts) - now.margin
+        rows = (listed & many).nonzero()[0]
+        counts = np.bincount(shape.take(rows), minlength=len(again))
+        now.turn[again] = np.where(counts[again], TURN, np.inf)
+        if len(rows):
+            listed[rows] = possible(self._points.take(points.take(rows), axis=1), above.take(rows), counts[counts > 0], TURN)
+        now.listed[points] = listed
 
-    def _list(self, up: Array, height: Array, margin: float) -> _Listed:
-        above = _heights(self._points, self.body, up, height)
-        above[self._round] = -np.inf  # always listed
-        listed = above <= margin + SKIN
-        index = listed.nonzero()[0]
-        spare = np.minimum.reduceat(np.where(listed, np.inf, above), self._first) - margin
-        place = np.full(len(listed), -1)
-        place[index] = np.arange(len(index))
-        corners = place[self._corners]
+    def _listed(self, which: Array) -> _Listed:
+        index = which.nonzero()[0]
+        corners = index.searchsorted(self._corners)
+        here = which.take(self._corners)
         return _Listed(
-            margin,
-            up.copy(),
-            self._above(up, height),
-            spare,
             index,
             self._points.take(index, axis=1),
             self.body.take(index),
-            self._group.take(index),
-            place[self._round],
-            corners[corners >= 0],
-            self._rims[corners >= 0],
+            self._shape.take(index),
+            self._many.take(index),
+            index.searchsorted(self._round),
+            corners[here],
+            self._rims[here],
         )
 
 

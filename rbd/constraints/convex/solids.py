@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.convex.few_points import DIRECTIONS, MOST_POINTS, across, farthest, spread
 from rbd.constraints.convex.rounds import Ball, Oval, Rim, Round
-from rbd.constraints.convex.spread import DIRECTIONS, MOST_POINTS, across, farthest, spread
 from rbd.errors import ModelError
 
 RIM_CORNERS = 8
