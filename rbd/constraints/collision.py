@@ -267,7 +267,7 @@ class CollisionPoints:
 
     def __init__(self, contacts: CollisionContacts) -> None:
         self.contacts = contacts
-        self._numbers: dict[int, int] = {}
+        self._numbers, self._count = np.zeros(0, int), 0  # by the contacts' number, -1 before it appears
         self._seen: dict[bytes, Structure] = {}
 
     def at(self, state: State, t: float) -> Measured:
@@ -291,11 +291,19 @@ class CollisionPoints:
         if known is None:
             if len(self._seen) >= _MOST_STRUCTURES:
                 self._seen.clear()
-            own = self._numbers
-            numbers = tuple([own.setdefault(i, len(own)) for i in points.tolist()])
             contacts, k = self.contacts, len(points)
-            known = self._seen[key] = Structure((contacts.name,) * k, numbers, (contacts._cone,) * k)
+            known = self._seen[key] = Structure((contacts.name,) * k, self._own(points), (contacts._cone,) * k)
         return known
+
+    def _own(self, points: Array) -> tuple[int, ...]:
+        """The numbers of points in this motion."""
+        beyond = points.max(initial=-1) + 1 - len(self._numbers)
+        if beyond > 0:
+            self._numbers = np.concatenate([self._numbers, np.full(beyond + len(self._numbers), -1)])
+        new = points[self._numbers.take(points) < 0]
+        self._numbers[new] = self._count + np.arange(len(new))
+        self._count += len(new)
+        return tuple(self._numbers.take(points).tolist())
 
 
 def _made(name: str, robot: CheckedModel, given: dict[str, object]) -> CollisionContacts:

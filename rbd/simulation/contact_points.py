@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import repeat
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -66,8 +66,6 @@ class Layout:
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> Layout:
         """The stack of several sources' points."""
-        owners = tuple([o for s in structures for o in s.owners])
-        cones = tuple([c for s in structures for c in s.cones])
         widths = np.concatenate([np.zeros(0, int), *[s.widths for s in structures]])
         spans, point, row = [], 0, 0
         for s in structures:
@@ -75,20 +73,18 @@ class Layout:
             spans.append((slice(point, point + k), slice(row, row + m)))
             point, row = point + k, row + m
         normals = np.cumsum(widths) - 1
-        distinct = {id(c): c for c in cones}  # many points share one set
-        order = {key: i for i, key in enumerate(distinct)}
-        which = np.array([order[id(c)] for c in cones], int)
-        kinds = [[isinstance(c, kind) for c in distinct.values()] for kind in (FrictionCone, Box, Free)]
-        rubs, boxes, free = (np.array(kind, bool)[which] for kind in kinds)
-        mu = np.array([c.mu if isinstance(c, FrictionCone) else 0.0 for c in distinct.values()], float)[which]
+        rubs = _each(structures, lambda c: isinstance(c, FrictionCone), bool)
+        boxes = _each(structures, lambda c: isinstance(c, Box), bool)
+        free = _each(structures, lambda c: isinstance(c, Free), bool)
+        mu = _each(structures, lambda c: c.mu if isinstance(c, FrictionCone) else 0.0, float)
         slides = rubs | boxes
         rows = normals[slides][:, None] - np.where(rubs[slides][:, None], [2, 1], 0)
         kept = np.where(rubs[slides][:, None], 1.0, [1.0, 0.0]).reshape(-1, 2)
         return cls(
             structures,
-            owners,
-            tuple([i for s in structures for i in s.numbers]),
-            cones,
+            tuple(chain.from_iterable([s.owners for s in structures])),
+            tuple(chain.from_iterable([s.numbers for s in structures])),
+            tuple(chain.from_iterable([s.cones for s in structures])),
             widths,
             normals,
             ~(free | boxes),
@@ -102,6 +98,12 @@ class Layout:
             tuple(spans),
             bool(boxes.any()),
         )
+
+
+def _each(structures: Sequence[Structure], value: Callable[[Cone], object], kind: type) -> Array:
+    """A value of each point's set, shape (k,)."""
+    parts: list[Array] = [np.array([value(c) for c in s.sets], kind)[s.which] for s in structures]
+    return np.concatenate([np.zeros(0, kind), *parts])
 
 
 @dataclass(frozen=True, eq=False)
