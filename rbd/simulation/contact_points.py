@@ -100,12 +100,6 @@ class Layout:
         )
 
 
-def _each(structures: Sequence[Structure], value: Callable[[Cone], object], kind: type) -> Array:
-    """A value of each point's set, shape (k,)."""
-    parts: list[Array] = [np.array([value(c) for c in s.sets], kind)[s.which] for s in structures]
-    return np.concatenate([np.zeros(0, kind), *parts])
-
-
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """All points at one state, stacked.
@@ -212,6 +206,12 @@ class PointMatching:
         out = np.zeros(len(self._rows))
         out[known] = values[self._rows[known]]
         return out
+
+
+def _each(structures: Sequence[Structure], value: Callable[[Cone], object], kind: type) -> Array:
+    """A value of each point's set, shape (k,)."""
+    parts: list[Array] = [np.array([value(c) for c in s.sets], kind)[s.which] for s in structures]
+    return np.concatenate([np.zeros(0, kind), *parts])
 
 
 @lru_cache(maxsize=16)
