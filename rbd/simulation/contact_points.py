@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -64,24 +66,25 @@ class Layout:
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> Layout:
         """The stack of several sources' points."""
-        owners = tuple(o for s in structures for o in s.owners)
-        cones = tuple(c for s in structures for c in s.cones)
-        widths = np.array([c.dim for c in cones], int)
+        widths = np.concatenate([np.zeros(0, int), *[s.widths for s in structures]])
         spans, point, row = [], 0, 0
         for s in structures:
             k, m = len(s.owners), int(s.widths.sum())
             spans.append((slice(point, point + k), slice(row, row + m)))
             point, row = point + k, row + m
         normals = np.cumsum(widths) - 1
-        rubs, boxes, free = (np.array([isinstance(c, kind) for c in cones], bool) for kind in (FrictionCone, Box, Free))
+        rubs = _each(structures, lambda c: isinstance(c, FrictionCone), bool)
+        boxes = _each(structures, lambda c: isinstance(c, Box), bool)
+        free = _each(structures, lambda c: isinstance(c, Free), bool)
+        mu = _each(structures, lambda c: c.mu if isinstance(c, FrictionCone) else 0.0, float)
         slides = rubs | boxes
         rows = normals[slides][:, None] - np.where(rubs[slides][:, None], [2, 1], 0)
         kept = np.where(rubs[slides][:, None], 1.0, [1.0, 0.0]).reshape(-1, 2)
         return cls(
             structures,
-            owners,
-            tuple(i for s in structures for i in s.numbers),
-            cones,
+            tuple(chain.from_iterable([s.owners for s in structures])),
+            tuple(chain.from_iterable([s.numbers for s in structures])),
+            tuple(chain.from_iterable([s.cones for s in structures])),
             widths,
             normals,
             ~(free | boxes),
@@ -91,7 +94,7 @@ class Layout:
             kept,
             normals[rubs][:, None] - np.array([2, 1]),
             np.repeat(free, widths),
-            np.array([c.mu if isinstance(c, FrictionCone) else 0.0 for c in cones]),
+            mu,
             tuple(spans),
             bool(boxes.any()),
         )
@@ -184,13 +187,8 @@ class PointMatching:
     """
 
     def __init__(self, old: Layout, new: Layout) -> None:
-        at = {key: i for i, key in enumerate(zip(old.owners, old.numbers, strict=True))}
         self.same = old is new
-        self._from = np.array([at.get(key, -1) for key in zip(new.owners, new.numbers, strict=True)], int)
-        self.known = self._from >= 0
-        firsts, widths = old.normals + 1 - old.widths, new.widths
-        rows = [firsts[i] + np.arange(w) if i >= 0 else np.full(w, -1) for i, w in zip(self._from, widths, strict=True)]
-        self._rows = np.concatenate([np.zeros(0, int), *rows])
+        self._from, self._rows, self.known = _matched(old, new)
 
     def points(self, values: Array, otherwise: object) -> Array:
         """One value a point, shape (k,)."""
@@ -208,6 +206,29 @@ class PointMatching:
         out = np.zeros(len(self._rows))
         out[known] = values[self._rows[known]]
         return out
+
+
+def _each(structures: Sequence[Structure], value: Callable[[Cone], object], kind: type) -> Array:
+    """A value of each point's set, shape (k,)."""
+    parts: list[Array] = [np.array([value(c) for c in s.sets], kind)[s.which] for s in structures]
+    return np.concatenate([np.zeros(0, kind), *parts])
+
+
+@lru_cache(maxsize=16)
+def _matched(old: Layout, new: Layout) -> tuple[Array, Array, Array]:
+    """(old point of each new one, old row of each new row, both -1 where there is none, which points are known).
+
+    A step asks for the same two layouts several times.
+    """
+    at = dict(zip(zip(old.owners, old.numbers, strict=True), range(len(old.owners)), strict=True))
+    points = np.array([*map(at.get, zip(new.owners, new.numbers, strict=True), repeat(-1))], int)
+    known = points >= 0
+    before = (old.normals + 1 - old.widths)[points[known]]
+    rows = np.full(int(new.widths.sum()), -1)
+    widths = new.widths[known]
+    starts = np.cumsum(widths) - widths
+    rows[np.repeat(known, new.widths)] = np.repeat(before - starts, widths) + np.arange(int(widths.sum()))
+    return points, rows, known
 
 
 def slide(layout: Layout, velocity: Array) -> Array:
