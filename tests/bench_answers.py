@@ -20,7 +20,7 @@ UNIT = "constraintDynamics, unchecked"
 CALLS = "x constraintDynamics"
 COMPILED, PLAIN = "with the extra `fast`", "without it"
 HELD, STICKING, CONVEX, COULOMB = "held", "frictional, sticking", "slipping, convex law", "slipping, Coulomb's law"
-MEAN = "mean of all calls, not their median: "
+MEAN = "mean of the calls: "
 MARKS = {HELD: (4.0, 3.0), STICKING: (4.0, 3.0)}
 SLIPPING_MARKS = {COMPILED: {CONVEX: (6.0, 4.5), COULOMB: (12.0, 8.0)}, PLAIN: {CONVEX: (9.0,), COULOMB: (30.0,)}}
 """First mark, and second where there is one."""

@@ -1,8 +1,8 @@
 """Times of the processor, by turns; rows of a table with their marks, and the versions of what was measured.
 
 A column is a function of the number of a draw. The columns of a group take turns of `TURN` calls, so that what disturbs the
-machine disturbs them alike, and the median of a column's calls counts. Times are of the thread's processor time, so that other programs
-trouble them less. Reading this clock takes 0.7 us: `CLOCK` is taken off.
+machine disturbs them alike, and the median of a column's calls counts. Times are of the thread's processor time, so that other
+programs trouble them less. Reading this clock takes 0.7 us: `CLOCK` is taken off.
 """
 
 from __future__ import annotations
