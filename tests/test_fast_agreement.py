@@ -1,8 +1,8 @@
 """The prepared way of `rbd.solve` and its general way: the same answers, by the certificate of the problem in arrays.
 
 Nine robots on their feet, both laws. `rbd.solve` chooses the way by itself; a solver that is named takes the general one.
-Answers are judged by `residuals_of`, from M, J and J_dot v, which the prepared way does not compute. 10,000 states of each robot
-and law by `make exhaustive`, which prints what answered them.
+Answers are judged by `residuals_of`, from M, J and J_dot v, which the prepared way does not compute. `make exhaustive` takes
+10,000 states of each robot and law, and prints what answered them.
 """
 
 from __future__ import annotations
