@@ -1,0 +1,211 @@
+"""Where a call of `rbd.solve`, and a step of `rbd.simulate`, spend their time: by part, in us and per cent.
+
+Python's profiler counts the functions of a run, and Pinocchio's, which it does not see by itself. What a function spends in
+itself belongs to the part of its module; what it spends in NumPy or in helpers, to the part that called these. The profiler's
+own cost a call, measured on an empty function, is taken off, and the parts are scaled to what the run takes without the
+profiler. Medians of several runs.
+"""
+
+from __future__ import annotations
+
+import cProfile
+import statistics
+import time
+import types
+import warnings
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pinocchio as pin
+from bench_answers import answers_of
+from bench_draws import Draws
+from bench_simulation import STEP, Bench
+from bench_timing import DRAWS
+from rich.table import Table
+
+from rbd.errors import RbdWarning
+
+PARTS = {
+    "rbd/model/state.py": "State",
+    "rbd/model/checked_model.py": "State",
+    "rbd/model/": "terms of the equations of motion",
+    "rbd/prepared/certificate.py": "certificate",
+    "rbd/problem/residuals.py": "certificate",
+    "rbd/problem/scales.py": "certificate",
+    "rbd/problem/law_distance.py": "certificate",
+    "rbd/prepared/": "prepared form: law of sticking, bookkeeping",
+    "rbd/solvers/": "law: Newton's method, or QP",
+    "rbd/solution.py": "record",
+    "rbd/problem/answer.py": "record",
+    "rbd/least_constraint.py": "rbd.solve: finding the prepared form, warnings",
+    "rbd/constraints/": "rows of the constraints",
+    "rbd/problem/": "problem in arrays",
+    "rbd/simulation/recording.py": "recording",
+    "rbd/simulation/velocity_problem.py": "law: velocity problem",
+    "rbd/simulation/contact_points.py": "contact points",
+    "rbd/simulation/contact_gaps.py": "gaps, position correction",
+    "rbd/simulation/trajectory": "trajectory",
+    "rbd/simulation/": "time step",
+    "rbd/control/": "controller",
+    "tests/bench_simulation.py": "controller",
+    "tests/bench_answers.py": "the loop around",
+}
+"""{beginning of a file's path: part}; the longest beginning counts."""
+PIN = "Pinocchio: "
+Key = tuple[str, int, str]
+Stats = dict[Key, tuple[int, int, float, float, dict[Key, tuple[int, int, float, float]]]]
+
+
+@contextmanager
+def pinocchio_seen() -> Iterator[None]:
+    """Pinocchio's functions as Python functions, which the profiler counts, as long as the block lasts."""
+    names = [name for name in dir(pin) if type(getattr(pin, name)).__name__ == "function" and name[0].islower()]
+    kept = {name: getattr(pin, name) for name in names if not isinstance(getattr(pin, name), types.FunctionType)}
+    for name, call in kept.items():
+        seen = types.FunctionType(_forward.__code__.replace(co_name=PIN + name), {"call": call}, PIN + name)
+        setattr(pin, name, seen)
+    try:
+        yield
+    finally:
+        for name, call in kept.items():
+            setattr(pin, name, call)
+
+
+def _forward(*args: object, **kwargs: object) -> object:
+    return call(*args, **kwargs)  # type: ignore[name-defined]  # noqa: F821
+
+
+def part_of(key: Key) -> str | None:
+    """The part of a function, by its file; None of what counts for its callers."""
+    path, _, name = key
+    if name.startswith(PIN):
+        return name
+    fitting = [begin for begin in PARTS if f"/{begin}" in path]
+    return PARTS[max(fitting, key=len)] if fitting else None
+
+
+def by_part(run: Callable[[], object], rounds: int) -> dict[str, float]:
+    """Share of the time of a run that each part takes; they add up to one. Medians over some rounds."""
+    found = [_profiled(run) for _ in range(rounds)]
+    medians = {part: statistics.median(shares.get(part, 0.0) for shares in found) for part in found[0]}
+    return {part: share / sum(medians.values()) for part, share in medians.items()}
+
+
+def _profiled(run: Callable[[], object]) -> dict[str, float]:
+    inner, outer = profiler_cost()
+    profile = cProfile.Profile(time.perf_counter)
+    with pinocchio_seen():
+        profile.enable()
+        run()
+        profile.disable()
+    profile.create_stats()
+    stats: Stats = profile.stats  # type: ignore[attr-defined]
+    called: dict[Key, int] = defaultdict(int)
+    for _, _, _, _, callers in stats.values():
+        for caller, (_, calls, _, _) in callers.items():
+            called[caller] += calls
+    seconds: dict[str, float] = defaultdict(float)
+    for key, (_, calls, own, _, _) in stats.items():
+        net = max(0.0, own - inner * calls - outer * called[key])
+        for part, share in _shares(stats, key, 0).items():
+            seconds[part] += share * net
+    total = sum(seconds.values())
+    return {part: t / total for part, t in seconds.items()}
+
+
+def _shares(stats: Stats, key: Key, depth: int) -> dict[str, float]:
+    """{part: share} of a function's own time."""
+    part = part_of(key)
+    if part is not None:
+        return {part: 1.0}
+    callers = stats[key][4]
+    total = sum(own for _, _, own, _ in callers.values())
+    if depth > 8 or not callers:
+        return {"the loop around": 1.0}
+    shares: dict[str, float] = defaultdict(float)
+    for caller, (_, _, own, _) in callers.items():
+        weight = own / total if total > 0.0 else 1.0 / len(callers)
+        for part, share in _shares(stats, caller, depth + 1).items():
+            shares[part] += weight * share
+    return shares
+
+
+def _nothing() -> None:
+    return None
+
+
+def profiler_cost(n: int = 20_000) -> tuple[float, float]:
+    """Seconds that the profiler adds to a function for each call of it, and to its caller."""
+
+    def calls() -> None:
+        for _ in range(n):
+            _nothing()
+
+    start = time.perf_counter()
+    calls()
+    bare = (time.perf_counter() - start) / n
+    profile = cProfile.Profile(time.perf_counter)
+    profile.enable()
+    calls()
+    profile.disable()
+    profile.create_stats()
+    own = {key[2]: found[2] / n for key, found in profile.stats.items()}  # type: ignore[attr-defined]
+    return own["_nothing"], max(0.0, own["calls"] - bare)
+
+
+def _table(title: str, columns: dict[str, tuple[float, dict[str, float]]]) -> Table:
+    """Columns of (seconds, shares) by part, the largest part first."""
+    table = Table(title=title)
+    table.add_column("part")
+    for label in columns:
+        table.add_column(f"{label} [us]", justify="right")
+        table.add_column("%", justify="right")
+    weight: dict[str, float] = defaultdict(float)
+    for _, shares in columns.values():
+        for part, share in shares.items():
+            weight[part] = max(weight[part], share)
+    for part in sorted(weight, key=lambda each: -weight[each]):
+        if weight[part] < 0.01:
+            continue
+        cells = []
+        for seconds, shares in columns.values():
+            share = shares.get(part, 0.0)
+            cells += [f"{1e6 * seconds * share:.1f}", f"{100.0 * share:.0f}"]
+        table.add_row(part, *cells)
+    table.add_row("all", *[cell for seconds, _ in columns.values() for cell in (f"{1e6 * seconds:.1f}", "100")])
+    return table
+
+
+def profile_tables(d: Draws, rounds: int = 5) -> list[Table]:
+    """A call on two soles, from State on; and a step of a robot that sways on its feet, recorded every 200 steps."""
+    calls: dict[str, tuple[float, dict[str, float]]] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RbdWarning)
+        for label, column in answers_of(d).items():
+
+            def run(column: Callable[[int], object] = column) -> None:
+                for i in range(DRAWS):
+                    column(i)
+
+            run()
+            calls[label] = statistics.median(_timed(run) for _ in range(rounds)) / DRAWS, by_part(run, rounds)
+        steps = {}
+        for name in ("talos", "solo12"):
+            bench, n = Bench.of(name), 200
+
+            def sway(bench: Bench = bench, n: int = n) -> None:
+                bench.standing_run(bench.swaying, n, n)
+
+            sway()
+            steps[name] = statistics.median(_timed(sway) for _ in range(rounds)) / n, by_part(sway, rounds)
+    return [
+        _table(f"{d.robot.name}: a call of rbd.solve on two soles, from State on", calls),
+        _table(f"a step of rbd.simulate of {1e3 * STEP:g} ms on frictional feet", steps),
+    ]
+
+
+def _timed(run: Callable[[], object]) -> float:
+    start = time.thread_time()
+    run()
+    return time.thread_time() - start
