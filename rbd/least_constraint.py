@@ -31,7 +31,9 @@ from rbd.prepared.contact_dynamics import prepared
 from rbd.problem.answer import Status
 from rbd.problem.contact_motion import REST_SPEED, Opening, opening_words
 from rbd.problem.force_set import at_rest
+from rbd.problem.ground import TOUCHES
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law, MomentumBalance, checked
+from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver
@@ -125,13 +127,16 @@ def _prepared_answer(
     if external is not None:
         external = tuple(external) if type(external) is list else external
         generalised += generalised_force(state, external)[0]
-    found = contacts.answer(state.q, state.v, generalised, coulomb=told is COULOMB, rest_speed=rest_speed)
+    found = contacts.answer(state.q, state.v, generalised, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES)
     if found is None:
         return None
-    _warn_of_effort(robot, torques)
     problem = partial(_problem, state, torques, given, external, rest_speed)
-    seconds = time.perf_counter() - start
-    return Solution.prepared(problem, found, BILATERAL if contacts.bilateral else told, seconds)
+    law = BILATERAL if contacts.bilateral else told
+    solution = Solution.prepared(problem, found, law, time.perf_counter() - start)
+    if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
+        return None
+    _warn_of_effort(robot, torques)
+    return solution
 
 
 def solve_problem(
