@@ -151,6 +151,7 @@ class ContactDynamics:
                 w = self.sticking(forces)
                 if w is None:
                     return self._slipping(q, v, generalised, a, forces, coulomb=coulomb, still=still)
+                forces = self.G.dot(w)  # what is judged are the corner forces
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= _DOUBTFUL:
@@ -169,7 +170,8 @@ class ContactDynamics:
         found = self._newton.forces(mobility, -mobility.dot(held), self._least_norm.dot(held), coulomb=coulomb)
         if not found.merit <= _EXACT:
             return None
-        forces, w = found.wrench, found.weights
+        w = found.weights
+        forces = self.G.dot(w)
         a += bodies.moved(mobility.dot(forces - held))
         worst = bodies.stationarity(q, v, a, forces, generalised)
         worst = max(worst, self.law_residual(bodies.row_accelerations(at_rest=still), w, coulomb=coulomb))
