@@ -4,7 +4,7 @@
     python tests/bench.py --rows answers many  some groups of rows
     python tests/bench.py --plain              without the compiled kernels, as if Numba were not installed
     python tests/bench.py --profile            where a call of `rbd.solve` and a step of `rbd.simulate` spend their time
-    python tests/bench.py --readme             all tables; then the README's, written into the README
+    python tests/bench.py --write              all tables, also into the README; with --profile, into docs/design/speed.md
 
 Every call has its own q, v and tau. The columns of a table take turns of a few calls, so that a noisy machine troubles them
 alike. Timing is never part of the tests.
@@ -29,15 +29,17 @@ from functools import cache
 from pathlib import Path
 
 import bench_answers
+import bench_pages
 from bench_analysis import derivative_rows, fall_rows, hessian_rows, linkage_rows, millisecond_rows
 from bench_draws import Draws
 from bench_planar import planar_rows
-from bench_readme import write
-from bench_simulation import accuracy_table, peer_step_rows, step_rows
+from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
 from bench_timing import Row, table_of, versions
 from rich.console import Console
 
 import rbd
+
+TOP = Path(__file__).parents[1]
 
 
 @cache
@@ -113,14 +115,19 @@ def main() -> None:
     parser.add_argument("--plain", action="store_true", help="as if Numba were not installed")
     parser.add_argument("--profile", action="store_true", help="where the time of a call and of a step goes")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
-    parser.add_argument("--readme", action="store_true", help="write the figures into README.md, too")
+    parser.add_argument(
+        "--write", action="store_true", help="put the tables into README.md, the profile into docs/design/speed.md"
+    )
     given = parser.parse_args()
     console, start = Console(width=140), time.perf_counter()
     if given.profile:
-        from bench_profile import profile_tables
+        from bench_profile import profile_table, profiles
 
-        for table in profile_tables(draws_of("talos")):
-            console.print(table)
+        parts = profiles(draws_of("talos"))
+        for title, columns in parts.items():
+            console.print(profile_table(title, columns))
+        if given.write:
+            bench_pages.design(TOP / "docs" / "design" / "speed.md", parts)
         return
     found = measured(given.rows)
     if given.json:
@@ -131,11 +138,12 @@ def main() -> None:
     if "peers" in given.rows:
         for d in everyone():
             console.print(bench_answers.agreement(d))
-    if "accuracy" in given.rows:
-        console.print(accuracy_table())
+    errors = accuracy() if "accuracy" in given.rows else {}
+    if errors:
+        console.print(accuracy_table(errors))
     console.print("measured in {:.0f} min {:.0f} s; median processor times".format(*divmod(time.perf_counter() - start, 60.0)))
-    if given.readme:
-        print(write(Path(__file__).parents[1] / "README.md", found))
+    if given.write:
+        bench_pages.readme(TOP / "README.md", found, errors)
 
 
 if __name__ == "__main__":

@@ -15,11 +15,14 @@ import rbd
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdWarning
 from rbd.solvers import Solver
+from rbd.solvers.default import GaussFirst
 
 UNIT = "constraintDynamics, unchecked"
 CALLS = "x constraintDynamics"
 COMPILED, PLAIN = "with the extra `fast`", "without it"
 HELD, STICKING, CONVEX, COULOMB = "held", "frictional, sticking", "slipping, convex law", "slipping, Coulomb's law"
+GENERAL = "the general way, "
+"""Beginning of rows that do not take the prepared form."""
 MEAN = "mean of the calls: "
 MARKS = {HELD: (4.0, 3.0), STICKING: (4.0, 3.0)}
 SLIPPING_MARKS = {COMPILED: {CONVEX: (6.0, 4.5), COULOMB: (12.0, 8.0)}, PLAIN: {CONVEX: (9.0,), COULOMB: (30.0,)}}
@@ -157,6 +160,8 @@ def solver_rows(everyone: Sequence[Draws]) -> list[Row]:
                 given = stick if mode == "sticking" else d.slipping(law)
                 label = f'frictional, {mode}, ConeSolver(law="{law}")'
                 columns[label] = solving(d, given, d.frictional, solver=rbd.ConeSolver(law=law))
+        columns[GENERAL + STICKING] = solving(d, stick, d.frictional, solver=GaussFirst())
+        columns[GENERAL + COULOMB] = solving(d, d.slipping("coulomb"), d.frictional, solver=GaussFirst())
         inside, at_limit = d.wanted()
         columns["inverse dynamics, no cone at its limit"] = commanded(d, inside)
         columns["inverse dynamics, a cone at its limit"] = commanded(d, at_limit)

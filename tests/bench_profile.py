@@ -30,11 +30,10 @@ PARTS = {
     "rbd/model/state.py": "State",
     "rbd/model/checked_model.py": "State",
     "rbd/model/": "terms of the equations of motion",
-    "rbd/prepared/certificate.py": "certificate",
     "rbd/problem/residuals.py": "certificate",
     "rbd/problem/scales.py": "certificate",
     "rbd/problem/law_distance.py": "certificate",
-    "rbd/prepared/": "prepared form: law of sticking, bookkeeping",
+    "rbd/prepared/": "prepared form: law of sticking",
     "rbd/solvers/": "law: Newton's method, or QP",
     "rbd/solution.py": "record",
     "rbd/problem/answer.py": "record",
@@ -52,6 +51,11 @@ PARTS = {
     "tests/bench_answers.py": "the loop around",
 }
 """{beginning of a file's path: part}; the longest beginning counts."""
+FUNCTIONS = dict.fromkeys(("stationarity", "row_accelerations", "law_residual", "touches", "_terms"), "certificate")
+FUNCTIONS |= dict.fromkeys(
+    ("held", "_centripetal", "moved", "mobility", "inertia", "speed"), "prepared form: motion of the bodies"
+)
+"""{function of `rbd/prepared`: part}, before `PARTS`."""
 PIN = "Pinocchio: "
 Key = tuple[str, int, str]
 Stats = dict[Key, tuple[int, int, float, float, dict[Key, tuple[int, int, float, float]]]]
@@ -81,6 +85,8 @@ def part_of(key: Key) -> str | None:
     path, _, name = key
     if name.startswith(PIN):
         return name
+    if "/rbd/prepared/" in path and name in FUNCTIONS:
+        return FUNCTIONS[name]
     fitting = [begin for begin in PARTS if f"/{begin}" in path]
     return PARTS[max(fitting, key=len)] if fitting else None
 
@@ -154,32 +160,40 @@ def profiler_cost(n: int = 20_000) -> tuple[float, float]:
     return own["_nothing"], max(0.0, own["calls"] - bare)
 
 
-def _table(title: str, columns: dict[str, tuple[float, dict[str, float]]]) -> Table:
-    """Columns of (seconds, shares) by part, the largest part first."""
-    table = Table(title=title)
-    table.add_column("part")
-    for label in columns:
-        table.add_column(f"{label} [us]", justify="right")
-        table.add_column("%", justify="right")
+Columns = dict[str, tuple[float, dict[str, float]]]
+"""{what was run: (seconds, share of each part)}."""
+
+
+def lines(columns: Columns) -> list[list[str]]:
+    """Cells of a table by part, the largest part first: us and per cent of each column; parts below 1 % are left out."""
     weight: dict[str, float] = defaultdict(float)
     for _, shares in columns.values():
         for part, share in shares.items():
             weight[part] = max(weight[part], share)
+    out = [["part", *(cell for label in columns for cell in (f"{label} [us]", "%"))]]
     for part in sorted(weight, key=lambda each: -weight[each]):
-        if weight[part] < 0.01:
-            continue
-        cells = []
-        for seconds, shares in columns.values():
-            share = shares.get(part, 0.0)
-            cells += [f"{1e6 * seconds * share:.1f}", f"{100.0 * share:.0f}"]
-        table.add_row(part, *cells)
-    table.add_row("all", *[cell for seconds, _ in columns.values() for cell in (f"{1e6 * seconds:.1f}", "100")])
+        if weight[part] >= 0.01:
+            shown = [
+                (1e6 * seconds * shares.get(part, 0.0), 100.0 * shares.get(part, 0.0)) for seconds, shares in columns.values()
+            ]
+            out.append([part, *(cell for us, percent in shown for cell in (f"{us:.1f}", f"{percent:.0f}"))])
+    return [*out, ["all", *(cell for seconds, _ in columns.values() for cell in (f"{1e6 * seconds:.1f}", "100"))]]
+
+
+def profile_table(title: str, columns: Columns) -> Table:
+    """The same for a terminal."""
+    table = Table(title=title)
+    headings, *rows = lines(columns)
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "part" else "right")
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
-def profile_tables(d: Draws, rounds: int = 5) -> list[Table]:
-    """A call on two soles, from State on; and a step of a robot that sways on its feet, recorded every 200 steps."""
-    calls: dict[str, tuple[float, dict[str, float]]] = {}
+def profiles(d: Draws, rounds: int = 5) -> dict[str, Columns]:
+    """{title: columns}: a call on two soles, from State on; a step of a robot that sways on its feet."""
+    calls: Columns = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RbdWarning)
         for label, column in answers_of(d).items():
@@ -199,10 +213,10 @@ def profile_tables(d: Draws, rounds: int = 5) -> list[Table]:
 
             sway()
             steps[name] = statistics.median(_timed(sway) for _ in range(rounds)) / n, by_part(sway, rounds)
-    return [
-        _table(f"{d.robot.name}: a call of rbd.solve on two soles, from State on", calls),
-        _table(f"a step of rbd.simulate of {1e3 * STEP:g} ms on frictional feet", steps),
-    ]
+    return {
+        f"{d.robot.name}: a call of rbd.solve on two soles, from State on": calls,
+        f"a step of rbd.simulate of {1e3 * STEP:g} ms on frictional feet": steps,
+    }
 
 
 def _timed(run: Callable[[], object]) -> float:

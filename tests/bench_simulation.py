@@ -279,14 +279,21 @@ def peer_step_rows() -> list[Row]:
     return rows + [Row(what, values, "x mj_step") for what, values in ratios.items()]
 
 
-def accuracy_table() -> Table:
+def accuracy() -> dict[str, dict[str, tuple[float, float | None]]]:
+    """{robot: {engine: (energy that a second of free fall adds or takes [J], depth of standing feet [m], or None)}}."""
+    found = {}
+    for name, (bench, _) in robots().items():
+        depths = bench.depths()
+        found[name] = {label: (moved, depths.get(label)) for label, moved in bench.energy_changes().items()}
+    return found
+
+
+def accuracy_table(found: dict[str, dict[str, tuple[float, float | None]]]) -> Table:
     """What both do to energy and depth."""
     errors = Table(title="errors of the same: energy in a second of free fall, depth of the feet in a second of standing")
     for heading in ("", "energy moves by", "feet sink by"):
         errors.add_column(heading, justify="left" if not heading else "right")
-    for name, (bench, _) in robots().items():
-        depths = bench.depths()
-        for label, moved in bench.energy_changes().items():
-            sunk = f"{depths[label]:.1e} m" if label in depths else ""
-            errors.add_row(f"{name}: {label}", f"{moved:.1e} J", sunk)
+    for name, engines in found.items():
+        for label, (moved, depth) in engines.items():
+            errors.add_row(f"{name}: {label}", f"{moved:.1e} J", "" if depth is None else f"{depth:.1e} m")
     return errors
