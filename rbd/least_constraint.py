@@ -94,6 +94,7 @@ def solve(
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
+    _check_is_bool(check)
     if solver is None:
         found = _prepared_answer(state, tau, constraints, law, external, rest_speed)
         if found is not None:
@@ -168,8 +169,7 @@ def solve_problem(
 
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
-    if not isinstance(check, bool):
-        raise InputError(f"check is {check!r:.80}; expected True or False.")
+    _check_is_bool(check)
     _refuse_moving(problem, solver)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
@@ -185,6 +185,11 @@ def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> So
             stacklevel=3,
         )
     return solution
+
+
+def _check_is_bool(check: object) -> None:
+    if not isinstance(check, bool):
+        raise InputError(f"check is {check!r:.80}; expected True or False.")
 
 
 def _name(problem: GaussProblem) -> str:

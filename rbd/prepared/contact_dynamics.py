@@ -18,6 +18,7 @@ from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.contact_bodies import ContactBodies
+from rbd.prepared.point_law import law_residual
 from rbd.prepared.sites import Site, covered
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.contact_newton import ContactNewton
@@ -28,9 +29,6 @@ _FEW = 16
 """Points up to which one matrix tells which are inside their cones."""
 _EXACT = 1e-10
 """Scaled merit of Newton's method below which its weights are judged."""
-_LEAST_PUSH = 1e-3
-"""Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""
-_TINY = 1e-300
 MOST, MOST_BODIES = 64, 16
 """Sets of contacts, and of bodies in contact, that are kept with a robot."""
 
@@ -156,8 +154,7 @@ class ContactDynamics:
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= _DOUBTFUL:
                 return None
-            method = "closed form" if w is None else "closed form: all points stick"
-            return Found(a, self._in_contact_axes(forces), w, method, 0, worst)
+            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
 
     def _slipping(
         self, q: Array, v: Array, generalised: Array, a: Array, held: Array, *, coulomb: bool, still: bool
@@ -174,38 +171,11 @@ class ContactDynamics:
         forces = self.G.dot(w)
         a += bodies.moved(mobility.dot(forces - held))
         worst = bodies.stationarity(q, v, a, forces, generalised)
-        worst = max(worst, self.law_residual(bodies.row_accelerations(at_rest=still), w, coulomb=coulomb))
+        c = bodies.row_accelerations(at_rest=still)
+        worst = max(worst, law_residual(self._pull, c, w, self.force_set.mu, coulomb=coulomb))
         if not worst <= _DOUBTFUL:
             return None
-        return Found(a, self._in_contact_axes(forces), w, "Newton on the contact bodies", found.steps, worst)
-
-    def law_residual(self, c: Array, w: Array, *, coulomb: bool) -> float:
-        """Residual of the contact law, scaled by lower bounds: how fast points sink, and their distance to the law.
-
-        The distance is that of `rbd.problem.law_distance`.
-
-        Args:
-            c: Row accelerations in the axes of `bodies`.
-            w: Weights in their cones, shape (3k,).
-            coulomb: Coulomb's law; else the convex one.
-        """
-        y, p, mu = self._pull.dot(c).reshape(-1, 3), w.reshape(-1, 3), self.force_set.mu
-        y_n = y[:, 2]
-        worst = max(0.0, -float(y_n.min()))
-        if not coulomb:
-            slip = np.hypot(y[:, 0], y[:, 1])
-            worst = max(worst, float(((mu * slip - np.maximum(y_n, 0.0)) / (1.0 + mu)).max()))
-        push = np.maximum(np.sqrt(np.einsum("ij,ij->i", p, p)), _LEAST_PUSH)
-        x = p - push[:, None] * y
-        t, n = np.hypot(x[:, 0], x[:, 1]), x[:, 2]
-        if coulomb:
-            normal = np.maximum(n, 0.0)
-        else:
-            normal = np.where(t <= mu * n, n, np.maximum((mu * t + n) / (1.0 + mu * mu), 0.0))
-        x[:, :2] *= np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)[:, None]
-        x[:, 2] = normal
-        x -= p
-        return max(worst, float((np.abs(x).max(axis=1) / push).max()))
+        return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
 
 
 def _room_of(T: ForceSet) -> Array:
