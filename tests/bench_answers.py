@@ -196,7 +196,7 @@ def many_rows(everyone: Sequence[Draws]) -> list[Row]:
             raw = ConstraintDynamics(d).column(drawn[STICKING])
             arrays = {kind: stacked(draws) for kind, draws in drawn.items()}
             times: dict[str, list[float]] = {kind: [] for kind in (UNIT, *drawn)}
-            for turn in range(4):
+            for turn in range(3):
                 seconds = once(lambda raw=raw: [raw(i) for i in range(MANY)])
                 times[UNIT].append(seconds)
                 for kind, (q, v, tau) in arrays.items():

@@ -13,7 +13,7 @@ from bench_timing import DRAWS
 
 import rbd
 from rbd.constraints.contact import SurfaceContact
-from rbd.errors import EffortLimitWarning
+from rbd.errors import RbdWarning
 
 Array = np.ndarray
 MANY = 10_000
@@ -110,13 +110,28 @@ class Draws:
             rng = np.random.default_rng([self.seed, n, len(kind)])
             self.kept[kind, n] = out = []
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", EffortLimitWarning)
+                warnings.simplefilter("ignore", RbdWarning)
                 while len(out) < n:
-                    q, v, tau = self.random(rng, noise)
-                    found = rbd.solve(rbd.State(self.robot, q, v), tau, self.frictional, law=law, check=False)
-                    if found.status == "solved" and self.moves(q, v, found.a) == slips:
-                        out.append((q, v, tau))
+                    tried = [self.random(rng, noise) for _ in range(min(n, 1000))]
+                    found = self._accelerations(tried, law)
+                    fitting = [
+                        draw
+                        for draw, a in zip(tried, found, strict=True)
+                        if np.isfinite(a).all() and self.moves(*draw[:2], a) == slips
+                    ]
+                    out += fitting[: n - len(out)]
         return self.kept[kind, n]
+
+    def _accelerations(self, draws: Sequence[Draw], law: str) -> Array:
+        """Accelerations of draws on frictional soles, shape (n, nv); NaN where there is none."""
+        if hasattr(rbd, "solve_many"):
+            return rbd.solve_many(self.robot, *stacked(draws), self.frictional, law=law).a
+        out = np.full((len(draws), self.robot.nv), np.nan)
+        for row, (q, v, tau) in zip(out, draws, strict=True):
+            found = rbd.solve(rbd.State(self.robot, q, v), tau, self.frictional, law=law, check=False)
+            if found.status == "solved":
+                row[:] = found.a
+        return out
 
     def wanted(self, n: int = DRAWS) -> tuple[list[Draw], list[Draw]]:
         """(q, v, a) of motions on both soles where least effort takes no point's friction to its limit, and where it does."""
