@@ -65,6 +65,11 @@ def solve(
     Under the convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` name law and
     method.
 
+    Points and patches on still ground, each on a body of its own, are prepared on first use and kept with the robot: their
+    answers come from Pinocchio's contact dynamics ("closed form" where all points stick, else "cones: Newton") and are
+    certified by inverse dynamics; `solution.problem` and `solution.residuals` are computed when they are first asked for.
+    All other problems, and those whose certificate fails, are solved as above.
+
     Args:
         state: The robot at (q, v).
         tau: Motor torques, shape (nu,) [N, N m]; a warning is given beyond the effort limits.

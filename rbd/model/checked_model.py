@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import blas
 
 from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
@@ -196,7 +197,7 @@ class CheckedModel:
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
         for begin, end in self._unit_blocks:
             block = q[begin:end]
-            norm = math.sqrt(np.vdot(block, block))
+            norm = math.hypot(*block.tolist())
             if not abs(norm - 1.0) <= UNIT_TOLERANCE:
                 what = "quaternion (x, y, z, w)" if end - begin == 4 else "unit circle (cos, sin)"
                 raise InputError(
@@ -229,7 +230,7 @@ class CheckedModel:
             hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
             raise InputError(f"{what} of {self.name} has shape {out.shape}; expected ({size},): {meaning}.{hint}")
         # One pass for both: NaN fails the comparison, and a norm within `most` has entries within it.
-        if not np.vdot(out, out) < most * most:
+        if size and not blas.ddot(out, out) < most * most:
             check_finite(f"{what} of {self.name}", out)
             if max_abs(out) > most:
                 raise InputError(

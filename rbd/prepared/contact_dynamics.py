@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import blas
 
 from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
@@ -136,7 +137,7 @@ class ContactDynamics:
             rest_speed: If a frictional contact moves faster, the general way is taken [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
         """
-        bodies, still = self.bodies, np.vdot(v, v) == 0.0
+        bodies, still = self.bodies, blas.ddot(v, v) == 0.0
         with bodies.lock:
             held = bodies.held(q, v, generalised, at_rest=still)
             if held is None or not self.touches(within):
