@@ -14,14 +14,15 @@ import time
 import types
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache, partial
 
 import pinocchio as pin
 from bench_answers import answers_of
 from bench_draws import Draws
 from bench_simulation import STEP, Bench
-from bench_timing import DRAWS
+from bench_timing import DRAWS, Column
 from rich.table import Table
 
 from rbd.errors import RbdWarning
@@ -33,7 +34,7 @@ PARTS = {
     "rbd/problem/residuals.py": "certificate",
     "rbd/problem/scales.py": "certificate",
     "rbd/problem/law_distance.py": "certificate",
-    "rbd/prepared/": "prepared form: law of sticking",
+    "rbd/prepared/": "prepared form: the order of the call",
     "rbd/solvers/": "law: Newton's method, or QP",
     "rbd/solution.py": "record",
     "rbd/problem/answer.py": "record",
@@ -51,11 +52,24 @@ PARTS = {
     "tests/bench_answers.py": "the loop around",
 }
 """{beginning of a file's path: part}; the longest beginning counts."""
-FUNCTIONS = dict.fromkeys(("stationarity", "row_accelerations", "law_residual", "touches", "_terms"), "certificate")
-FUNCTIONS |= dict.fromkeys(
-    ("held", "_centripetal", "moved", "mobility", "inertia", "speed"), "prepared form: motion of the bodies"
-)
+FUNCTIONS = {
+    "held": "held bodies: around constraintDynamics",
+    "_centripetal": "held bodies: w x v of soles that move",
+    "speed": "speeds of the contacts, at rest or not",
+    "sticking": "law: corner forces of least norm, in their cones?",
+    "mobility": "law: inverse inertia of the bodies from the factors",
+    "inertia": "law: inverse inertia of the bodies from the factors",
+    "moved": "law: change of the acceleration",
+    "stationarity": "certificate: forces onto the bodies, residual of rnea",
+    "_terms": "certificate: forces onto the bodies, residual of rnea",
+    "row_accelerations": "certificate: row accelerations from the bodies'",
+    "law_residual": "certificate: law of the points",
+    "plain": "certificate: law of the points",
+    "touches": "gaps of the contacts",
+}
 """{function of `rbd/prepared`: part}, before `PARTS`."""
+CALLS, STEPS = 30, 200
+"""In one run of the profiler."""
 PIN = "Pinocchio: "
 Key = tuple[str, int, str]
 Stats = dict[Key, tuple[int, int, float, float, dict[Key, tuple[int, int, float, float]]]]
@@ -91,16 +105,17 @@ def part_of(key: Key) -> str | None:
     return PARTS[max(fitting, key=len)] if fitting else None
 
 
-def by_part(run: Callable[[], object], rounds: int) -> dict[str, float]:
-    """Share of the time of a run that each part takes; they add up to one. Medians over some rounds."""
-    found = [_profiled(run) for _ in range(rounds)]
-    medians = {part: statistics.median(shares.get(part, 0.0) for shares in found) for part in found[0]}
-    return {part: share / sum(medians.values()) for part, share in medians.items()}
+def by_part(runs: Sequence[Callable[[], object]]) -> dict[str, float]:
+    """Share of the time that each part takes, medians over the runs: what interrupts one run falls on few parts of it."""
+    found = [_profiled(run) for run in runs]
+    medians = {part: statistics.median(seconds.get(part, 0.0) for seconds in found) for part in found[0]}
+    return {part: seconds / sum(medians.values()) for part, seconds in medians.items()}
 
 
 def _profiled(run: Callable[[], object]) -> dict[str, float]:
+    """Seconds of each part in one run."""
     inner, outer = profiler_cost()
-    profile = cProfile.Profile(time.perf_counter)
+    profile = cProfile.Profile()
     with pinocchio_seen():
         profile.enable()
         run()
@@ -116,8 +131,7 @@ def _profiled(run: Callable[[], object]) -> dict[str, float]:
         net = max(0.0, own - inner * calls - outer * called[key])
         for part, share in _shares(stats, key, 0).items():
             seconds[part] += share * net
-    total = sum(seconds.values())
-    return {part: t / total for part, t in seconds.items()}
+    return seconds
 
 
 def _shares(stats: Stats, key: Key, depth: int) -> dict[str, float]:
@@ -141,8 +155,16 @@ def _nothing() -> None:
     return None
 
 
-def profiler_cost(n: int = 20_000) -> tuple[float, float]:
-    """Seconds that the profiler adds to a function for each call of it, and to its caller."""
+@cache
+def profiler_cost(n: int = 5_000, rounds: int = 15) -> tuple[float, float]:
+    """Seconds that the profiler adds to a function for each call of it, and to its caller: the least of several rounds."""
+    found = [_cost(n) for _ in range(rounds)]
+    bare, own, caller = (min(each) for each in zip(*found, strict=True))
+    return own, max(0.0, caller - bare)
+
+
+def _cost(n: int) -> tuple[float, float, float]:
+    """Seconds a call of an empty function: in all without the profiler; of its own, and of its caller, with it."""
 
     def calls() -> None:
         for _ in range(n):
@@ -151,13 +173,13 @@ def profiler_cost(n: int = 20_000) -> tuple[float, float]:
     start = time.perf_counter()
     calls()
     bare = (time.perf_counter() - start) / n
-    profile = cProfile.Profile(time.perf_counter)
+    profile = cProfile.Profile()
     profile.enable()
     calls()
     profile.disable()
     profile.create_stats()
     own = {key[2]: found[2] / n for key, found in profile.stats.items()}  # type: ignore[attr-defined]
-    return own["_nothing"], max(0.0, own["calls"] - bare)
+    return bare, own["_nothing"], own["calls"]
 
 
 Columns = dict[str, tuple[float, dict[str, float]]]
@@ -191,32 +213,28 @@ def profile_table(title: str, columns: Columns) -> Table:
     return table
 
 
-def profiles(d: Draws, rounds: int = 5) -> dict[str, Columns]:
+def profiles(d: Draws) -> dict[str, Columns]:
     """{title: columns}: a call on two soles, from State on; a step of a robot that sways on its feet."""
     calls: Columns = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RbdWarning)
         for label, column in answers_of(d).items():
-
-            def run(column: Callable[[int], object] = column) -> None:
-                for i in range(DRAWS):
-                    column(i)
-
-            run()
-            calls[label] = statistics.median(_timed(run) for _ in range(rounds)) / DRAWS, by_part(run, rounds)
+            runs = [partial(_calls, column, range(begin, begin + CALLS)) for begin in range(0, DRAWS, CALLS)] * 4
+            calls[label] = statistics.median(map(_timed, runs)) / CALLS, by_part(runs)
         steps = {}
         for name in ("talos", "solo12"):
-            bench, n = Bench.of(name), 200
-
-            def sway(bench: Bench = bench, n: int = n) -> None:
-                bench.standing_run(bench.swaying, n, n)
-
-            sway()
-            steps[name] = statistics.median(_timed(sway) for _ in range(rounds)) / n, by_part(sway, rounds)
+            bench = Bench.of(name)
+            runs = [partial(bench.standing_run, bench.swaying, STEPS, STEPS)] * 12
+            steps[name] = statistics.median(map(_timed, runs)) / STEPS, by_part(runs)
     return {
         f"{d.robot.name}: a call of rbd.solve on two soles, from State on": calls,
         f"a step of rbd.simulate of {1e3 * STEP:g} ms on frictional feet": steps,
     }
+
+
+def _calls(column: Column, draws: range) -> None:
+    for i in draws:
+        column(i)
 
 
 def _timed(run: Callable[[], object]) -> float:
