@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from bench_draws import MANY, Draw, Draws, stacked
@@ -23,7 +24,7 @@ COMPILED, PLAIN = "with the extra `fast`", "without it"
 HELD, STICKING, CONVEX, COULOMB = "held", "frictional, sticking", "slipping, convex law", "slipping, Coulomb's law"
 GENERAL = "the general way, "
 """Beginning of rows that do not take the prepared form."""
-MEAN = "mean of the calls: "
+MEAN = "mean of all calls, "
 MARKS = {HELD: (4.0, 3.0), STICKING: (4.0, 3.0)}
 SLIPPING_MARKS = {COMPILED: {CONVEX: (6.0, 4.5), COULOMB: (12.0, 8.0)}, PLAIN: {CONVEX: (9.0,), COULOMB: (30.0,)}}
 """First mark, and second where there is one."""
@@ -100,8 +101,8 @@ def answer_rows(everyone: Sequence[Draws], kind: str) -> list[Row]:
     marks = MARKS | SLIPPING_MARKS[kind]
     rows = in_units(medians, (HELD, STICKING, CONVEX, COULOMB, MEAN + COULOMB), marks)
     if kind == COMPILED:
-        return rows
-    return [Row(f"{row.what}, without the extra `fast`", row.values, row.unit, row.marks) for row in rows[2:]]
+        return [replace(row, what=f"rbd.solve, {row.what}") for row in rows]
+    return [replace(row, what=f"rbd.solve, {row.what}, without the extra `fast`") for row in rows[2:]]
 
 
 def peer_rows(everyone: Sequence[Draws]) -> list[Row]:
@@ -183,7 +184,9 @@ def point_rows(everyone: Sequence[Draws]) -> list[Row]:
         medians = quiet(columns, draws=100, rounds=2)
         for kind in values:
             values[kind][d.robot.name] = medians[f"{kind} 64"] / medians[f"{kind} 8"]
-    return [Row(f"64 points in place of 8, {kind}", found, "x 8 points", POINTS_MARKS) for kind, found in values.items()]
+    return [
+        Row(f"rbd.solve, 64 points in place of 8, {kind}", found, "x 8 points", POINTS_MARKS) for kind, found in values.items()
+    ]
 
 
 def many_rows(everyone: Sequence[Draws]) -> list[Row]:
@@ -208,7 +211,8 @@ def many_rows(everyone: Sequence[Draws]) -> list[Row]:
             for kind, found in values.items():
                 found[d.robot.name] = float(np.median(times[kind]) / np.median(times[UNIT]))
     return [
-        Row(f"solve_many, {MANY:,} states, a state: {kind}", found, CALLS, MANY_MARKS[kind]) for kind, found in values.items()
+        Row(f"rbd.solve_many, {MANY:,} states, a state: {kind}", found, CALLS, MANY_MARKS[kind])
+        for kind, found in values.items()
     ]
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bench_answers import GENERAL
 from bench_profile import Columns, lines
 from bench_timing import Row, marks_of, shown, versions
 
 ASKED = ("answers", "many", "points", "steps", "fall", "derivatives", "hessian", "linkage")
 """Groups of the first table of the README."""
 OTHERS = ("peers", "engines", "solvers")
-"""Groups of the second, without marks."""
+"""Groups of the second, without marks; of the solvers, what begins with these."""
+SOME = (GENERAL, "inverse dynamics")
 Accuracy = dict[str, dict[str, tuple[float, float | None]]]
 
 
@@ -48,7 +50,7 @@ def _measured_with() -> str:
 def readme(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> str:
     """Put the tables of a whole run into the README."""
     asked = [row for name in ASKED for row in found.get(name, ())]
-    others = [row for name in OTHERS for row in found.get(name, ())]
+    others = [row for name in OTHERS for row in found.get(name, ()) if name != "solvers" or row.what.startswith(SOME)]
     parts = [_rows(asked, marks=True)]
     if others:
         parts += [["What they are compared with, and other ways to the same answers:"], _rows(others, marks=False)]
