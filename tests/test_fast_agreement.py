@@ -33,6 +33,8 @@ CERTIFIED, SAME = 1e-9, 1e-9
 FEW, ALL = 16, 10_000
 PREPARED, MOST = "ContactDynamics", 0.9
 """`Solution.solver` of the prepared way, and the least share of all states that it answers."""
+WEAK = 1e-3
+"""At most this share of the states has a motion that residuals of 1e-9 determine to the square root of that only."""
 OTHER_MOTIONS = 0.02
 """At most this share of the states has another isolated motion under Coulomb's law, which another start finds."""
 
@@ -82,6 +84,12 @@ def judged(solution: rbd.Solution) -> float:
     return residuals_of(solution.problem, solution.a, solution.multipliers, solution.weights, solution.law).worst
 
 
+def energy_between(one: rbd.Solution, other: rbd.Solution) -> float:
+    """1/2 |a - a'|_M^2 of two motions of the same state, to be compared with Gauss's function."""
+    e = one.a - other.a
+    return 0.5 * float(e @ one.problem.M @ e)
+
+
 def isolated(solution: rbd.Solution) -> bool:
     """Whether no motion with the same contact modes is near this one."""
     return motion_freedom(solution) == 0
@@ -97,11 +105,13 @@ def modes(solution: rbd.Solution) -> list[str]:
 def test_both_ways_give_the_same_certified_answers(name, law, exhaustive, record_property):
     """Residuals at 1e-9 by the arrays; a to 1e-9 where the motion is unique; what answered is counted.
 
-    Under Coulomb's law an isolated motion may be one of several: the two ways then differ in which points stick or slip.
+    Under Coulomb's law an isolated motion may be one of several: the two ways then differ in which points stick or slip. A sole
+    that slips along a line and hardly turns has four points on cones with nearly parallel tangents: residuals then determine
+    its motion to second order only, and what agrees is the energy of the difference. One state in some ten thousand is so.
     """
     draw, count = drawer(name, seed=ROBOTS.index(name)), ALL if exhaustive else FEW
     answered: Counter[str] = Counter()
-    others, worst, apart = 0, 0.0, 0.0
+    others, weak, worst, apart = 0, 0, 0.0, 0.0
     for i in range(count):
         drawn = draw()
         fast = rbd.solve(drawn.state, drawn.tau, drawn.contacts, law=None if law == "coulomb" and i % 2 else law)
@@ -114,21 +124,21 @@ def test_both_ways_give_the_same_certified_answers(name, law, exhaustive, record
         if difference <= SAME:
             apart = max(apart, difference)
             continue
+        if modes(fast) == modes(general) and energy_between(fast, general) <= CERTIFIED * max(1.0, fast.gauss):
+            weak += 1
+            continue
         assert law == "coulomb", f"state {i}: the convex law has one motion, and the two ways differ by {difference:.1e}"
         if isolated(fast) and isolated(general):
-            assert modes_of(fast).active != modes_of(general).active, (
-                f"state {i}: same modes, and a differs by {difference:.1e}"
-            )
+            assert modes(fast) != modes(general), f"state {i}: the same modes, and a differs by {difference:.1e}"
             others += 1
         else:
             answered["one of a family of motions"] += 1
-    assert others <= max(1.0, OTHER_MOTIONS * count)
+    assert others <= max(1.0, OTHER_MOTIONS * count) and weak <= WEAK * count
     prepared = sum(number for way, number in answered.items() if way.startswith(PREPARED))
     assert prepared >= MOST * count, answered
     told = ", ".join(f"{method} {number}" for method, number in answered.most_common())
-    record_property(
-        "counted", f"{name}, {law}: {told}; another motion {others}; residuals {worst:.0e}; a differs by {apart:.0e} at most"
-    )
+    also = f"another motion {others}, weakly determined {weak}"
+    record_property("counted", f"{name}, {law}: {told}; {also}; residuals {worst:.0e}; a differs by {apart:.0e} at most")
 
 
 @pytest.mark.parametrize("name", ROBOTS)
