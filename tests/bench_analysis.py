@@ -56,18 +56,14 @@ def hessian_rows(robot: rbd.Robot) -> list[Row]:
 
 
 def linkage_rows(duration: float = SWING_SECONDS) -> list[Row]:
-    """A row of four-bars that swings from 30 degrees, 20 s at 10 ms, `RungeKutta4`."""
+    """A row of upright four-bars, their cranks turning at 1 rad/s, swings for 20 s at 10 ms by `RungeKutta4`."""
     robot = rbd.mechanism.n_four_bar(N)
-    q = robot.neutral()
-    for name in robot.joints:
-        joint = robot.model.joints[robot.joint_id(name)]
-        angle = np.pi / 6.0 if name.startswith("crank") else -np.pi / 6.0
-        q[joint.idx_q :][:2] = np.cos(angle), np.sin(angle)
+    upright, loops = robot.at("assembled"), robot.loops()
+    v = rbd.mechanism.velocity_partition(upright, loops, {"crank_0_joint": -1.0}).v
+    start = upright.with_velocity(v)
 
     def swing() -> rbd.Trajectory:
-        return rbd.simulate(
-            robot.at(q), robot.loops(), duration=duration, step=SWING_STEP, integrator=rbd.RungeKutta4(), progress=False
-        )
+        return rbd.simulate(start, loops, duration=duration, step=SWING_STEP, integrator=rbd.RungeKutta4(), progress=False)
 
     seconds = once(swing) * SWING_SECONDS / duration
     return [Row(f"n_four_bar({N}), {SWING_SECONDS:g} s at 10 ms, RungeKutta4", {"": seconds}, "s", LINKAGE_MARKS)]
