@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bench_answers import GENERAL
 from bench_profile import Columns, lines
-from bench_timing import Row, marks_of, shown, versions
+from bench_timing import Row, marks_of, robots_of, shown, versions
 
 ASKED = ("answers", "many", "points", "steps", "fall", "derivatives", "hessian", "linkage")
 """Groups of the first table of the README."""
@@ -23,12 +23,10 @@ def _table(cells: list[list[str]]) -> list[str]:
 
 
 def _rows(rows: list[Row], *, marks: bool) -> list[str]:
-    robots = list(dict.fromkeys(name for row in rows for name in row.values if name))
+    robots = robots_of(rows)
     cells = [["", *(name.capitalize() for name in robots), "unit", *(("mark", "aim") if marks else ())]]
     for row in rows:
         numbers = [shown(row.values[name]) if name in row.values else "" for name in robots]
-        if "" in row.values:
-            numbers[0] = shown(row.values[""])
         cells.append([row.what, *numbers, row.unit, *(marks_of(row) if marks else ())])
     return _table(cells)
 

@@ -104,9 +104,15 @@ def marks_of(row: Row) -> list[str]:
     return [*(f"{mark:g}" for mark in row.marks), "", ""][:2]
 
 
+def robots_of(rows: Sequence[Row]) -> list[str]:
+    """Names of the columns: robots, and an empty one last where there are rows of none."""
+    names = dict.fromkeys(name for row in rows for name in row.values)
+    return sorted(names, key=lambda name: not name)
+
+
 def table_of(title: str, rows: Sequence[Row]) -> Table:
     """The rows with their marks, and whether they are met."""
-    robots = list(dict.fromkeys(name for row in rows for name in row.values))
+    robots = robots_of(rows)
     table = Table(title=title)
     for heading in ("", *robots, "unit", "first mark", "second mark", "meets"):
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
