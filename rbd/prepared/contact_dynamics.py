@@ -150,6 +150,7 @@ class ContactDynamics:
                 w = self.sticking(forces)
                 if w is None:
                     return self._slipping(q, v, generalised, a, forces, coulomb=coulomb, still=still)
+                forces = self.G.dot(w)  # what is judged are the corner forces
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= DOUBTFUL:
@@ -169,7 +170,8 @@ class ContactDynamics:
         found = newton.gauss_first(mobility, free, start) if coulomb else newton.forces(mobility, free, start, coulomb=False)
         if not found.merit <= EXACT:
             return None
-        forces, w = found.wrench, found.weights
+        w = found.weights
+        forces = self.G.dot(w)
         a += bodies.moved(mobility.dot(forces - held))
         worst = bodies.stationarity(q, v, a, forces, generalised)
         c = bodies.row_accelerations(at_rest=still)
