@@ -18,10 +18,11 @@ from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
+from rbd.simulation.instant import HalfStep
 from rbd.simulation.motion import Event, EventDetection, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
-from rbd.simulation.time_step import HalfStep, StepSystem
+from rbd.simulation.time_step import StepSystem
 
 TILTS = 1e-9
 """A ground that rotates more slowly than this about an axis in its plane [rad/s] has a constant normal: rounding."""
