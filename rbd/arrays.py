@@ -225,7 +225,7 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
     def __set_name__(self, owner: type, name: str) -> None:
         """Define the state of the class's copies and pickles, unless the class defines it."""
         if owner.__getstate__ is object.__getstate__:
-            setattr(owner, "__getstate__", _without_lazies)  # noqa: B010  mypy allows no assignment to a method
+            setattr(owner, "__getstate__", without_lazies)  # noqa: B010  mypy allows no assignment to a method
 
     @overload
     def __get__(self, owner: None, kind: type) -> lazy[Owner, Value]: ...
@@ -239,7 +239,8 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
         return value
 
 
-def _without_lazies(owner: object) -> dict[str, object]:
+def without_lazies(owner: object) -> dict[str, object]:
+    """The attributes of an object, less the values that `lazy` computed: what its copies and pickles have."""
     kind = type(owner)
     return {name: value for name, value in vars(owner).items() if not isinstance(getattr(kind, name, None), lazy)}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Sequence
 from functools import partial
@@ -24,16 +25,17 @@ from rbd.errors import (
     Unsupported,
 )
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, free_force
+from rbd.model.dynamics import External, free_force, generalised as generalised_force
 from rbd.model.state import State
+from rbd.prepared.contact_dynamics import prepared
 from rbd.problem.answer import Status
 from rbd.problem.contact_motion import REST_SPEED, Opening, opening_words
 from rbd.problem.force_set import at_rest
-from rbd.problem.problem import COULOMB, GaussProblem, Law, MomentumBalance, checked
+from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law, MomentumBalance, checked
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver
-from rbd.solvers.default import solver_of
+from rbd.solvers.default import slip_law, solver_of
 
 OPEN = 1e-3
 """A loop that is open by more than this [m, rad] at the solved state gets a warning."""
@@ -90,9 +92,46 @@ def solve(
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
+    if solver is None:
+        found = _prepared_answer(state, tau, constraints, law, external, rest_speed)
+        if found is not None:
+            return found
     chosen = solver_of(law, solver)
     problem = assembled(state, tau, constraints, external, rest_speed)
     return answered(problem, chosen, check=check)
+
+
+def _prepared_answer(
+    state: State,
+    tau: Array,
+    constraints: Sequence[Constraint],
+    law: Law | str | None,
+    external: External,
+    rest_speed: float,
+) -> Solution | None:
+    """The answer by the contacts' prepared form, certified; None where the general way has to be taken."""
+    start = time.perf_counter()
+    if type(state) is not State or type(rest_speed) is not float or not 0.0 <= rest_speed < 1e100:
+        return None
+    given = tuple(constraints) if isinstance(constraints, list | tuple) else ()
+    contacts = prepared(state.robot, given)
+    if contacts is None:
+        return None
+    told = COULOMB if law is None else slip_law(law)
+    robot = state.robot
+    torques = robot.check_tau(tau)
+    generalised = np.zeros(robot.nv)
+    generalised[robot.motors] = torques
+    if external is not None:
+        external = tuple(external) if type(external) is list else external
+        generalised += generalised_force(state, external)[0]
+    found = contacts.answer(state.q, state.v, generalised, coulomb=told is COULOMB, rest_speed=rest_speed)
+    if found is None:
+        return None
+    _warn_of_effort(robot, torques)
+    problem = partial(_problem, state, torques, given, external, rest_speed)
+    seconds = time.perf_counter() - start
+    return Solution.prepared(problem, found, BILATERAL if contacts.bilateral else told, seconds)
 
 
 def solve_problem(
@@ -172,12 +211,24 @@ def assembled(
     _warn_of_open(given, rows)
     if not all([r.patch is None or r.patch.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=4)
-    loose = any([r.resultant is None or r.patch is None for r in rows])
-    origin = StateOrigin(state, given, tuple(external) if type(external) is list else external)
-    balance = momentum_balance(state, wrench, with_base=loose)
-    problem = GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
+    external = tuple(external) if type(external) is list else external
+    problem = _of_rows(state, rhs, wrench, rows, StateOrigin(state, given, external), rest_speed)
     warn_of_opening(state.robot, problem.openings, rest_speed, stacklevel=3)
     return problem
+
+
+def _of_rows(state: State, rhs: Array, wrench: Array, rows: list[Rows], origin: StateOrigin, rest_speed: float) -> GaussProblem:
+    loose = any([r.resultant is None or r.patch is None for r in rows])
+    balance = momentum_balance(state, wrench, with_base=loose)
+    return GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
+
+
+def _problem(
+    state: State, tau: Array, constraints: tuple[Constraint, ...], external: External, rest_speed: float
+) -> GaussProblem:
+    """As `assembled`, of what has been checked, without warnings."""
+    rhs, wrench = free_force(state, tau, external)
+    return _of_rows(state, rhs, wrench, rows_of(state, constraints), StateOrigin(state, constraints, external), rest_speed)
 
 
 def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> MomentumBalance | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from rbd.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric
 from rbd.analysis.infeasibility import Contradiction, contradiction
 from rbd.analysis.sensitivity import Derivatives
 from rbd.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
-from rbd.arrays import Array, lazy, max_abs
+from rbd.arrays import Array, lazy, max_abs, without_lazies
 from rbd.constraints.stabilisation import feedback_acceleration
 from rbd.errors import InputError, NoSolution, Unsupported
+from rbd.prepared.contact_dynamics import Found
 from rbd.problem.answer import Answer, Status, corner_split
 from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
 from rbd.problem.contact_motion import opening_words
@@ -61,6 +63,40 @@ class Solution(Answer):
             raise InputError(f"a solver gave {answer!r:.80}; expected an rbd.problem.Answer.")
         out = cls._copied(answer)
         return out.settled() if answer.redundant else out
+
+    @classmethod
+    def prepared(cls, problem: Callable[[], GaussProblem], found: Found, law: Law, seconds: float) -> Solution:
+        """An answer that was found and certified without a problem in arrays; that is assembled when it is first asked for.
+
+        Args:
+            problem: Assembles it.
+            found: The answer.
+            law: Whose it is.
+            seconds: What it took [s].
+        """
+        out = cls.__new__(cls)
+        a, forces, weights, method, steps = found
+        own = out.__dict__
+        own["_assemble"], own["a"], own["multipliers"], own["weights"] = problem, a, forces, weights
+        own["law"], own["solver"], own["method"], own["iterations"] = law, "ContactDynamics", method, steps
+        own["seconds"], own["infeasible"], own["others"], own["reason"], own["redundant"] = seconds, False, (), "", False
+        own["chosen_corners"], own["choice"], own["status"] = None, "", Status.SOLVED
+        return out
+
+    def __getattr__(self, name: str) -> Any:
+        """The problem of a prepared answer, assembled when it is first asked for."""
+        assemble = self.__dict__.get("_assemble") if name == "problem" else None
+        if assemble is None:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        problem = self.__dict__["problem"] = assemble()
+        return problem
+
+    def __getstate__(self) -> dict[str, object]:
+        """Copies and pickles have the problem, in place of what assembles it, and no values that can be computed again."""
+        problem = self.problem
+        kept = without_lazies(self) | {"problem": problem}
+        kept.pop("_assemble", None)
+        return kept
 
     @classmethod
     def _copied(cls, answer: Answer) -> Solution:

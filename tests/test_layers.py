@@ -22,7 +22,7 @@ errors
 arrays installation modules
 model problem
 constraints solvers
-robots analysis
+robots analysis prepared
 solution
 least_constraint
 statics

@@ -136,6 +136,26 @@ class Contact:
         return np.array(given)
 
     @property
+    def cone(self) -> Cone:
+        """Set of its row forces."""
+        return self._cone
+
+    @property
+    def plane(self) -> Ground | None:
+        """The plane from which its gap is measured; None if unknown."""
+        return self._plane
+
+    @property
+    def on_still_ground(self) -> bool:
+        """Whether it touches ground at rest, or a surface that is not named."""
+        return self._touched.still
+
+    @property
+    def turned(self) -> Array | None:
+        """R_WC of a point whose axes are not the world's; None for others."""
+        return None if self._upright or len(self.corners) != 1 else self._axes
+
+    @property
     def frames(self) -> tuple[str, ...]:
         """Its frame, and that of the body that it touches."""
         return (self.frame,) if self._against is None else (self.frame, self._against)

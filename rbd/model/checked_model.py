@@ -54,6 +54,7 @@ class CheckedModel:
         floating: Whether all bodies hang from one free-flyer joint.
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
+        kept: Prepared forms of sets of contacts, see `rbd.prepared`.
     """
 
     def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
@@ -88,6 +89,7 @@ class CheckedModel:
         self.zero_v.flags.writeable = False
         self.sound = True
         self.pool = DataPool(model)
+        self.kept: dict[tuple[object, ...], Any] = {}
 
     @property
     def mass(self) -> float:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite
+from rbd.arrays import Array, as_array, as_vector3, check_finite, lazy
 from rbd.errors import InputError
-from rbd.model.checked_model import CheckedModel
+from rbd.model.checked_model import CheckedModel, DataPool, Slot
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,20 +32,15 @@ class FrameKinematics:
 
 
 class State:
-    """A robot at configuration q with velocity v; complete when it exists.
+    """A robot at configuration q with velocity v.
 
-    Its terms are computed at once and never change. It creates no pin.Data: it borrows one of the robot's, and any
-    number of states of one robot may live side by side.
+    q and v are checked and copied at once; its terms are computed when one is first asked for, and never change. It creates no
+    pin.Data: it borrows one of the robot's, and any number of states of one robot may live side by side.
 
     Args:
         robot: The robot.
         q: Configuration, shape (nq,); quaternions x, y, z, w. It is copied and normalised.
         v: Velocity, shape (nv,) [m/s, rad/s]; of a floating base in the base's axes. Zero if not given.
-
-    Attributes:
-        M: Joint-space inertia, shape (nv, nv), rotor inertia included.
-        com: Centre of mass in W, shape (3,) [m].
-        h: C(q, v) v - tau_g, shape (nv,) [N, N m]. File damping and friction are in no term of it.
 
     Raises:
         InputError: wrong sizes, NaN or infinity, a quaternion off the unit sphere by more than 1e-6.
@@ -54,24 +49,46 @@ class State:
     def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-        self._begin(robot, robot.check_q(q), np.zeros(robot.nv) if v is None else robot.check_v(v))
+        self._begin(robot, robot.check_q(q), robot.zero_v if v is None else robot.check_v(v))
 
     def _begin(self, robot: CheckedModel, q: Array, v: Array) -> None:
         self.robot, self.q, self.v = robot, q, v
-        self._pool = robot.pool
+        q.flags.writeable = v.flags.writeable = False
+
+    _slot: Slot | None = None
+    _ticket = 0
+
+    @property
+    def _pool(self) -> DataPool:
+        return self.robot.pool
+
+    @lazy
+    def _terms(self) -> tuple[Array, Array, Array]:
         with self._pool.lock:
-            self._slot, self._ticket = self._pool.take(self._run)
-            data = self._slot.data
-            self.M: Array = data.M.copy("F")
-            self.h: Array = data.nle.copy()
-            self.com: Array = data.com[0].copy()
-        for array in (self.q, self.v, self.M, self.h, self.com):
+            data = self._data()
+            found = data.M.copy("F"), data.nle.copy(), data.com[0].copy()
+        for array in found:
             array.flags.writeable = False
+        return found
+
+    @property
+    def M(self) -> Array:
+        """Joint-space inertia, shape (nv, nv), rotor inertia included."""
+        return self._terms[0]
+
+    @property
+    def h(self) -> Array:
+        """C(q, v) v - tau_g, shape (nv,) [N, N m]. File damping and friction are in no term of it."""
+        return self._terms[1]
+
+    @property
+    def com(self) -> Array:
+        """Centre of mass in W, shape (3,) [m]."""
+        return self._terms[2]
 
     def __del__(self) -> None:
-        slot = getattr(self, "_slot", None)
-        if slot is not None:
-            self._pool.give_back(slot, self._ticket)
+        if self._slot is not None:
+            self._pool.give_back(self._slot, self._ticket)
 
     def __reduce__(self) -> tuple[object, ...]:
         """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its terms itself."""
@@ -109,9 +126,11 @@ class State:
 
     def _data(self) -> pin.Data:
         """Data with this state's kinematics; only under the pool's lock."""
-        if self._slot.ticket != self._ticket:
-            self._slot, self._ticket = self._pool.take(self._run)
-        return self._slot.data
+        slot = self._slot
+        if slot is None or slot.ticket != self._ticket:
+            slot, self._ticket = self._pool.take(self._run)
+            self._slot = slot
+        return slot.data
 
     def moving(self, frame: str, X_FP: pin.SE3, axes: pin.ReferenceFrame) -> tuple[pin.SE3, Array, Array, Array]:
         """(X_WP, J, v, bias) of a pose P fixed to a frame, in world axes or in P's own (frozen) axes.

@@ -1,0 +1,79 @@
+"""Where a contact is fixed to its body, and what of it never changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.constraints.contact import Contact
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.ground import TOUCHES, Ground
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """One contact on the body of one joint.
+
+    Attributes:
+        joint: The joint's number.
+        X_JC: From the joint to the contact's centre and axes; of a point, in the joint's axes.
+        size: Number of rows: 3 of a point, in world axes; 6 of a patch, in its own.
+        turn: R_WC of a point whose contact axes are not the world's; else None.
+        frictional: Whether it is unilateral.
+        corners: Its corner points in the joint's axes, shape (k, 3) [m].
+        plane: What its gap is measured from, or None.
+        within: Corners that are no farther than this from the plane touch it [m].
+    """
+
+    joint: int
+    X_JC: pin.SE3
+    size: int
+    turn: Array | None
+    frictional: bool
+    corners: Array
+    plane: Ground | None
+    within: float
+
+    @classmethod
+    def of(cls, robot: CheckedModel, contact: Contact) -> Site:
+        """The site of a contact that `covered` accepts.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        joint, X_JF = robot.site(contact.frame)
+        X_JC, point = X_JF * contact.placement, len(contact.corners) == 1
+        if point:
+            X_JC = pin.SE3(np.eye(3), X_JC.translation)
+        corners = contact.corners @ X_JC.rotation.T + X_JC.translation
+        frictional = contact.friction is not None
+        return cls(joint, X_JC, 3 if point else 6, contact.turned, frictional, corners, contact.plane, TOUCHES)
+
+    def pinocchio(self, model: pin.Model) -> pin.RigidConstraintModel:
+        """The contact as Pinocchio has it."""
+        point = self.size == 3
+        kind = pin.ContactType.CONTACT_3D if point else pin.ContactType.CONTACT_6D
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if point else pin.ReferenceFrame.LOCAL
+        return pin.RigidConstraintModel(kind, model, self.joint, self.X_JC, axes)
+
+
+def covered(robot: CheckedModel, contacts: tuple[object, ...]) -> bool:
+    """Whether the contacts are points and patches on still ground, each on a body of its own, with friction or bilateral.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+    """
+    if not robot.sound or robot.model.gravity.linear[:2].any():
+        return False
+    joints, names = set(), set()
+    for contact in contacts:
+        if not isinstance(contact, Contact) or len(contact.corners) == 2 or contact.friction == 0.0:
+            return False
+        if not contact.on_still_ground:
+            return False
+        joints.add(robot.site(contact.frame)[0])
+        names.add(contact.name)
+    return 0 < len(contacts) == len(joints) == len(names) and 0 not in joints
