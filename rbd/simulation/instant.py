@@ -68,7 +68,9 @@ class Instant:
         By that law closed points are at rest; J v is zero only to O(h^2), an error O(h) of the force over half a step.
         """
         at, known = self.at, self.velocity
-        return at.velocity if known is None else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
+        if known is None:
+            return at.velocity
+        return known if active.all() else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
 
     def change(self, h: float) -> Array | None:
         """Change of the points' velocities in a time h, extrapolated from the step before; None if unknown."""
@@ -90,6 +92,7 @@ class HalfStep:
         answer: Velocity and impulses.
         h: Length of the whole step [s].
         u: The points' velocities at its beginning.
+        applied: S^T tau + tau_ext; None where the half step was extrapolated.
     """
 
     start: Instant
@@ -98,6 +101,7 @@ class HalfStep:
     answer: VelocityAnswer
     h: float
     u: Array
+    applied: Array | None = None
 
     def points_in(self, layout: Layout) -> PointsAtStart:
         """The same data for the points of another layout."""
@@ -119,12 +123,12 @@ class PointsAtStart(NamedTuple):
 
 
 class WholeStep(NamedTuple):
-    """A step before positions are corrected: its length, its end, its answer, its middle."""
+    """A step before positions are corrected: its length, its end, its answer, the points in its middle."""
 
     h: float
     end: Snapshot
     answer: VelocityAnswer
-    middle: Snapshot
+    layout: Layout
 
 
 class Step(NamedTuple):

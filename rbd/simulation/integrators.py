@@ -281,7 +281,7 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
         a,
         half.tau,
         lambda: constraint_forces(at, least_forces(at, active, answer, h, motion.law), speed, names),
-        law=answer.law,
+        law=system.law_residual(half),
         drift=at.drift,
         drift_rate=at.drift_rate,
         penetration=at.penetration,

@@ -15,7 +15,7 @@ from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, free_force
+from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
 from rbd.simulation.contact_points import SLIDES, Layout, slide
 
@@ -68,16 +68,26 @@ class Motion:
                 "check what drives it."
             ) from error
 
-    def forces(self, state: State, t: float) -> tuple[Array, Array]:
-        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time.
+    def applied(self, state: State, t: float) -> tuple[Array, Array]:
+        """(tau (nu,), S^T tau + tau_ext (nv,)) at a state and a time.
 
         Raises:
             InputError: torques or forces of the wrong size, or not finite.
         """
-        tau = zeros(self.robot.nu) if self.controller is None else asked("controller", self.controller, state, t)
-        external = asked("external", self.external, state, t) if callable(self.external) else self.external
-        tau = self.robot.check_tau(tau)
-        return tau, free_force(state, tau, external)[0]
+        robot, external = self.robot, self.external
+        if callable(external):
+            external = asked("external", external, state, t)
+        applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
+        if self.controller is None:
+            return zeros(robot.nu), applied
+        tau = robot.check_tau(asked("controller", self.controller, state, t))
+        applied[robot.motors] += tau
+        return tau, applied
+
+    def forces(self, state: State, t: float) -> tuple[Array, Array]:
+        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time; errors as of `applied`."""
+        tau, applied = self.applied(state, t)
+        return tau, applied - state.h
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,7 @@ from rbd.model.chart import Bases
 from rbd.model.state import State
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
 from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
@@ -53,10 +54,15 @@ class StepSystem:
         self.bases, self.sizes = Bases(start.robot), BodySizes.of(start)
         self.correction = Correction.of(self.points, motion.stabilisation)
         self.restitution: Mapping[str, float] = dict(motion.restitution or {})
+        self.ground = GroundDynamics.of(self.points, start)
+
+    def snapshot(self, state: State, t: float) -> Snapshot:
+        """All points at a state and a time [s]."""
+        return self.points.at(state, t) if self.ground is None else self.ground.at(state, t)
 
     def begin(self, start: State, t: float) -> Step:
         """The first instant; points that approach where they touch have an impact."""
-        at = self.points.at(start, t)
+        at = self.snapshot(start, t)
         gaps, passed = self.sizes.tolerances(at), Passed()
         now = Instant(t, at, gaps, at.gap <= gaps.loose, np.zeros(len(at.gap), bool), np.zeros(len(at.velocity)))
         return Step(self._after_impact(now, passed, first=True), passed)
@@ -77,22 +83,61 @@ class StepSystem:
         """The first half of a step, solved; points in `more` are active in addition to touching ones."""
         at, half = start.at, 0.5 * h
         active = start.touching if more is None else start.touching | more
-        tau, force = self.motion.forces(at.state, start.t)
-        v, spin = at.state.v, self.bases.spin(at.state.v)
-        u = start.rates(active)
-        turned = v + half * spin
-        offset = u - at.J @ turned + half * at.bias
-        rhs = at.state.M @ turned + half * force
-        change, guess, wanted = start.change(half), half * start.force, self.correction.wanted(at.layout, u, at.error, half)
-        offset, law = offset - wanted, self.motion.law
+        tau, applied = self.motion.applied(at.state, start.t)
+        v, u, guess = at.state.v, start.rates(active), half * start.force
+        turned = v + half * self.bases.spin(v)
+
+        def found(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
+            if self.ground is not None:
+                answer = self.ground.answer(
+                    at.state.q, v, applied, turned, half, active, guess, law=self.motion.law, shift=shift, u=u
+                )
+                if answer is not None:
+                    return answer
+            return self._general(at, active, applied, turned, half, guess, u, at.error, shift, norms, u, 1.0)
+
+        if self.ground is not None and u is self.ground.at_rest:
+            return HalfStep(start, active, tau, found(None, guess, start.norms), h, u, applied)
+        change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
-        answer = solve_velocity(at, active, rhs, offset, half, guess, law=law, shift=shift, norms=start.norms)
+        answer = found(shift, guess, start.norms)
         if change is None:
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
-                guess = answer.impulse
-                answer = solve_velocity(at, active, rhs, offset, half, guess, law=law, shift=shift, norms=answer.norms)
-        return HalfStep(start, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+                answer = found(shift, answer.impulse, answer.norms)
+        return HalfStep(start, active, tau, answer, h, u, applied)
+
+    def _general(
+        self,
+        at: Snapshot,
+        active: Array,
+        applied: Array,
+        start: Array,
+        h: float,
+        guess: Array,
+        u: Array,
+        error: Array,
+        shift: Array | None,
+        norms: Array | None,
+        begins: Array,
+        share: float,
+    ) -> VelocityAnswer:
+        """The step from `start`, with u+ = begins + J (v+ - start) + share h J_dot v, by M, h and J."""
+        state = at.state
+        offset = begins - at.J @ start + share * h * at.bias
+        rhs = state.M @ start + h * (applied - state.h)
+        wanted = self.correction.wanted(at.layout, u, error, h)
+        answer = solve_velocity(at, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=norms)
+        return answer if self.correction.feedback is None else replace(answer, velocity=answer.velocity + wanted)
+
+    def law_residual(self, half: HalfStep) -> float:
+        """Residual of the equations of motion and the contact law of a solved half step, scaled."""
+        at, answer, h = half.start.at, half.answer, 0.5 * half.h
+        if self.ground is None or half.applied is None:
+            return answer.law
+        v = at.state.v
+        a = (answer.v - v) / h - self.bases.spin(v)
+        return max(answer.law, self.ground.residual(at.state.q, v, half.applied, a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
@@ -108,7 +153,7 @@ class StepSystem:
             whole = self._finish(half, h)
             through = self._through(half, whole.end).any()
             stop = 0.0
-            if not through and whole.middle.layout is half.start.at.layout:
+            if not through and whole.layout is half.start.at.layout:
                 stop = self._sliding_end(half, whole.answer, h)
             if stop:
                 h = stop
@@ -128,27 +173,34 @@ class StepSystem:
 
     def _finish(self, half: HalfStep, h: float) -> WholeStep:
         """The step of length h before positions are corrected."""
-        bases, start = self.bases, half.start
+        bases, start, ground = self.bases, half.start, self.ground
         t, q, v = start.t, start.at.state.q, start.at.state.v
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
         q_m = bases.moved(q, v, 0.5 * h)
         v, v_h = bases.carried((v, v_h), q, q_m)
         spin = bases.spin(v_h)
-        middle = self.points.at(self.motion.reached(q_m, v_h, t + 0.5 * h), t + 0.5 * h)
-        _, force = self.motion.forces(middle.state, t + 0.5 * h)
-        offset = middle.velocity - middle.J @ (v_h + 0.5 * h * spin) + 0.5 * h * middle.bias
-        rhs = middle.state.M @ (v + h * spin) + h * force
-        active, u0, error, before = half.points_in(middle.layout)
-        guess = before.impulse * (2.0 * h / half.h)
-        shift = turned_back(middle.layout, active, u0, before.velocity - u0, guess)
-        wanted = self.correction.wanted(middle.layout, u0, error, h)
-        answer = solve_velocity(
-            middle, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=before.norms
-        )
-        answer = replace(answer, velocity=answer.velocity + wanted)
+        state = self.motion.reached(q_m, v_h, t + 0.5 * h)
+        _, applied = self.motion.applied(state, t + 0.5 * h)
+        middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
+        layout = start.at.layout if middle is None else middle.layout
+        active, u0, error, before = half.points_in(layout)
+        guess, turned = before.impulse * (2.0 * h / half.h), v + h * spin
+        still = ground is not None and u0 is before.velocity
+        shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
+        answer = None
+        if ground is not None:
+            mean = v + 0.5 * h * spin
+            answer = ground.answer(
+                state.q, state.v, applied, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean
+            )
+        if answer is None:
+            middle = middle or self.points.at(state, t + 0.5 * h)
+            begins = middle.velocity + middle.J @ (turned - v_h - 0.5 * h * spin)
+            answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5)
         q_end = bases.moved(q_m, answer.v, 0.5 * h)
         (v_end,) = bases.carried((answer.v,), q_m, q_end)
-        return WholeStep(h, self.points.at(self.motion.reached(q_end, v_end, t + h), t + h), answer, middle)
+        end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
+        return WholeStep(h, end, answer, layout)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
@@ -219,8 +271,8 @@ class StepSystem:
         start, (h, end, answer, middle) = half.start, whole
         t, layout = start.t + h, end.layout
         active, velocity, _, _ = half.points_in(layout)
-        if middle.layout is not layout:
-            match = PointMatching(middle.layout, layout)
+        if middle is not layout:
+            match = PointMatching(middle, layout)
             answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
@@ -266,7 +318,7 @@ class StepSystem:
         offset[n] += np.where(approach[arrives] < slow, e * approach[arrives], 0.0)
         M, guess = at.state.M, np.zeros(len(offset))
         answer = solve_velocity(at, touches, M @ at.state.v, offset, 0.0, guess, law=self.motion.law, norms=now.norms)
-        after = self.points.at(at.state.with_velocity(answer.v), now.t)
+        after = self.snapshot(at.state.with_velocity(answer.v), now.t)
         leaves = self._leaves(after)
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)
