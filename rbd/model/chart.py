@@ -14,6 +14,8 @@ body follows its parabola at any step. Other joints are not affected.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -78,26 +80,47 @@ class Bases:
             out[i : i + 3] = b * z - c * y, c * x - a * z, a * y - b * x
         return out
 
-    def moved(self, q: Array, v: Array, h: float) -> Array:
-        """Where v, frozen at q, leads in a time h, shape (nq,)."""
+    def turned(self, start: Array, v: Array, h: float) -> Array:
+        """The velocity start + h W x v, shape (nv,): `spin` of v over a time h."""
+        out = start.copy()
+        for _, i in self.places:
+            x, y, z, a, b, c = v[i : i + 6].tolist()
+            out[i] += h * (b * z - c * y)
+            out[i + 1] += h * (c * x - a * z)
+            out[i + 2] += h * (a * y - b * x)
+        return out
+
+    def moved(self, q: Array, v: Array, h: float, velocities: Sequence[Array] = ()) -> tuple[Array, list[Array]]:
+        """Where v, frozen at q, leads in a time h, shape (nq,); and velocities in the axes of q, in those of that place.
+
+        In plain floats, which take a third of the time of small arrays.
+        """
         out: Array = pin.integrate(self.model, q, h * v)
+        carried = list(velocities)
         for at, i in self.places:
-            out[at : at + 3] = q[at : at + 3] + h * (_rotation(q, at) @ v[i : i + 3])
-        return out
-
-    def carried(self, vs: tuple[Array, ...], start: Array, end: Array) -> tuple[Array, ...]:
-        """Velocities in the axes of the configuration `start`, in those of `end`."""
-        if not self.places:
-            return vs
-        out = tuple([v.copy() for v in vs])
-        for at, i in self.places:
-            R = _rotation(end, at).T @ _rotation(start, at)
-            for v in out:
-                v[i : i + 3] = R @ v[i : i + 3]
-        return out
+            p, R = q[at : at + 7].tolist(), _rotation(q, at)
+            x, y, z = _turned(R, v[i : i + 3].tolist())
+            out[at : at + 3] = p[0] + h * x, p[1] + h * y, p[2] + h * z
+            a, b, c, d, e, f, g, k, m = _rotation(out, at)
+            for n, one in enumerate(carried):
+                x, y, z = _turned(R, one[i : i + 3].tolist())
+                carried[n] = one = one.copy()
+                one[i : i + 3] = a * x + d * y + g * z, b * x + e * y + k * z, c * x + f * y + m * z
+        return out, carried
 
 
-def _rotation(q: Array, at: int) -> Array:
-    """R_WB of the base whose part of q begins at `at`."""
-    R: Array = pin.Quaternion(q[at + 3 : at + 7]).toRotationMatrix()
-    return R
+def _rotation(q: Array, at: int) -> tuple[float, ...]:
+    """R_WB of the base whose part of q begins at `at`, row by row."""
+    x, y, z, w = q[at + 3 : at + 7].tolist()
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    return (
+        1.0 - 2.0 * (yy + zz), 2.0 * (xy - wz), 2.0 * (xz + wy),
+        2.0 * (xy + wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz - wx),
+        2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy),
+    )  # fmt: skip
+
+
+def _turned(R: tuple[float, ...], v: Sequence[float]) -> tuple[float, float, float]:
+    """The vector R v."""
+    (a, b, c, d, e, f, g, h, i), (x, y, z) = R, v
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z

@@ -61,6 +61,21 @@ class Layout:
     boxed: bool
     computed: dict[object, Any] = field(default_factory=dict, repr=False)
 
+    @lazy
+    def bilateral(self) -> bool:
+        """Whether some row is bilateral."""
+        return bool(self.held.any())
+
+    @lazy
+    def everything(self) -> Array:
+        """All points: the same array for every set of all, so that it is known without a comparison, shape (k,)."""
+        return _constant(len(self.owners), True)
+
+    @lazy
+    def nothing(self) -> Array:
+        """No point, likewise."""
+        return _constant(len(self.owners), False)
+
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> Layout:
         """The stack of several sources' points."""
@@ -95,6 +110,12 @@ class Layout:
             tuple(spans),
             bool(boxes.any()),
         )
+
+
+def _constant(k: int, value: bool) -> Array:
+    out = np.full(k, value)
+    out.flags.writeable = False
+    return out
 
 
 @dataclass(frozen=True, eq=False)

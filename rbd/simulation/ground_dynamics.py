@@ -17,24 +17,28 @@ other constraints than contacts with friction on ground at rest, bodies that tou
 from __future__ import annotations
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, is_finite, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.contact_points import Points, Snapshot
+from rbd.simulation.ground_bodies import INDEPENDENT, Body, TurnedMap, bodies_of, cross, rows_from, views_of
 from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
 
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: one, without regularisation, is exact where rows are independent."""
-_INDEPENDENT = 1e-6
-"""Singular values below this, over the largest, are those of points on a line, or of dependent rows."""
 _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
 _TURNS = 1e-16
 """Centripetal changes of velocity in a step up to this are rounding [m/s]."""
+_SPARE: WeakKeyDictionary[CheckedModel, list[pin.Data]] = WeakKeyDictionary()
+"""Data that no motion uses: of a humanoid they are megabytes, and new ones take as long as fifty steps."""
+_MOST_SPARE = 4
 
 
 class GroundDynamics:
@@ -48,9 +52,11 @@ class GroundDynamics:
         size: Number of the bodies' rows.
     """
 
-    def __init__(self, points: Points, grounds: Sequence[OnGround], bodies: Sequence[_Body], start: State) -> None:
+    def __init__(self, points: Points, grounds: Sequence[OnGround], bodies: Sequence[Body], start: State) -> None:
         model = start.robot.model
-        self._points, self._model, self._data = points, model, model.createData()
+        self._points, self._model = points, model
+        self._spare = _SPARE.setdefault(start.robot, [])
+        self._data = self._spare.pop() if self._spare else model.createData()
         self.layout = points.layout(tuple([s.structure for s in points.sources]))  # type: ignore[attr-defined]
         self._models, self._datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
         for body in bodies:
@@ -59,7 +65,7 @@ class GroundDynamics:
         pin.initConstraintDynamics(model, self._data, self._models, self._datas)
         self._settings, self._factors = pin.ProximalSettings(*_SETTINGS), self._data.constraint_chol
         #: Placements and velocities of all joints, views of the data: row j has R_Wj by columns and p_Wj, or (v, w) of joint j.
-        self._places, self._rates, self._accelerations = _views(self._data, model.njoints)
+        self._places, self._rates, self._accelerations = views_of(self._data, model.njoints)
         self._joints = np.array([body.joint for body in bodies])
         sizes = [body.size for body in bodies]
         self.size = sum(sizes)
@@ -82,21 +88,25 @@ class GroundDynamics:
             self._row_velocity[rows, six] = S[0] if body.size == 3 else np.eye(6)
             self._body[body.points], self._arm[body.points] = b, body.arms
             self._turns[b] = body.size == 6
-            for i, x in zip(body.points, body.arms, strict=True):
-                self._gaps[i, 12 * b : 12 * b + 9] = np.outer(x, axes[i, :, 2]).ravel()
-                self._gaps[i, 12 * b + 9 : 12 * b + 12] = axes[i, :, 2]
-        self._velocity = _Turned(axes, self._body, spread)
-        self._forces = _Turned(axes, self._body, shares)
+            normals = axes[body.points, :, 2]
+            self._gaps[body.points, 12 * b : 12 * b + 9] = (body.arms[:, :, None] * normals[:, None]).reshape(-1, 9)
+            self._gaps[body.points, 12 * b + 9 : 12 * b + 12] = normals
+        self._velocity = TurnedMap(axes, self._body, spread)
+        self._forces = TurnedMap(axes, self._body, shares)
         self._of_rows = of_rows
         self._mu = self.layout.mu
         self.at_rest = zeros(3 * k)
         held = [data for body, data in zip(bodies, self._datas, strict=True) if body.size == 6]
         #: Velocities (v, w) of the bodies that touch at patches, views of Pinocchio's.
-        self._patches = [_rows(x.contact1_velocity.linear, x.contact1_velocity.angular, 1, 6)[0] for x in held]
+        self._patches = [rows_from(x.contact1_velocity.linear, x.contact1_velocity.angular, 1, 6)[0] for x in held]
         self._joint_forces = pin.StdVec_Force()
         for _ in range(model.njoints):
             self._joint_forces.append(pin.Force.Zero())
         self._pushed_joints = [self._joint_forces[body.joint] for body in bodies]
+
+    def __del__(self) -> None:
+        if len(self._spare) < _MOST_SPARE:
+            self._spare.append(self._data)
 
     @classmethod
     def of(cls, points: Points, start: State) -> GroundDynamics | None:
@@ -108,7 +118,7 @@ class GroundDynamics:
             grounds += source.members
         if not grounds or not robot.sound or any(g.surface is not None or not g.contact.friction for g in grounds):
             return None
-        bodies = _bodies(grounds, start)
+        bodies = bodies_of(grounds, start)
         if any(body.size not in (3, 6) for body in bodies):
             return None
         found = cls(points, grounds, bodies, start)
@@ -154,7 +164,8 @@ class GroundDynamics:
             u: The points' velocities at the step's beginning, for u+ = u + h (J a + J_dot v).
             mean: Velocity w for u+ = J w + h J a + h/2 J_dot v, in place of u.
         """
-        if not active.any():
+        everything = active is self.layout.everything
+        if not everything and not active.any():
             return self._free(q, v, applied, start, h)
         a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
         if not is_finite(a):
@@ -163,7 +174,7 @@ class GroundDynamics:
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
             W = self._rates.take(self._joints, axis=0).ravel()
-        if shift is None and (mean is not None or u is self.at_rest) and self._straight(h) and active.all():
+        if shift is None and (mean is not None or u is self.at_rest) and self._straight(h) and (everything or active.all()):
             if mean is not None:
                 self._target[: self.size] = self._row_velocity.dot(W) * (-1.0 / h)
                 change = self._factors.solve(self._target)
@@ -239,7 +250,7 @@ class GroundDynamics:
         f = answer.impulse.reshape(-1, 3) / h
         pushed = np.matvec(self._rotations(X).swapaxes(1, 2)[self._body], np.matvec(self._axes, f))
         wrenches = np.zeros((len(self._joints), 6))
-        np.add.at(wrenches, self._body, np.concatenate([pushed, np.cross(self._arm, pushed)], axis=1))
+        np.add.at(wrenches, self._body, np.concatenate([pushed, cross(self._arm, pushed)], axis=1))
         for slot, wrench in zip(self._pushed_joints, wrenches, strict=True):
             slot.vector = wrench
         unbalanced = pin.rnea(model, data, q, v, a, forces) - applied
@@ -280,7 +291,7 @@ class GroundDynamics:
         if rows:
             motion = motion * self._turns[self._body, None]
         w = motion[:, 3:]
-        acceleration = np.cross(w, motion[:, :3] + np.cross(w, self._arm))
+        acceleration = cross(w, motion[:, :3] + cross(w, self._arm))
         return np.matvec(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._body], acceleration).ravel()
 
     def _agrees(self, start: State) -> bool:
@@ -293,7 +304,7 @@ class GroundDynamics:
             return False
         L = self._factors.getInverseOperationalSpaceInertiaMatrix()
         size = np.sqrt(L.diagonal())
-        if not (size > 0.0).all() or rank_of(L / size / size[:, None], _INDEPENDENT**2) < self.size:
+        if not (size > 0.0).all() or rank_of(L / size / size[:, None], INDEPENDENT**2) < self.size:
             return False
         P = self._points_of_rows(self._places.take(self._joints, axis=0).ravel())
         moving = State(start.robot, q, v)
@@ -302,88 +313,3 @@ class GroundDynamics:
         off = moving.M @ a + moving.h - applied - rows.T @ data.lambda_c
         size = max(1.0, max_abs(moving.h), max_abs(data.lambda_c))
         return max_abs(off) <= _AGREES * size and max_abs((P @ rows - snapshot.J).ravel()) <= _AGREES
-
-
-class _Body:
-    """The points of one joint's body.
-
-    Args:
-        joint: The joint's number.
-        points: Their indices.
-        arms: Where they are in the joint's axes, shape (k, 3) [m].
-
-    Attributes:
-        size: Rows that hold it still: 3 of a single point, 6 of several that are not on a line; 0 of others.
-    """
-
-    def __init__(self, joint: int, points: Sequence[int], arms: Array) -> None:
-        self.joint, self.points, self.arms = joint, np.array(points), arms
-        spread = np.concatenate([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in arms])
-        self.size = 3 if len(arms) == 1 else 6 if rank_of(spread, _INDEPENDENT) == 6 else 0
-
-    def pinocchio(self, model: pin.Model) -> pin.RigidConstraintModel:
-        """What holds it still, in the joint's axes."""
-        kind = pin.ContactType.CONTACT_3D if self.size == 3 else pin.ContactType.CONTACT_6D
-        place = pin.SE3(np.eye(3), self.arms[0] if self.size == 3 else np.zeros(3))
-        return pin.RigidConstraintModel(kind, model, self.joint, place, pin.LOCAL)
-
-
-def _bodies(grounds: Sequence[OnGround], start: State) -> list[_Body]:
-    """The bodies of the points of several contacts, in the order of their joints."""
-    of: dict[int, list[tuple[int, Array]]] = {}
-    i = 0
-    for ground in grounds:
-        joint, X_JF = start.robot.site(ground.contact.frame)
-        for x in ground.local:
-            of.setdefault(joint, []).append((i, (X_JF * ground.X_FP).act(x)))
-            i += 1
-    return [_Body(joint, [i for i, _ in points], np.array([x for _, x in points])) for joint, points in sorted(of.items())]
-
-
-class _Turned:
-    """The map (R, x) -> G^T R S x of every point, R of its body, as one constant matrix on products of R's and x's entries.
-
-    Args:
-        axes: G of each point, shape (k, 3, 3).
-        body: The body of each point, shape (k,).
-        S: Shape (k, 3, n).
-    """
-
-    def __init__(self, axes: Array, body: Array, S: Array) -> None:
-        products: dict[tuple[int, int], int] = {}
-        entries = []
-        for i, e, f in zip(*(x.tolist() for x in np.nonzero(S)), strict=True):
-            for c in range(3):
-                column = products.setdefault((12 * int(body[i]) + 3 * e + c, f), len(products))
-                entries += [(3 * i + r, column, axes[i, c, r] * S[i, e, f]) for r in range(3)]
-        self._matrix = np.zeros((3 * len(S), len(products)))
-        for row, column, value in entries:
-            self._matrix[row, column] += value
-        self._place, self._other = (np.array([key[end] for key in products]) for end in (0, 1))
-
-    def __call__(self, X: Array, x: Array) -> Array:
-        """Shape (p,), from the placements of the bodies and x, each one after the other."""
-        out: Array = self._matrix.dot(X.take(self._place) * x.take(self._other))
-        return out
-
-
-def _views(data: pin.Data, n: int) -> tuple[Array, Array, Array]:
-    """Placements, velocities and accelerations of all joints, shapes (n, 12), (n, 6), (n, 6): views that follow the data."""
-    X, V, A = data.oMi, data.v, data.a
-    found = (
-        _rows(X[0].rotation, X[0].translation, n, 12),
-        _rows(V[0].linear, V[0].angular, n, 6),
-        _rows(A[0].linear, A[0].angular, n, 6),
-    )
-    assert all(
-        rows[n - 1].__array_interface__["data"] == last.__array_interface__["data"]
-        for rows, last in zip(found, (X[n - 1].rotation, V[n - 1].linear, A[n - 1].linear), strict=True)
-    ), "Pinocchio keeps placements or velocities otherwise than joint after joint"
-    return found
-
-
-def _rows(first: Array, second: Array, n: int, size: int) -> Array:
-    """A view of n times `size` numbers, one block of memory that begins with `first`, then `second`."""
-    one, two = (x.__array_interface__["data"][0] for x in (first, second))
-    assert two - one == 8 * first.size, "Pinocchio keeps the parts of a placement or a velocity apart"
-    return np.lib.stride_tricks.as_strided(first, (n, size), (8 * size, 8))

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.simulation.contact_gaps import GapTolerances
 from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
 from rbd.simulation.motion import ImpactRecord, StepRecord
@@ -52,15 +52,18 @@ class Instant:
     velocity: Array | None = None
     previous: PreviousStep | None = None
 
-    @property
+    @lazy
     def touching(self) -> Array:
         """Which points are in contact, shape (k,): those without a gap, and closed ones with a small gap.
 
         Not those that leave after an impact: the step would hold down points that approach again by its end.
         """
-        gap = self.at.gap
-        touching: Array = ((gap <= self.gaps.tight) | (self.closed & (gap <= self.gaps.loose))) & ~self.leaves
-        return touching
+        gap, gaps, layout = self.at.gap, self.gaps, self.at.layout
+        still = len(gap) and self.closed is layout.everything and self.leaves is layout.nothing
+        if still and gap[gap.argmax()] <= gaps.least_loose:
+            return self.closed
+        touching: Array = ((gap <= gaps.tight) | (self.closed & (gap <= gaps.loose))) & ~self.leaves
+        return layout.everything if touching.all() else touching
 
     def rates(self, active: Array) -> Array:
         """Velocities of the points, shape (p,): for active ones by the law of the step before.
@@ -70,7 +73,7 @@ class Instant:
         at, known = self.at, self.velocity
         if known is None:
             return at.velocity
-        return known if active.all() else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
+        return known if active is at.layout.everything else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
 
     def change(self, h: float) -> Array | None:
         """Change of the points' velocities in a time h, extrapolated from the step before; None if unknown."""

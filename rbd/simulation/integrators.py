@@ -241,7 +241,7 @@ class TimeStepping:
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    a = (half.answer.v - state.v) * (2.0 / half.h) - system.bases.spin(state.v)
+    a = (half.answer.v - system.bases.turned(state.v, state.v, 0.5 * half.h)) * (2.0 / half.h)
     return Sample.of(half.start.t, state, a, zeros(state.robot.nu), dict, events=events)
 
 

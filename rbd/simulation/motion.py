@@ -289,7 +289,10 @@ class EventDetection:
         return out
 
     def _step(self, now: StepRecord) -> None:
-        layout, closed = now.layout, now.closed
+        layout, closed, known = now.layout, now.closed, self._past[-1] if self._past else None
+        if known is not None and closed is known.closed and now.velocity_end is known.velocity_end and layout is self._layout:
+            self._past = [known, now]  # the same arrays: all points stick as before
+            return
         is_new = self._is_new(layout)
         slides = closed & (slide(layout, now.velocity_end) > SLIDES)
         if not is_new and not (np.array_equal(closed, self._closed) and np.array_equal(slides, self._slides)):

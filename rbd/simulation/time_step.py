@@ -60,6 +60,10 @@ class StepSystem:
         """All points at a state and a time [s]."""
         return self.points.at(state, t) if self.ground is None else self.ground.at(state, t)
 
+    def _still(self, velocity: Array) -> bool:
+        """Whether velocities of points are those of an answer in which all stick."""
+        return self.ground is not None and velocity is self.ground.at_rest
+
     def begin(self, start: State, t: float) -> Step:
         """The first instant; points that approach where they touch have an impact."""
         at = self.snapshot(start, t)
@@ -85,7 +89,7 @@ class StepSystem:
         active = start.touching if more is None else start.touching | more
         tau, applied = self.motion.applied(at.state, start.t)
         v, u, guess = at.state.v, start.rates(active), half * start.force
-        turned = v + half * self.bases.spin(v)
+        turned = self.bases.turned(v, v, half)
 
         def found(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
             if self.ground is not None:
@@ -96,7 +100,7 @@ class StepSystem:
                     return answer
             return self._general(at, active, applied, turned, half, guess, u, at.error, shift, norms, u, 1.0)
 
-        if self.ground is not None and u is self.ground.at_rest:
+        if self._still(u):
             return HalfStep(start, active, tau, found(None, guess, start.norms), h, u, applied)
         change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
@@ -176,29 +180,26 @@ class StepSystem:
         bases, start, ground = self.bases, half.start, self.ground
         t, q, v = start.t, start.at.state.q, start.at.state.v
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
-        q_m = bases.moved(q, v, 0.5 * h)
-        v, v_h = bases.carried((v, v_h), q, q_m)
-        spin = bases.spin(v_h)
+        q_m, (v, v_h) = bases.moved(q, v, 0.5 * h, (v, v_h))
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
         _, applied = self.motion.applied(state, t + 0.5 * h)
         middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
-        guess, turned = before.impulse * (2.0 * h / half.h), v + h * spin
-        still = ground is not None and u0 is before.velocity
+        guess, turned = before.impulse * (2.0 * h / half.h), bases.turned(v, v_h, h)
+        still = self._still(u0) and self._still(before.velocity)
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
         answer = None
         if ground is not None:
-            mean = v + 0.5 * h * spin
+            mean = bases.turned(v, v_h, 0.5 * h)
             answer = ground.answer(
                 state.q, state.v, applied, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean
             )
         if answer is None:
             middle = middle or self.points.at(state, t + 0.5 * h)
-            begins = middle.velocity + middle.J @ (turned - v_h - 0.5 * h * spin)
+            begins = middle.velocity + middle.J @ (bases.turned(v, v_h, 0.5 * h) - v_h)
             answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5)
-        q_end = bases.moved(q_m, answer.v, 0.5 * h)
-        (v_end,) = bases.carried((answer.v,), q_m, q_end)
+        q_end, (v_end,) = bases.moved(q_m, answer.v, 0.5 * h, (answer.v,))
         end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
         return WholeStep(h, end, answer, layout)
 
@@ -220,6 +221,8 @@ class StepSystem:
         A point that enters the contact set below the surface and separates (e.g. another corner of a hull) does not count.
         """
         start = half.start
+        if half.active is end.layout.everything:
+            return end.layout.nothing
         deep: Array = ~half.points_in(end.layout).active & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
         if end.layout is not start.at.layout and deep.any():
             deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
@@ -228,7 +231,7 @@ class StepSystem:
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
         """Time within the step at which a sliding point stops, or turns back, and friction jumps; zero if none does."""
         layout = half.start.at.layout
-        stops = stopping(layout, half.u, answer.velocity, half.answer.impulse)
+        stops = None if self._still(half.u) else stopping(layout, half.u, answer.velocity, half.answer.impulse)
         if stops is None:
             return 0.0
         rows, kept = layout.sliding_rows[stops], layout.sliding_kept[stops]
@@ -277,9 +280,13 @@ class StepSystem:
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
             # A redundant corner without load that does not move has not left.
-            closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
+            if active is layout.everything and self._still(answer.velocity):
+                closed = active
+            else:
+                closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
-            end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
+            if not self.correction.in_place(end, gaps):
+                end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
             if answer.redundant and self.correction.bilateral:
                 end = self.correction.velocities(end, t)
                 if end.layout is layout:
@@ -291,8 +298,7 @@ class StepSystem:
             force, active, gaps = match.rows(force), match.points(active, False), self.sizes.tolerances(end)
         if start.at.layout is end.layout:
             previous = PreviousStep(start.at, half.active, h, answer.impulse)
-        none = np.zeros(len(end.gap), bool)
-        return self._after_impact(Instant(t, end, gaps, active, none, force, norms, by_law, previous), passed)
+        return self._after_impact(Instant(t, end, gaps, active, end.layout.nothing, force, norms, by_law, previous), passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
         """The instant after the impact of points that touch and approach: at any speed if they were not closed before.
@@ -303,8 +309,9 @@ class StepSystem:
             first: At the start of a motion all points count as not closed, and those that move away leave.
         """
         at, layout = now.at, now.at.layout
-        touches, approach = now.touching, at.approach
-        slow = -self.impact_speed
+        touches, approach, slow = now.touching, at.approach, -self.impact_speed
+        if len(approach) and now.closed is layout.everything and not first and approach[approach.argmin()] >= slow:
+            return now
         limit = -_AT_REST if first else np.where(now.closed, slow, -_AT_REST)
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
