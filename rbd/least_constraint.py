@@ -31,7 +31,9 @@ from rbd.prepared.contact_dynamics import prepared
 from rbd.problem.answer import Status
 from rbd.problem.contact_motion import REST_SPEED, Opening, opening_words
 from rbd.problem.force_set import at_rest
+from rbd.problem.ground import TOUCHES
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law, MomentumBalance, checked
+from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver
@@ -63,6 +65,11 @@ def solve(
     Under the convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` name law and
     method.
 
+    Points and patches on still ground, each on a body of its own, are prepared on first use and kept with the robot: their
+    answers come from Pinocchio's contact dynamics ("closed form" where all points stick, else "cones: Newton") and are
+    certified by inverse dynamics; `solution.problem` and `solution.residuals` are computed when they are first asked for.
+    All other problems, and those whose certificate fails, are solved as above.
+
     Args:
         state: The robot at (q, v).
         tau: Motor torques, shape (nu,) [N, N m]; a warning is given beyond the effort limits.
@@ -92,6 +99,7 @@ def solve(
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
     """
+    _check_is_bool(check)
     if solver is None:
         found = _prepared_answer(state, tau, constraints, law, external, rest_speed)
         if found is not None:
@@ -125,13 +133,16 @@ def _prepared_answer(
     if external is not None:
         external = tuple(external) if type(external) is list else external
         generalised += generalised_force(state, external)[0]
-    found = contacts.answer(state.q, state.v, generalised, coulomb=told is COULOMB, rest_speed=rest_speed)
+    found = contacts.answer(state.q, state.v, generalised, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES)
     if found is None:
         return None
-    _warn_of_effort(robot, torques)
     problem = partial(_problem, state, torques, given, external, rest_speed)
-    seconds = time.perf_counter() - start
-    return Solution.prepared(problem, found, BILATERAL if contacts.bilateral else told, seconds)
+    law = BILATERAL if contacts.bilateral else told
+    solution = Solution.prepared(problem, found, law, time.perf_counter() - start)
+    if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
+        return None
+    _warn_of_effort(robot, torques)
+    return solution
 
 
 def solve_problem(
@@ -163,8 +174,7 @@ def solve_problem(
 
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
-    if not isinstance(check, bool):
-        raise InputError(f"check is {check!r:.80}; expected True or False.")
+    _check_is_bool(check)
     _refuse_moving(problem, solver)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
@@ -180,6 +190,11 @@ def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> So
             stacklevel=3,
         )
     return solution
+
+
+def _check_is_bool(check: object) -> None:
+    if not isinstance(check, bool):
+        raise InputError(f"check is {check!r:.80}; expected True or False.")
 
 
 def _name(problem: GaussProblem) -> str:

@@ -230,10 +230,12 @@ def test_a_state_that_is_gone_gives_its_workspace_back() -> None:
     robot = rbd.load_robot("panda", root="fixed")
     q = robot.neutral()
     for _ in range(1000):
-        rbd.State(robot, q)
+        assert len(rbd.State(robot, q).h)
     assert len(robot.pool._lent) == 0
     assert len(robot.pool._free) == 1
     kept = [rbd.State(robot, q) for _ in range(3)]
+    assert (len(robot.pool._lent), len(robot.pool._free)) == (0, 1)  # terms are computed when they are asked for
+    assert all(len(state.h) for state in kept)
     assert (len(robot.pool._lent), len(robot.pool._free)) == (3, 0)
     del kept
     gc.collect()

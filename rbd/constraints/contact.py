@@ -72,6 +72,8 @@ class Contact:
         anchor: Where it first touched, in W or in the body's axes: for a point, shape (3,) [m], else pin.SE3 of its centre. The
             rows' `error` is the displacement and rotation from there, in contact axes: its derivative is J v where the
             error is zero, and to first order elsewhere. None gives no error. See `anchored`.
+        cone: Set of its row forces.
+        plane: What its gap is measured from: its ground's plane, or the one through the anchor; None if unknown.
 
     Raises:
         InputError: negative friction, corners of zero length or area, numbers that are not finite.
@@ -85,9 +87,9 @@ class Contact:
     facets: int
     on: Surface
     anchor: pin.SE3 | Array | None
-    _cone: Cone = field(init=False, repr=False)
+    cone: Cone = field(init=False, repr=False)
     _touched: Counterpart = field(init=False, repr=False)
-    _plane: Ground | None = field(init=False, repr=False)
+    plane: Ground | None = field(init=False, repr=False)
     _against: str | None = field(init=False, repr=False)
     _reach: float = field(init=False, repr=False)
     _axes: Array = field(init=False, repr=False)
@@ -118,9 +120,9 @@ class Contact:
         put(self, "corners", points)
         put(self, "placement", X_FP)
         put(self, "anchor", X_S0.translation if X_S0 is not None and len(points) == 1 else X_S0)
-        put(self, "_cone", cone_of(points, friction, int(facets)))
+        put(self, "cone", cone_of(points, friction, int(facets)))
         put(self, "_touched", Counterpart(name, surface, X_S0))
-        put(self, "_plane", self._measured_from(X_S0))
+        put(self, "plane", self._measured_from(X_S0))
         put(self, "_against", surface.frame if isinstance(surface, Body) else None)
         # Without a bound if corners are off the contact's plane.
         put(self, "_reach", np.inf if points[:, 2].any() else float(np.linalg.norm(points, axis=1).max()))
@@ -134,16 +136,6 @@ class Contact:
         if given is None:
             return UP.copy() if len(self.corners) == 1 else None
         return np.array(given)
-
-    @property
-    def cone(self) -> Cone:
-        """Set of its row forces."""
-        return self._cone
-
-    @property
-    def plane(self) -> Ground | None:
-        """The plane from which its gap is measured; None if unknown."""
-        return self._plane
 
     @property
     def on_still_ground(self) -> bool:
@@ -181,8 +173,8 @@ class Contact:
             resultant[:3, :3] = resultant[3:, 3:] = R
             if k == 2:
                 J, v, bias, resultant = J[_FIVE], v[_FIVE], bias[_FIVE], resultant[:, _FIVE]
-        patch = Patch(X_WP.translation, R, self.corners, self.friction, self._against, self._plane, self._reach)
-        return Rows.unchecked(self.name, J, bias, self._cone, v, error, resultant, patch)
+        patch = Patch(X_WP.translation, R, self.corners, self.friction, self._against, self.plane, self._reach)
+        return Rows.unchecked(self.name, J, bias, self.cone, v, error, resultant, patch)
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints | None:
         """Its corners on the ground at a state; None if bilateral or on a body, where the rows are used.

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import blas
 
-from rbd.arrays import Array, as_array, check_finite, max_abs
+from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.forks import renewed_after_fork
@@ -55,6 +56,7 @@ class CheckedModel:
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
         kept: Prepared forms of sets of contacts, see `rbd.prepared`.
+        kept_bodies: Those of the bodies in contact.
     """
 
     def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
@@ -89,12 +91,24 @@ class CheckedModel:
         self.zero_v.flags.writeable = False
         self.sound = True
         self.pool = DataPool(model)
-        self.kept: dict[tuple[object, ...], Any] = {}
+        self.kept: dict[object, Any] = {}
+        self.kept_bodies: dict[object, Any] = {}
 
     @property
     def mass(self) -> float:
         """Total mass of the moving bodies [kg]."""
         return float(pin.computeTotalMass(self.model))  # not cached: the equations of motion, too, read the present model
+
+    @lazy
+    def least_inertia(self) -> Array:
+        """Of min(1, M_ii), shape (nv,): a quarter of the least of a few random postures. A scale of residuals, no bound."""
+        data, rng = self.model.createData(), np.random.default_rng(0)
+        q, least = pin.neutral(self.model), np.ones(self.nv)
+        for _ in range(8):
+            pin.crba(self.model, data, q, pin.Convention.WORLD)
+            least = np.minimum(least, 0.25 * data.M.diagonal())
+            q = pin.integrate(self.model, q, rng.uniform(-2.0, 2.0, self.nv))
+        return least
 
     @property
     def gravity(self) -> Array:
@@ -183,7 +197,7 @@ class CheckedModel:
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
         for begin, end in self._unit_blocks:
             block = q[begin:end]
-            norm = math.sqrt(np.vdot(block, block))
+            norm = math.hypot(*block.tolist())
             if not abs(norm - 1.0) <= UNIT_TOLERANCE:
                 what = "quaternion (x, y, z, w)" if end - begin == 4 else "unit circle (cos, sin)"
                 raise InputError(
@@ -216,7 +230,7 @@ class CheckedModel:
             hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""
             raise InputError(f"{what} of {self.name} has shape {out.shape}; expected ({size},): {meaning}.{hint}")
         # One pass for both: NaN fails the comparison, and a norm within `most` has entries within it.
-        if not np.vdot(out, out) < most * most:
+        if size and not blas.ddot(out, out) < most * most:
             check_finite(f"{what} of {self.name}", out)
             if max_abs(out) > most:
                 raise InputError(

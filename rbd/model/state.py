@@ -53,7 +53,8 @@ class State:
 
     def _begin(self, robot: CheckedModel, q: Array, v: Array) -> None:
         self.robot, self.q, self.v = robot, q, v
-        q.flags.writeable = v.flags.writeable = False
+        q.setflags(write=False)
+        v.setflags(write=False)
 
     _slot: Slot | None = None
     _ticket = 0

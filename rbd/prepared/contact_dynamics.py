@@ -1,50 +1,41 @@
-"""Constrained accelerations of a robot on fixed contacts by Pinocchio's contact dynamics, without M, J and J_dot v as arrays.
-
-For contacts of full row rank `pin.constraintDynamics` gives the acceleration that holds all their bodies still and the
-forces f_0 on them, with the factors of the operational-space inertia L = (J M^-1 J^T)^-1. A row acceleration s then costs
-
-    f = f_0 + L s,        a = a_0 + M^-1 J^T L s
-
-and every contact law is a problem in the few rows of the contact bodies:
+"""Answers for contacts on still ground in the few rows of the bodies in contact: what is constant is prepared once.
 
     sticking    s = 0, if the corner forces of minimum norm are inside their cones
-    slipping    D = G^T L^-1 G,  y = D w - G^T L^-1 f_0,  forces f = G w, weights w and accelerations y under the law
+    slipping    y = G^T (L^-1 G w - L^-1 f_0),  forces f = G w, weights w and accelerations y under the law
 
-What was found is judged by another route, `rbd.prepared.certificate`. What is not covered gets None, and is solved the
-general way: contacts of other kinds, on moving ground or on bodies, two on one body, linearly dependent rows.
-
-Source: [Carpentier2021] for the factors of constrained dynamics.
+with L and f_0 of `rbd.prepared.contact_bodies`, which also judges what was found. What is not covered gets None, and is
+solved the general way: contacts of other kinds, on moving ground or on bodies, two on one body, linearly dependent rows.
 """
 
 from __future__ import annotations
 
-import threading
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
+from scipy.linalg import blas
 
 from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
-from rbd.model.forks import renewed_after_fork
-from rbd.prepared.certificate import Certificate
+from rbd.prepared.contact_bodies import ContactBodies
+from rbd.prepared.point_law import law_residual
 from rbd.prepared.sites import Site, covered
-from rbd.problem.force_set import at_rest
-from rbd.problem.residuals import SOLVED
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.solvers.contact_newton import ContactNewton
 
-_DEPENDENT = 1e-9
-"""Pivots of the contact rows below this, over the largest: rows that may be dependent go the general way."""
-_SETTINGS = (1e-10, 1e-10, 0.0, 1)
-"""Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
-_TURNS = 1e-13
-"""Centripetal accelerations up to this are rounding [m/s2]."""
-MOST = 16
-"""Sets of contacts that are kept with a robot."""
+_DOUBTFUL = 1e-6
+"""Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
+_FEW = 16
+"""Points up to which one matrix tells which are inside their cones."""
+_EXACT = 1e-10
+"""Scaled merit of Newton's method below which its weights are judged."""
+MOST, MOST_BODIES = 64, 16
+"""Sets of contacts, and of bodies in contact, that are kept with a robot."""
 
 
 class Found(NamedTuple):
-    """Acceleration and forces of one law.
+    """Acceleration and forces under a law.
 
     Attributes:
         a: Acceleration, shape (nv,).
@@ -52,6 +43,7 @@ class Found(NamedTuple):
         weights: Of the columns of the contacts' force set, shape (p,); None where all are bilateral.
         method: What found them.
         steps: Newton's steps.
+        worst: Upper bound of its largest scaled residual. Above `SOLVED` the scales themselves have to judge.
     """
 
     a: Array
@@ -59,133 +51,82 @@ class Found(NamedTuple):
     weights: Array | None
     method: str
     steps: int = 0
+    worst: float = 0.0
 
 
 class ContactDynamics:
-    """Contacts of one robot, prepared: all that is constant, and the memory for what is not.
-
-    Everything is used under `lock`.
+    """Contacts of one robot, prepared.
 
     Attributes:
-        robot: The robot.
-        contacts: The contacts, in the order of their rows.
+        bodies: The bodies in contact, which sets of contacts with other friction share.
+        force_set: Of the contacts at rest.
         bilateral: Whether none can break or slip.
-        lock: For `held`, `solve` and what they leave.
-        certificate: Judges what was found.
+        G: Row forces of unit weights, in the axes of `bodies`, shape (m, p).
     """
 
-    def __init__(self, robot: CheckedModel, contacts: tuple[Contact, ...]) -> None:
-        self.robot, self.contacts, self.lock = robot, contacts, threading.Lock()
-        self.model = model = robot.model
-        self.sites = [Site.of(robot, contact) for contact in contacts]
-        self._data = data = model.createData()
-        self._models, self._datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-        for site in self.sites:
-            made = site.pinocchio(model)
-            self._models.append(made)
-            self._datas.append(made.createData())
-        pin.initConstraintDynamics(model, data, self._models, self._datas)
-        self._settings = pin.ProximalSettings(*_SETTINGS)
-        self._factors = data.constraint_chol
-        self._velocities = [each.contact1_velocity for each in self._datas]
-        self.m = m = sum(site.size for site in self.sites)
-        self._target = np.zeros(m + model.nv)
-        T = at_rest(*[contact.cone for contact in contacts])
-        self.force_set, self.bilateral = T, T.bilateral
-        self.G = np.ascontiguousarray(self._in_rows(T.G))
-        self._least_norm = np.linalg.pinv(self.G)
-        k = len(T.mu)
-        self._inside = np.zeros((2 * k, 2 * T.size))
-        for i, (at, mu) in enumerate(zip(T.cone_at.tolist(), T.mu.tolist(), strict=True)):
-            self._inside[i, at + 2] = 1.0
-            self._inside[k + i, T.size + at : T.size + at + 3] = -1.0, -1.0, mu * mu
+    def __init__(self, bodies: ContactBodies, contacts: tuple[Contact, ...]) -> None:
+        self.bodies = bodies
+        self.force_set = T = at_rest(*[contact.cone for contact in contacts])
+        self.bilateral = T.bilateral
+        self._turns = [contact.turned for contact in contacts]
+        self._turned = any(turn is not None for turn in self._turns)
+        self._frictional = [i for i, contact in enumerate(contacts) if contact.friction is not None]
+        self.G = self._turn_back(T.G) if self._turned else T.G
+        self._pull = np.ascontiguousarray(self.G.T)
+        self._least_norm = _pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G)
+        self._room = _room_of(T) if len(T.mu) <= _FEW else None
         self._weights_and_squares = np.empty(2 * T.size)
-        self.certificate = Certificate(robot, data, self.sites, self.G, T)
-        renewed_after_fork(self)
+        self._newton = ContactNewton(self.G, T.mu) if T.only_cones else None
+        planes = [(c.plane, c, X, site) for c, X, site in zip(contacts, bodies.placements, bodies.sites, strict=True)]
+        self._planes = [
+            (plane, X, site.in_joint_axes(c.corners), plane.level, plane.height) for plane, c, X, site in planes if plane
+        ]
 
-    def _in_rows(self, G: Array) -> Array:
-        """G with the rows of points turned from contact axes to Pinocchio's, world axes."""
-        out, at = G.copy(), 0
-        for site in self.sites:
-            if site.turn is not None:
-                out[at : at + 3] = site.turn @ out[at : at + 3]
-            at += site.size
+    def _turn_back(self, G: Array) -> Array:
+        """G with the rows of points in world axes."""
+        out = G.copy()
+        for turn, rows in self._point_rows():
+            out[rows] = turn @ out[rows]
         return out
 
-    def renew_after_fork(self) -> None:
-        """In a forked child: a new lock."""
-        self.lock = threading.Lock()
+    def _in_contact_axes(self, forces: Array) -> Array:
+        if self._turned:
+            for turn, rows in self._point_rows():
+                forces[rows] = turn.T @ forces[rows]
+        return forces
 
-    def held(self, q: Array, v: Array, generalised: Array, *, at_rest: bool) -> tuple[Array, Array] | None:
-        """(a, row forces in Pinocchio's axes) that hold the contact bodies; None if the rows may be dependent.
+    def _point_rows(self) -> list[tuple[Array, slice]]:
+        ends = np.cumsum([site.size for site in self.bodies.sites]).tolist()
+        return [(turn, slice(end - 3, end)) for turn, end in zip(self._turns, ends, strict=True) if turn is not None]
 
-        Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            generalised: S^T tau + tau_ext, shape (nv,).
-            at_rest: v is zero.
-        """
-        a = pin.constraintDynamics(self.model, self._data, q, v, generalised, self._models, self._datas, self._settings)
-        m = self.m
-        pivots = self._factors.D[:m]
-        least = pivots[pivots.argmax()]  # all are negative
-        if not least < _DEPENDENT * pivots[pivots.argmin()]:
-            return None
-        forces = self._data.lambda_c.copy()
-        if not at_rest:
-            turning = self._centripetal()
-            if turning is not None:
-                a += self.moved(turning)
-                forces += self._factors.getOperationalSpaceInertiaMatrix() @ turning
-        return a, forces
-
-    def _centripetal(self) -> Array | None:
-        """Row accelerations -(w x v) of patches that move: what Pinocchio's spatial acceleration lacks; None if zero."""
-        out, at, moves = np.zeros(self.m), 0, False
-        for site, velocity in zip(self.sites, self._velocities, strict=True):
-            if site.size == 6:
-                x, y, z, p, q, r = velocity.vector.tolist()
-                turn = (q * z - r * y, r * x - p * z, p * y - q * x)
-                if not max(map(abs, turn)) <= _TURNS:
-                    out[at : at + 3] = turn
-                    moves = True
-            at += site.size
-        return -out if moves else None
-
-    def speeds(self) -> list[float]:
-        """Speeds of the frictional contacts [m/s, rad/s], the largest of a point and of the turning of a patch."""
-        out = []
-        for site, velocity in zip(self.sites, self._velocities, strict=True):
-            x = velocity.vector
-            if site.frictional:
-                out.append(max_abs(x if site.size == 6 else x[:3]))
-        return out
-
-    def moved(self, s: Array) -> Array:
-        """Change of the acceleration by row accelerations s, shape (nv,)."""
-        target = self._target
-        target[: self.m] = s
-        return self._factors.solve(target)[self.m :]
+    def touches(self, within: float) -> bool:
+        """Whether every corner is near the plane on which it stands, where that is known; after `bodies.held`."""
+        for plane, X, corners, level, height in self._planes:
+            if level:
+                gaps = corners.dot(X.rotation[2])
+                gaps += X.translation[2] - height
+            else:
+                gaps = plane.distances(corners @ X.rotation.T + X.translation)
+            if not -within <= gaps[gaps.argmin()] or not gaps[gaps.argmax()] <= within:
+                return False
+        return True
 
     def sticking(self, forces: Array) -> Array | None:
         """Weights of minimum norm of row forces, if they are in their cones."""
-        n, both = self.force_set.size, self._weights_and_squares
-        w = self._least_norm.dot(forces)
-        both[:n] = w
-        np.multiply(w, w, both[n:])
-        room = self._inside.dot(both)
+        T, w = self.force_set, self._least_norm.dot(forces)
+        if self._room is None:
+            x, y, n = w[T.cone_at], w[T.cone_at + 1], T.mu * w[T.cone_at + 2]
+            room = n * n - x * x - y * y
+            return w if n[n.argmin()] >= 0.0 and room[room.argmin()] >= 0.0 else None
+        both = self._weights_and_squares
+        both[: T.size] = w
+        np.multiply(w, w, both[T.size :])
+        room = self._room.dot(both)
         return w if room[room.argmin()] >= 0.0 else None
 
-    def in_contact_axes(self, forces: Array) -> Array:
-        """Row forces as the contacts' rows have them, from Pinocchio's."""
-        at = 0
-        for site in self.sites:
-            if site.turn is not None:
-                forces[at : at + 3] = site.turn.T @ forces[at : at + 3]
-            at += site.size
-        return forces
-
-    def answer(self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float) -> Found | None:
+    def answer(
+        self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
+    ) -> Found | None:
         """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
 
         Args:
@@ -193,28 +134,62 @@ class ContactDynamics:
             v: Velocity, shape (nv,).
             generalised: S^T tau + tau_ext, shape (nv,).
             coulomb: Coulomb's law; else the convex one.
-            rest_speed: A frictional contact that moves faster goes the general way [m/s, rad/s].
+            rest_speed: If a frictional contact moves faster, the general way is taken [m/s, rad/s].
+            within: If a corner is farther off its plane, the general way is taken [m].
         """
-        still = np.vdot(v, v) == 0.0
-        with self.lock:
-            found = self.held(q, v, generalised, at_rest=still)
-            if found is None or not self.certificate.touches():
+        bodies, still = self.bodies, blas.ddot(v, v) == 0.0
+        with bodies.lock:
+            held = bodies.held(q, v, generalised, at_rest=still)
+            if held is None or not self.touches(within):
                 return None
-            a, forces = found
-            if self.bilateral:
-                w, method = None, "closed form"
-            else:
-                if not still and max(self.speeds()) > rest_speed:
+            a, forces = held
+            w = None
+            if not self.bilateral:
+                if not still and max(map(bodies.speed, self._frictional)) > rest_speed:
                     return None
-                w, method = self.sticking(forces), "closed form: all points stick"
+                w = self.sticking(forces)
                 if w is None:
-                    return None
-            judge = self.certificate
-            if not judge.stationarity(q, v, a, forces, generalised) <= SOLVED:
+                    return self._slipping(q, v, generalised, a, forces, coulomb=coulomb, still=still)
+            worst = bodies.stationarity(q, v, a, forces, generalised)
+            worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
+            if not worst <= _DOUBTFUL:
                 return None
-            if not max_abs(judge.row_accelerations(at_rest=still, turned=False)) <= 0.1 * SOLVED:
-                return None
-            return Found(a, self.in_contact_axes(forces), w, method)
+            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
+
+    def _slipping(
+        self, q: Array, v: Array, generalised: Array, a: Array, held: Array, *, coulomb: bool, still: bool
+    ) -> Found | None:
+        """The law where the forces that hold all bodies are not in their cones."""
+        if self._newton is None:
+            return None
+        bodies = self.bodies
+        mobility = bodies.mobility()
+        found = self._newton.forces(mobility, -mobility.dot(held), self._least_norm.dot(held), coulomb=coulomb)
+        if not found.merit <= _EXACT:
+            return None
+        forces, w = found.wrench, found.weights
+        a += bodies.moved(mobility.dot(forces - held))
+        worst = bodies.stationarity(q, v, a, forces, generalised)
+        c = bodies.row_accelerations(at_rest=still)
+        worst = max(worst, law_residual(self._pull, c, w, self.force_set.mu, coulomb=coulomb))
+        if not worst <= _DOUBTFUL:
+            return None
+        return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
+
+
+def _room_of(T: ForceSet) -> Array:
+    """Maps weights over their squares to n, and mu^2 n^2 - x^2 - y^2, of each cone: both are positive inside."""
+    k = len(T.mu)
+    out = np.zeros((2 * k, 2 * T.size))
+    for i, (at, mu) in enumerate(zip(T.cone_at.tolist(), T.mu.tolist(), strict=True)):
+        out[i, at + 2] = 1.0
+        out[k + i, T.size + at : T.size + at + 3] = -1.0, -1.0, mu * mu
+    return out
+
+
+@lru_cache(maxsize=256)
+def _pseudo_inverse(T: ForceSet) -> Array:
+    return np.asarray(np.linalg.pinv(T.G))
 
 
 def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynamics | None:
@@ -223,12 +198,33 @@ def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynami
     Raises:
         FrameNotFound: with the nearest names.
     """
-    kept: dict[tuple[object, ...], ContactDynamics | None] = robot.kept
+    kept: dict[object, ContactDynamics | None] = robot.kept
     try:
         return kept[contacts]
     except KeyError:
         pass
-    while len(kept) >= MOST:  # the oldest; another thread may be faster
-        kept.pop(next(iter(kept)), None)
-    made = kept[contacts] = ContactDynamics(robot, contacts) if covered(robot, contacts) else None  # type: ignore[arg-type]
+    except TypeError:  # objects that cannot be keys
+        return None
+    made = None
+    if covered(robot, contacts):
+        own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
+        made = ContactDynamics(_bodies(robot, tuple([Site.of(robot, contact) for contact in own])), own)
+    _keep(kept, contacts, made, MOST)
     return made
+
+
+def _bodies(robot: CheckedModel, sites: tuple[Site, ...]) -> ContactBodies:
+    """Bodies in contact, kept by the values of their sites: contacts are often made anew, with another friction."""
+    kept: dict[object, ContactBodies] = robot.kept_bodies
+    key = tuple([site.key for site in sites])
+    found = kept.get(key)
+    if found is None:
+        found = ContactBodies(robot, sites)
+        _keep(kept, key, found, MOST_BODIES)
+    return found
+
+
+def _keep(kept: dict, key: object, value: object, most: int) -> None:
+    while len(kept) >= most:  # the oldest goes; another thread may be faster
+        kept.pop(next(iter(kept)), None)
+    kept[key] = value

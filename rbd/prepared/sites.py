@@ -1,4 +1,4 @@
-"""Where a contact is fixed to its body, and what of it never changes."""
+"""Where a contact is fixed to its body."""
 
 from __future__ import annotations
 
@@ -10,32 +10,21 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.ground import TOUCHES, Ground
 
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """One contact on the body of one joint.
+    """The place of one contact on the body of one joint.
 
     Attributes:
         joint: The joint's number.
         X_JC: From the joint to the contact's centre and axes; of a point, in the joint's axes.
         size: Number of rows: 3 of a point, in world axes; 6 of a patch, in its own.
-        turn: R_WC of a point whose contact axes are not the world's; else None.
-        frictional: Whether it is unilateral.
-        corners: Its corner points in the joint's axes, shape (k, 3) [m].
-        plane: What its gap is measured from, or None.
-        within: Corners that are no farther than this from the plane touch it [m].
     """
 
     joint: int
     X_JC: pin.SE3
     size: int
-    turn: Array | None
-    frictional: bool
-    corners: Array
-    plane: Ground | None
-    within: float
 
     @classmethod
     def of(cls, robot: CheckedModel, contact: Contact) -> Site:
@@ -45,12 +34,19 @@ class Site:
             FrameNotFound: with the nearest names.
         """
         joint, X_JF = robot.site(contact.frame)
-        X_JC, point = X_JF * contact.placement, len(contact.corners) == 1
-        if point:
-            X_JC = pin.SE3(np.eye(3), X_JC.translation)
-        corners = contact.corners @ X_JC.rotation.T + X_JC.translation
-        frictional = contact.friction is not None
-        return cls(joint, X_JC, 3 if point else 6, contact.turned, frictional, corners, contact.plane, TOUCHES)
+        X_JC = X_JF * contact.placement
+        if len(contact.corners) == 1:
+            return cls(joint, pin.SE3(np.eye(3), X_JC.translation), 3)
+        return cls(joint, X_JC, 6)
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Its values."""
+        return self.joint, self.size, self.X_JC.homogeneous.tobytes()
+
+    def in_joint_axes(self, corners: Array) -> Array:
+        """Points of the contact in the joint's axes, shape (k, 3) [m]."""
+        return np.ascontiguousarray(corners @ self.X_JC.rotation.T + self.X_JC.translation)
 
     def pinocchio(self, model: pin.Model) -> pin.RigidConstraintModel:
         """The contact as Pinocchio has it."""

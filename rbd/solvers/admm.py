@@ -21,14 +21,12 @@ from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
 from rbd.solvers.interior_point import solve_interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
-from rbd.solvers.newton import Scaled, leaves_motion_open, scaled, steps_from
+from rbd.solvers.newton import FOUND, Scaled, leaves_motion_open, scaled, settled, steps_from
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
 _FACETS = 16
 """Facets of the inscribed pyramids that replace cones in the linear program of infeasibility."""
-YIELDING = (1e-2, 1e-4)
-"""Compliances, over the points' mobility, that select how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
 OPEN = (
     "rigid bodies do not determine how the points that slip share their load, and friction depends on it: of the motions "
     "that satisfy the law, this is the limit of equally compliant points as the compliance vanishes"
@@ -39,8 +37,6 @@ HELD = (
     "internal forces; it is the convex law's"
 )
 """`Answer.reason` where the convex law's answer satisfies Coulomb's law too."""
-_FOUND = 1e-10
-"""Largest scaled merit of an answer."""
 _RANDOM_STARTS = 4
 _FIXED_POINT_STEPS = 12
 
@@ -177,8 +173,10 @@ class _Search:
             w, merit, steps = steps_from(S, guess, coulomb=self.coulomb, iterations=25 if i < 3 else 40, proximal=proximal)
             self.iterations += steps
             self.work.spend(steps * self.step)
-            if self.coulomb and merit < _FOUND and leaves_motion_open(S, w):
-                w, reason = self._alike(S, w), OPEN
+            if self.coulomb and merit < FOUND and leaves_motion_open(S, w):
+                w, more = settled(S, w)
+                self.iterations += more
+                reason = OPEN
             else:
                 reason = ""
             if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
@@ -213,7 +211,7 @@ class _Search:
         ):
             w, merit, steps = steps_from(S, guess(), coulomb=False, iterations=40)
             self.iterations += steps
-            if merit < _FOUND:
+            if merit < FOUND:
                 break
         if self._judge(T.project(S.weights(w))) and len(self.answers) > kept:
             reason = HELD.format(n=len(self.answers))
@@ -274,28 +272,6 @@ class _Search:
         self.work.spend(steps * self.step)
         self.method = "cones: interior point, Newton"
         return w
-
-    def _alike(self, S: Scaled, w: Array) -> Array:
-        """Limit of the answers of equally compliant points near w; w itself where Newton's method does not follow it."""
-        yielding, soft = w, np.ones(len(w))
-        cones = soft[S.order.singles :]
-        unit = S.unit[S.order.singles :] ** 2
-        cones[:] = np.maximum(unit / unit.max(), 1e-3)  # the same compliance per newton
-        for compliance in YIELDING:
-            softened = replace(S, D=S.D + np.diag(compliance * soft))
-            # A merit m leaves the shares uncertain by m / compliance.
-            found, merit, steps = steps_from(
-                softened, yielding, coulomb=True, iterations=40, proximal=0.0, exact=1e-8 * compliance
-            )
-            self.iterations += steps
-            if merit > 1e-5 * compliance:
-                break
-            yielding = found
-        if yielding is w:
-            return w
-        settled, merit, steps = steps_from(S, yielding, coulomb=True)
-        self.iterations += steps
-        return settled if merit < _FOUND else w
 
     def _judge(self, w: Array, reason: str = "") -> bool:
         """Record the answer of given weights; whether it is `solved`."""

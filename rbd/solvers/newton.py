@@ -28,6 +28,12 @@ EXACT = 1e-14
 """Newton stops at this scaled merit; about a hundred times rounding."""
 
 
+FOUND = 1e-10
+"""Largest scaled merit of an answer."""
+YIELDING = (1e-2, 1e-4)
+"""Compliances, over the points' mobility, that select how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
+
+
 @dataclass(frozen=True, eq=False)
 class Order:
     """Order of the columns of `ForceSet` in Newton's method: lines and intervals first, then cones, three columns each.
@@ -221,6 +227,26 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
     _, edges = _gap(problem, pressed, y, coulomb=True)
     N = null_space(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True), _OPEN)
     return bool(np.abs(N.T @ problem.D).max(initial=0.0) > 1e-8)
+
+
+def settled(problem: Scaled, w: Array) -> tuple[Array, int]:
+    """(limit of the answers of equally compliant points near w, steps); w itself where Newton's method does not follow it."""
+    yielding, soft, taken = w, np.ones(len(w)), 0
+    cones = soft[problem.order.singles :]
+    unit = problem.unit[problem.order.singles :] ** 2
+    cones[:] = np.maximum(unit / unit.max(), 1e-3)  # the same compliance per newton
+    for compliance in YIELDING:
+        softened = replace(problem, D=problem.D + np.diag(compliance * soft))
+        # A merit m leaves the shares uncertain by m / compliance.
+        found, merit, steps = steps_from(softened, yielding, coulomb=True, iterations=40, proximal=0.0, exact=1e-8 * compliance)
+        taken += steps
+        if merit > 1e-5 * compliance:
+            break
+        yielding = found
+    if yielding is w:
+        return w, taken
+    exact, merit, steps = steps_from(problem, yielding, coulomb=True)
+    return (exact if merit < FOUND else w), taken + steps
 
 
 def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:

@@ -1,0 +1,143 @@
+"""Compiled search of families of motions under Coulomb's law, for `rbd.solvers.contact_kernel`; needs Numba."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+
+from rbd.arrays import Array
+from rbd.solvers.small_systems import independent, inverse
+
+_compiled = numba.njit(cache=True, error_model="numpy")
+
+
+class Bodies(NamedTuple):
+    """The scaled problem: each point's block of Q' D Q has a largest diagonal of one, c is of order one.
+
+    Attributes:
+        D: Inverse inertia of the bodies' rows, shape (nw, nw).
+        L: Its inverse.
+        c: Free acceleration, shape (nw,).
+        columns: Columns of Q, P scaled, shape (3 k, d).
+        first: First row of each point, shape (k,).
+        mu: Frictions.
+    """
+
+    D: Array
+    L: Array
+    c: Array
+    columns: Array
+    first: Array
+    mu: Array
+
+
+@_compiled
+def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> bool:
+    """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not only of weights.
+
+    Loads N of slipping points and forces g of sticking ones, as changes, move the bodies by z:
+    (L + the turning of friction) z = Q_edge N + Q g. The points' conditions are y_n = 0 of the ones and y = 0 of the others.
+    There is a family where some Q_edge N + Q g other than zero meets them.
+
+    Args:
+        bodies: The scaled problem.
+        w: Scaled weights, shape (3 k,).
+        p: w - y.
+        memory: Working memory, as `ContactNewton` makes it.
+    """
+    columns, first, mu, L = bodies.columns, bodies.first, bodies.mu, bodies.L
+    n, d, nw = columns.shape[0], columns.shape[1], len(L)
+    touching = memory[: n // 3]
+    slides = False
+    for i in range(n // 3):
+        j = 3 * i
+        touching[i] = 1.0 if w[j + 2] - p[j + 2] < 1e-9 else 0.0
+        if touching[i] > 0.0 and math.hypot(w[j] - p[j], w[j + 1] - p[j + 1]) > 1e-9:
+            slides = True
+    if not slides:
+        return False
+    rows = memory[n : n + n * nw].reshape(n, nw)
+    conditions = memory[n + n * nw : n + 2 * n * nw].reshape(n, nw)
+    if _normals_are_independent(bodies, touching, rows, conditions):
+        return False  # independent normals determine their shares
+    squares = memory[n + 2 * n * nw : n + 2 * n * nw + 2 * nw * nw].reshape(2, nw, nw)
+    H, inverse_factor = squares[0], squares[1]
+    H[:, :] = L
+    found = 0
+    for i in range(n // 3):
+        j, at, normal = 3 * i, first[i], p[3 * i + 2]
+        if touching[i] > 0.0:
+            normal += max(1e-9 - w[j + 2], 0.0)  # a touching unloaded point may become loaded
+        if not normal > 0.0:
+            continue
+        t = math.hypot(p[j], p[j + 1])
+        slips = t > mu[i] * normal
+        for e in range(j + 2 if slips else j, j + 3):
+            rows[found, :] = 0.0
+            conditions[found, :] = 0.0
+            for r in range(d):
+                conditions[found, at + r] = rows[found, at + r] = columns[e, r]
+                if slips:
+                    rows[found, at + r] += mu[i] * (p[j] * columns[j, r] + p[j + 1] * columns[j + 1, r]) / t
+            found += 1
+        if slips:
+            turned = mu[i] * normal / (t - mu[i] * normal) / (t * t)
+            for r in range(d):
+                side = turned * (p[j] * columns[j + 1, r] - p[j + 1] * columns[j, r])
+                for s in range(d):
+                    H[at + r, at + s] += side * (p[j] * columns[j + 1, s] - p[j + 1] * columns[j, s])
+    rank = independent(rows, found, 1e-8)
+    if rank == 0 or not inverse(H, H, inverse_factor):
+        return False
+    at = n + 2 * n * nw + 2 * nw * nw
+    answers = memory[at : at + rank * found].reshape(rank, found)
+    z = inverse_factor[0]
+    for b in range(rank):
+        for r in range(nw):
+            total = 0.0
+            for s in range(nw):
+                total += H[r, s] * rows[b, s]
+            z[r] = total
+        for i in range(found):
+            total = 0.0
+            for r in range(nw):
+                total += conditions[i, r] * z[r]
+            answers[b, i] = total
+    return independent(answers, rank, 1e-8) < rank
+
+
+@_compiled
+def _normals_are_independent(bodies: Bodies, touching: Array, R: Array, felt: Array) -> bool:
+    """Whether the normals of the touching points are independent: by the factor R of their block of Q' D Q, row by row."""
+    columns, first, D = bodies.columns, bodies.first, bodies.D
+    nw, d, found = len(D), columns.shape[1], 0
+    least, most = math.inf, 0.0
+    for i in range(len(touching)):
+        if touching[i] == 0.0:
+            continue
+        if found == nw:
+            return False
+        at, j = first[i], 3 * i + 2
+        for r in range(nw):
+            felt[found, r] = 0.0
+            for s in range(d):
+                felt[found, r] += D[r, at + s] * columns[j, s]
+        for e in range(found + 1):  # felt[e] belongs to the normal of row e
+            total = 0.0
+            for r in range(d):
+                total += felt[e, at + r] * columns[j, r]
+            for s in range(e):
+                total -= R[found, s] * R[e, s]
+            if e < found:
+                R[found, e] = total / R[e, e]
+            elif total > 0.0:
+                R[e, e] = math.sqrt(total)
+            else:
+                return False
+        least, most = min(least, R[found, found]), max(most, R[found, found])
+        found += 1
+        if not least > 1e-5 * most:
+            return False
+    return True

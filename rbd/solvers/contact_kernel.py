@@ -1,0 +1,330 @@
+"""Compiled arithmetic of `rbd.solvers.contact_newton`: imported only where Numba is installed and asked for.
+
+It is the code of `rbd.solvers.newton` in loops over few numbers. A point touches one body only: `columns` (3 k, d) holds the
+entries of each column of P that may differ from zero, and `first` (k,) the row in which those of a point begin.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+
+from rbd.arrays import Array
+from rbd.solvers.contact_families import Bodies, leaves_motion_open
+from rbd.solvers.small_systems import eliminate, inverse
+
+_compiled = numba.njit(cache=True, error_model="numpy")
+_SMALL = 1e-200
+OPEN, STICKS, SLIPS = 0.0, 1.0, 2.0
+
+
+class Compliance(NamedTuple):
+    """y = Q' (D Q w + c) + soft (w - about); `proximal` is added in Newton's matrix only."""
+
+    soft: Array
+    about: Array
+    proximal: float
+
+
+class Room(NamedTuple):
+    """Working arrays: (3 k,), (nw,), the modes (k, 4) of the points (mode, factor, direction) and a matrix (nw, nw)."""
+
+    p: Array
+    gap: Array
+    move: Array
+    new: Array
+    best: Array
+    f: Array
+    a: Array
+    z: Array
+    modes: Array
+    A: Array
+
+
+@_compiled
+def project(x: float, y: float, z: float, mu: float, coulomb: bool) -> tuple[float, float, float]:
+    """(normal weight, factor of the tangential ones, their length) of the weights in a cone that a position maps to."""
+    t = max(math.sqrt(x * x + y * y), _SMALL)
+    if coulomb:
+        normal = max(z, 0.0)
+    elif t <= mu * z:
+        normal = z
+    else:
+        normal = max((mu * t + z) / (1.0 + mu * mu), 0.0)
+    return normal, min(mu * normal / t, 1.0), t
+
+
+@_compiled
+def evaluate(bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, room: Room) -> tuple[float, float]:
+    """(largest entry, sum of squares) of gap = P(p) - w at p = w - y."""
+    columns, c, f, a, p, gap, modes = bodies.columns, bodies.c, room.f, room.a, room.p, room.gap, room.modes
+    nw, d = len(c), columns.shape[1]
+    f[:] = 0.0
+    for i in points:
+        at = bodies.first[i]
+        for j in range(3 * i, 3 * i + 3):
+            if w[j] != 0.0:
+                for r in range(d):
+                    f[at + r] += columns[j, r] * w[j]
+    for r in range(nw):
+        total = c[r]
+        for s in range(nw):
+            total += bodies.D[r, s] * f[s]
+        a[r] = total
+    top, square = 0.0, 0.0
+    for i in points:
+        at, j = bodies.first[i], 3 * i
+        for e in range(j, j + 3):
+            y = compliance.soft[i] * (w[e] - compliance.about[e])
+            for r in range(d):
+                y += columns[e, r] * a[at + r]
+            p[e] = w[e] - y
+        normal, factor, t = project(p[j], p[j + 1], p[j + 2], bodies.mu[i], coulomb)
+        if normal > 0.0:
+            modes[i, 0] = SLIPS if factor < 1.0 else STICKS
+        else:
+            modes[i, 0] = OPEN
+        modes[i, 1], modes[i, 2], modes[i, 3] = factor, p[j] / t, p[j + 1] / t
+        gap[j], gap[j + 1], gap[j + 2] = factor * p[j] - w[j], factor * p[j + 1] - w[j + 1], normal - w[j + 2]
+        for e in range(j, j + 3):
+            top = max(top, abs(gap[e]))
+            square += gap[e] * gap[e]
+    return top, square if square < math.inf else math.inf  # NaN is infinite
+
+
+@_compiled
+def newton_step(bodies: Bodies, points: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
+    """Newton's step in `room.move`, by a linear system of the bodies' rows; False where that is singular.
+
+    (I - V + V (Q' D Q + k)) dw = gap, with V the slope of the projection. With B = I - (1 - k) V, M = B^-1 V and
+    h = B^-1 gap, point by point: dw = h - M Q' z, where (L + Q M Q') z = Q h.
+    """
+    columns, gap, modes, move, A, z = bodies.columns, room.gap, room.modes, room.move, room.A, room.z
+    nw, d = len(z), columns.shape[1]
+    z[:] = 0.0
+    A[:, :] = bodies.L
+    for i in points:
+        at, j, mode, factor, ex, ey = bodies.first[i], 3 * i, modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
+        g0, g1, g2 = gap[j], gap[j + 1], gap[j + 2]
+        k = compliance.proximal + compliance.soft[i]
+        if mode == STICKS:
+            g0, g1, g2 = g0 / k, g1 / k, g2 / k
+            for r in range(d):
+                x0, x1, x2 = columns[j, r] / k, columns[j + 1, r] / k, columns[j + 2, r] / k
+                for s in range(d):
+                    A[at + r, at + s] += x0 * columns[j, s] + x1 * columns[j + 1, s] + x2 * columns[j + 2, s]
+        elif mode == SLIPS:
+            u, along, turned = bodies.mu[i], ex * g0 + ey * g1, factor / (1.0 - (1.0 - k) * factor)
+            side = (ex * g1 - ey * g0) / (1.0 - (1.0 - k) * factor)
+            share, push = 1.0, g2  # V is (u e + n) share (n or u e + n)' + factor side side'
+            if not coulomb:
+                share = 1.0 / (1.0 + u * u)
+                push = share * (u * along + g2)
+            along, g2 = along + u * push * (1.0 - k) / k, g2 + push * (1.0 - k) / k
+            g0, g1 = ex * along - ey * side, ey * along + ex * side
+            for r in range(d):
+                x0, x1, x2 = columns[j, r], columns[j + 1, r], columns[j + 2, r]
+                edge, turn = share * (u * (ex * x0 + ey * x1) + x2) / k, turned * (ex * x1 - ey * x0)
+                for s in range(d):
+                    felt = columns[j + 2, s]
+                    if not coulomb:
+                        felt += u * (ex * columns[j, s] + ey * columns[j + 1, s])
+                    A[at + r, at + s] += edge * felt + turn * (ex * columns[j + 1, s] - ey * columns[j, s])
+        move[j], move[j + 1], move[j + 2] = g0, g1, g2
+        for e in range(j, j + 3):
+            if move[e] != 0.0:
+                for r in range(d):
+                    z[at + r] += columns[e, r] * move[e]
+    if not eliminate(A, z, nw):
+        return False
+    square = 0.0
+    for i in points:
+        at, j, mode, factor, ex, ey = bodies.first[i], 3 * i, modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
+        if mode != OPEN:
+            y0, y1, y2 = 0.0, 0.0, 0.0
+            for r in range(d):
+                y0 += columns[j, r] * z[at + r]
+                y1 += columns[j + 1, r] * z[at + r]
+                y2 += columns[j + 2, r] * z[at + r]
+            k = compliance.proximal + compliance.soft[i]
+            if mode == STICKS:
+                y0, y1, y2 = y0 / k, y1 / k, y2 / k
+            else:
+                u, side = bodies.mu[i], factor / (1.0 - (1.0 - k) * factor) * (ex * y1 - ey * y0)
+                if not coulomb:
+                    y2 = (y2 + u * (ex * y0 + ey * y1)) / (1.0 + u * u)
+                y2 /= k
+                y0, y1 = ex * u * y2 - ey * side, ey * u * y2 + ex * side
+            move[j] -= y0
+            move[j + 1] -= y1
+            move[j + 2] -= y2
+        square += move[j] * move[j] + move[j + 1] * move[j + 1] + move[j + 2] * move[j + 2]
+    return math.isfinite(square)
+
+
+@_compiled
+def steps_from(
+    bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, iterations: int, exact: float, room: Room
+) -> tuple[float, int]:
+    """Damped semismooth Newton steps from w, which becomes the best weights found: (merit, steps)."""
+    new, best, move = room.new, room.best, room.move
+    merit, square = evaluate(bodies, points, w, compliance, coulomb, room)
+    least, step = merit, 0
+    best[:] = w
+    while step < iterations and least > exact and square < math.inf:
+        if not newton_step(bodies, points, compliance, coulomb, room):
+            break
+        before, t = square, 1.0
+        for _ in range(7):
+            for i in points:
+                for j in range(3 * i, 3 * i + 3):
+                    new[j] = w[j] + t * move[j]
+            merit, square = evaluate(bodies, points, new, compliance, coulomb, room)
+            if square <= before * (1.0 - 1e-4 * t):
+                break
+            t *= 0.5
+        for i in points:
+            for j in range(3 * i, 3 * i + 3):
+                w[j] = new[j]
+        step += 1
+        if merit < least:
+            least = merit
+            best[:] = w
+        if before < 1e-22 and square > 0.1 * before:  # rounding
+            break
+    w[:] = best
+    return least, step
+
+
+@_compiled
+def scale(bodies: Bodies, P: Array, c: Array, unit: Array) -> float:
+    """Fill columns and c of the scaled problem, and the points' `unit`: the rate by which c was divided."""
+    most, d = 0.0, P.shape[1]
+    for i in range(len(unit)):
+        at, size = bodies.first[i], 0.0
+        for j in range(3 * i, 3 * i + 3):
+            total = 0.0
+            for r in range(d):
+                part = 0.0
+                for s in range(d):
+                    part += bodies.D[at + r, at + s] * P[j, s]
+                total += part * P[j, r]
+            size = max(size, total)
+        unit[i] = size
+        most = max(most, size)
+    rate = 0.0
+    for i in range(len(unit)):
+        at = bodies.first[i]
+        unit[i] = 1.0 / math.sqrt(max(unit[i], 1e-12 * most if most > 0.0 else 1.0))
+        for j in range(3 * i, 3 * i + 3):
+            total = 0.0
+            for r in range(d):
+                bodies.columns[j, r] = P[j, r] * unit[i]
+                total += bodies.columns[j, r] * c[at + r]
+            rate = max(rate, abs(total))
+    rate = rate if rate > 0.0 else 1.0
+    for r in range(len(c)):
+        bodies.c[r] = c[r] / rate
+    return rate
+
+
+@_compiled
+def body_forces(
+    D: Array, c: Array, start: Array, coulomb: bool,
+    P: Array, first: Array, mu: Array, seeds: Array, memory: Array, points: Array, out: Array,
+) -> tuple[float, int, bool]:  # fmt: skip
+    """`ContactNewton.forces`: (merit, steps, whether a family of motions was met); weights and wrench in `out`.
+
+    Args:
+        D: As there.
+        c: As there.
+        start: As there.
+        coulomb: As there.
+        P: Entries of its columns, shape (3 k, d).
+        first: Their first rows, shape (k,).
+        mu: Frictions.
+        seeds: The points with which the search begins.
+        memory: Working memory, as `ContactNewton` makes it.
+        points: Working memory, shape (k,).
+        out: Weights, then the wrench.
+    """
+    n, d, nw, k = P.shape[0], P.shape[1], len(c), len(mu)
+    out[:] = 0.0
+    m, s = memory[: 9 * n].reshape(9, n), memory[9 * n : 9 * n + 4 * nw].reshape(4, nw)
+    at = 9 * n + 4 * nw
+    squares = memory[at : at + 2 * nw * nw].reshape(2, nw, nw)
+    at += 2 * nw * nw
+    columns, modes, units = memory[at : at + n * d].reshape(n, d), memory[at + n * d : at + n * d + 4 * k].reshape(k, 4), m[8]
+    at += n * d + 4 * k
+    w, zero, kept, unit, soft = m[5], m[6], m[7], units[:k], units[k : 2 * k]
+    room = Room(m[0], m[1], m[2], m[3], m[4], s[0], s[1], s[2], modes, squares[0])
+    bodies = Bodies(D, squares[1], s[3], columns, first, mu)
+    if not inverse(D, bodies.L, room.A):
+        return math.inf, 0, False
+    rate = scale(bodies, P, c, unit)
+    if not rate < math.inf:
+        return math.inf, 0, False
+    zero[:] = 0.0
+    soft[:] = 0.0
+    firm = Compliance(soft, zero, 1e-7)
+    for i in range(k):
+        points[i] = i
+    w[:] = 0.0
+    for j in range(0, n, 3):
+        size = 1.0 / (unit[j // 3] * rate)
+        x, y = start[j] * size, start[j + 1] * size
+        normal, factor, _ = project(x, y, start[j + 2] * size, mu[j // 3], coulomb)
+        w[j], w[j + 1], w[j + 2] = factor * x, factor * y, normal
+    merit, steps = steps_from(bodies, points, w, firm, coulomb, 50, 1e-14, room)
+    if merit > 1e-10:  # from all contacts open
+        w[:] = 0.0
+        merit, more = steps_from(bodies, points, w, firm, coulomb, 50, 1e-14, room)
+        steps += more
+    opened = False
+    if coulomb and merit < 1e-10:
+        evaluate(bodies, points, w, firm, coulomb, room)
+        opened = leaves_motion_open(bodies, w, room.p, memory[at:])
+    if opened:
+        kept[:] = w
+        merit, more = settle(bodies, points, w, kept, unit, merit, firm, room)
+        steps += more
+    for i in range(k):
+        size, j = unit[i] * rate, 3 * i
+        x, y, normal = w[j] * size, w[j + 1] * size, max(w[j + 2] * size, 0.0)
+        t = math.sqrt(x * x + y * y)
+        factor = mu[i] * normal / t if t > mu[i] * normal else 1.0
+        out[j], out[j + 1], out[j + 2] = factor * x, factor * y, normal
+        for e in range(j, j + 3):
+            for r in range(d):
+                out[n + first[i] + r] += P[e, r] * out[e]
+    return merit, steps, opened
+
+
+@_compiled
+def settle(
+    bodies: Bodies, points: Array, w: Array, kept: Array, unit: Array, merit: float, firm: Compliance, room: Room
+) -> tuple[float, int]:
+    """The limit of the answers of equally compliant points near w: (merit, steps); w stays where it is not reached."""
+    most, steps, soft = unit.max(), 0, firm.soft
+    reached, compliance, found = math.inf, 1e-2, False
+    while compliance > 1e-5:
+        room.z[:] = 0.0
+        for i in range(len(soft)):
+            soft[i] = compliance * max((unit[i] / most) ** 2, 1e-3)
+        yields = Compliance(soft, firm.about, 0.0)
+        reached, more = steps_from(bodies, points, w, yields, True, 40, 1e-8 * compliance, room)
+        steps += more
+        if not reached <= 1e-5 * compliance:
+            break
+        found = True
+        compliance *= 1e-2
+    soft[:] = 0.0
+    if found:
+        reached, more = steps_from(bodies, points, w, firm, True, 50, 1e-14, room)
+        steps += more
+        if reached < 1e-10:
+            return reached, steps
+    w[:] = kept
+    return merit, steps

@@ -1,0 +1,97 @@
+"""Compiled linear algebra of matrices of a few rows, where a call of LAPACK costs more than the arithmetic; needs Numba."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from rbd.arrays import Array
+
+_compiled = numba.njit(cache=True, error_model="numpy")
+
+
+@_compiled
+def eliminate(A: Array, b: Array, n: int) -> bool:
+    """Solve A x = b in place by Gauss's elimination with row pivots, x in b; False where A is singular or not finite."""
+    for k in range(n):
+        pivot, most = k, abs(A[k, k])
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > most:
+                pivot, most = i, abs(A[i, k])
+        if not 0.0 < most < math.inf:
+            return False
+        if pivot != k:
+            for j in range(k, n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        scale = 1.0 / A[k, k]
+        for i in range(k + 1, n):
+            factor = A[i, k] * scale
+            if factor != 0.0:
+                b[i] -= factor * b[k]
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for j in range(i + 1, n):
+            total -= A[i, j] * b[j]
+        b[i] = total / A[i, i]
+    return True
+
+
+@_compiled
+def inverse(D: Array, out: Array, R: Array) -> bool:
+    """The inverse of a symmetric matrix in `out`; False where it is not positive definite. R: room of the same shape."""
+    n = len(D)
+    for i in range(n):
+        for j in range(i + 1):
+            total = D[i, j]
+            for e in range(j):
+                total -= R[i, e] * R[j, e]
+            if i > j:
+                R[i, j] = total * R[j, j]
+            elif 0.0 < total < math.inf:
+                R[i, i] = 1.0 / math.sqrt(total)  # of the factor's diagonal, the inverse
+            else:
+                return False
+    for j in range(n):  # the factor's inverse in its place
+        for i in range(j + 1, n):
+            total = 0.0
+            for e in range(j, i):
+                total -= R[i, e] * R[e, j]
+            R[i, j] = total * R[i, i]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for e in range(i, n):
+                total += R[e, i] * R[e, j]
+            out[i, j] = out[j, i] = total
+    return True
+
+
+@_compiled
+def independent(rows: Array, count: int, tolerance: float) -> int:
+    """Number of linearly independent rows; an orthonormal basis of them comes first (Gram and Schmidt, with pivots)."""
+    dim, greatest = rows.shape[1], 0.0
+    for k in range(min(count, dim)):
+        pivot, most = k, -1.0
+        for i in range(k, count):
+            size = 0.0
+            for r in range(dim):
+                size += rows[i, r] * rows[i, r]
+            if size > most:
+                pivot, most = i, size
+        greatest = max(greatest, most)
+        if not most > greatest * tolerance * tolerance:
+            return k
+        for r in range(dim):
+            rows[pivot, r], rows[k, r] = rows[k, r], rows[pivot, r] / math.sqrt(most)
+        for _ in range(2):  # again for the last digits
+            for i in range(k + 1, count):
+                along = 0.0
+                for r in range(dim):
+                    along += rows[i, r] * rows[k, r]
+                for r in range(dim):
+                    rows[i, r] -= along * rows[k, r]
+    return min(count, dim)
