@@ -83,21 +83,16 @@ def cross(a: Array, b: Array) -> Array:
 
 def views_of(data: pin.Data, n: int) -> tuple[Array, Array, Array]:
     """Placements, velocities and accelerations of all joints, shapes (n, 12), (n, 6), (n, 6): views that follow the data."""
-    X, V, A = data.oMi, data.v, data.a
-    found = (
-        rows_from(X[0].rotation, X[0].translation, n, 12),
-        rows_from(V[0].linear, V[0].angular, n, 6),
-        rows_from(A[0].linear, A[0].angular, n, 6),
-    )
-    assert all(
-        rows[n - 1].__array_interface__["data"] == last.__array_interface__["data"]
-        for rows, last in zip(found, (X[n - 1].rotation, V[n - 1].linear, A[n - 1].linear), strict=True)
-    ), "Pinocchio keeps placements or velocities otherwise than joint after joint"
-    return found
+    places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in range(n))], 12)
+    return places, *(rows_from([(V.linear, V.angular) for V in (of[j] for j in range(n))], 6) for of in (data.v, data.a))
 
 
-def rows_from(first: Array, second: Array, n: int, size: int) -> Array:
-    """A view of n times `size` numbers, one block of memory that begins with `first`, then `second`."""
-    one, two = (x.__array_interface__["data"][0] for x in (first, second))
-    assert two - one == 8 * first.size, "Pinocchio keeps the parts of a placement or a velocity apart"
-    return np.lib.stride_tricks.as_strided(first, (n, size), (8 * size, 8))
+def rows_from(parts: Sequence[tuple[Array, Array]], size: int) -> Array:
+    """A view of blocks of memory at equal distances, one a row, shape (n, size): each has the first part, then the second."""
+    if not parts:
+        return np.zeros((0, size))
+    at = np.array([[x.__array_interface__["data"][0] for x in pair] for pair in parts])
+    first, steps = parts[0][0], np.diff(at[:, 0])
+    step = int(steps[0]) if len(steps) else 8 * size
+    assert (steps == step).all() and (at[:, 1] - at[:, 0] == 8 * first.size).all(), "Pinocchio's data are laid out otherwise"
+    return np.lib.stride_tricks.as_strided(first, (len(parts), size), (step, 8))

@@ -97,8 +97,8 @@ class GroundDynamics:
         self._mu = self.layout.mu
         self.at_rest = zeros(3 * k)
         held = [data for body, data in zip(bodies, self._datas, strict=True) if body.size == 6]
-        #: Velocities (v, w) of the bodies that touch at patches, views of Pinocchio's.
-        self._patches = [rows_from(x.contact1_velocity.linear, x.contact1_velocity.angular, 1, 6)[0] for x in held]
+        #: Velocities (v, w) of the bodies that touch at patches: a view of Pinocchio's.
+        self._patches = rows_from([(x.contact1_velocity.linear, x.contact1_velocity.angular) for x in held], 6)
         self._joint_forces = pin.StdVec_Force()
         for _ in range(model.njoints):
             self._joint_forces.append(pin.Force.Zero())
@@ -263,7 +263,7 @@ class GroundDynamics:
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        return all([max_abs(velocity) ** 2 * h <= _TURNS for velocity in self._patches])
+        return bool(np.vdot(self._patches, self._patches) * h <= _TURNS)
 
     def _inside(self, f: Array) -> bool:
         """Whether forces of points are in their cones; false where a force pulls."""

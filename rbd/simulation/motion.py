@@ -16,7 +16,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, generalised
-from rbd.model.state import State
+from rbd.model.state import State, state_at
 from rbd.simulation.contact_points import SLIDES, Layout, slide
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
@@ -61,7 +61,7 @@ class Motion:
             NoSolution: it is beyond the bounds of a `State`.
         """
         try:
-            return State(self.robot, q, v)
+            return state_at(self.robot, q, v)
         except InputError as error:
             raise NoSolution(
                 f"the motion of {self.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller step, and "
