@@ -84,7 +84,8 @@ def cross(a: Array, b: Array) -> Array:
 def views_of(data: pin.Data, n: int) -> tuple[Array, Array, Array]:
     """Placements, velocities and accelerations of all joints, shapes (n, 12), (n, 6), (n, 6): views that follow the data."""
     places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in range(n))], 12)
-    return places, *(rows_from([(V.linear, V.angular) for V in (of[j] for j in range(n))], 6) for of in (data.v, data.a))
+    v, a = (rows_from([(V.linear, V.angular) for V in (of[j] for j in range(n))], 6) for of in (data.v, data.a))
+    return places, v, a
 
 
 def rows_from(parts: Sequence[tuple[Array, Array]], size: int) -> Array:
