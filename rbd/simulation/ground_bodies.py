@@ -75,12 +75,6 @@ class TurnedMap:
         return out
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Products a x b of rows; NumPy's takes ten times as long."""
-    (x, y, z), (u, v, w) = a.T, b.T
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u]).T
-
-
 def views_of(data: pin.Data, n: int) -> tuple[Array, Array, Array]:
     """Placements, velocities and accelerations of all joints, shapes (n, 12), (n, 6), (n, 6): views that follow the data."""
     places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in range(n))], 12)

@@ -22,12 +22,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_matrix, is_finite, max_abs, rank_of, zeros
+from rbd.arrays import Array, cross_matrix, cross_rows, is_finite, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.contact_points import Points, Snapshot
-from rbd.simulation.ground_bodies import INDEPENDENT, Body, TurnedMap, bodies_of, cross, rows_from, views_of
+from rbd.simulation.ground_bodies import INDEPENDENT, Body, TurnedMap, bodies_of, rows_from, views_of
 from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
 
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
@@ -250,7 +250,7 @@ class GroundDynamics:
         f = answer.impulse.reshape(-1, 3) / h
         pushed = np.matvec(self._rotations(X).swapaxes(1, 2)[self._body], np.matvec(self._axes, f))
         wrenches = np.zeros((len(self._joints), 6))
-        np.add.at(wrenches, self._body, np.concatenate([pushed, cross(self._arm, pushed)], axis=1))
+        np.add.at(wrenches, self._body, np.concatenate([pushed, cross_rows(self._arm, pushed)], axis=1))
         for slot, wrench in zip(self._pushed_joints, wrenches, strict=True):
             slot.vector = wrench
         unbalanced = pin.rnea(model, data, q, v, a, forces) - applied
@@ -291,7 +291,7 @@ class GroundDynamics:
         if rows:
             motion = motion * self._turns[self._body, None]
         w = motion[:, 3:]
-        acceleration = cross(w, motion[:, :3] + cross(w, self._arm))
+        acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._arm))
         return np.matvec(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._body], acceleration).ravel()
 
     def _agrees(self, start: State) -> bool:
