@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, rank_of
 from rbd.constraints.ground_points import OnGround
-from rbd.model.state import State
+from rbd.model.checked_model import CheckedModel
 
 INDEPENDENT = 1e-6
 """Singular values below this, over the largest, are those of points on a line, or of dependent rows."""
@@ -39,16 +41,116 @@ class Body:
         return pin.RigidConstraintModel(kind, model, self.joint, place, pin.LOCAL)
 
 
-def bodies_of(grounds: Sequence[OnGround], start: State) -> list[Body]:
-    """The bodies of the points of several contacts, in the order of their joints."""
-    of: dict[int, list[tuple[int, Array]]] = {}
-    i = 0
-    for ground in grounds:
-        joint, X_JF = start.robot.site(ground.contact.frame)
-        for x in ground.local:
-            of.setdefault(joint, []).append((i, (X_JF * ground.X_FP).act(x)))
-            i += 1
-    return [Body(joint, [i for i, _ in points], np.array([x for _, x in points])) for joint, points in sorted(of.items())]
+class TouchingBodies:
+    """The bodies of contacts with ground at rest: what of them does not change with where the ground is.
+
+    Args:
+        robot: The robot.
+        grounds: The contacts.
+
+    Attributes:
+        bodies: In the order of their joints.
+        covered: Whether each can be held still, by `Body.size` rows.
+        joints: Their joints, shape (n,).
+        size: Number of all their rows.
+        of: The body of each point, shape (k,).
+        arms: Where each point is in its joint's axes, shape (k, 3) [m].
+        patches: Which bodies have six rows, shape (n,).
+        spread: Velocities of the points, in joint axes, by the bodies' (v, w), shape (k, 3, 6n).
+        of_rows: The same by velocities of the rows, shape (k, 3, rows).
+        shares: Forces of least norm at the points for forces on the rows, shape (k, 3, rows).
+        row_velocity: Velocities of the rows by the bodies' (v, w), shape (rows, 6n).
+        agrees: Whether the equations of motion were found to be those of M and h; None before they were compared.
+        spare: Workspaces that no motion uses.
+    """
+
+    def __init__(self, robot: CheckedModel, grounds: Sequence[OnGround]) -> None:
+        points: dict[int, list[tuple[int, Array]]] = {}
+        k = 0
+        for ground in grounds:
+            joint, X_JF = robot.site(ground.contact.frame)
+            for x in ground.local:
+                points.setdefault(joint, []).append((k, (X_JF * ground.X_FP).act(x)))
+                k += 1
+        self.bodies = [Body(j, [i for i, _ in of], np.array([x for _, x in of])) for j, of in sorted(points.items())]
+        self.covered = all([body.size and body.joint for body in self.bodies])
+        self.joints = np.array([body.joint for body in self.bodies])
+        n, ends = len(self.bodies), np.cumsum([body.size for body in self.bodies]).tolist()
+        self.size = ends[-1]
+        self.of, self.arms, self.patches = np.zeros(k, int), np.zeros((k, 3)), np.array([b.size == 6 for b in self.bodies])
+        self.spread, self.row_velocity = np.zeros((k, 3, 6 * n)), np.zeros((self.size, 6 * n))
+        self.of_rows, self.shares = np.zeros((k, 3, self.size)), np.zeros((k, 3, self.size))
+        for b, body in enumerate(self.bodies):
+            rows, six = slice(ends[b] - body.size, ends[b]), slice(6 * b, 6 * b + 6)
+            S = np.array([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in body.arms])
+            self.of[body.points], self.arms[body.points] = b, body.arms
+            self.spread[body.points, :, six] = S
+            if body.size:
+                own = np.eye(3)[None] if body.size == 3 else S
+                self.of_rows[body.points, :, rows] = own
+                self.shares[body.points, :, rows] = np.linalg.pinv(own.reshape(-1, body.size).T).reshape(-1, 3, body.size)
+                self.row_velocity[rows, six] = S[0] if body.size == 3 else np.eye(6)
+        self.agrees: bool | None = None
+        self.spare: list[Workspace] = []
+
+    @classmethod
+    def prepared(cls, robot: CheckedModel, grounds: Sequence[OnGround]) -> TouchingBodies:
+        """Those of a robot and its contacts: computed once, and kept while the robot is in use."""
+        known, key = _PREPARED.setdefault(robot, {}), tuple(ground.contact for ground in grounds)
+        found = known.get(key)
+        if found is None:
+            while len(known) >= _MOST_PREPARED:
+                known.pop(next(iter(known)), None)
+            found = known[key] = cls(robot, grounds)
+        return found
+
+    def workspace(self, model: pin.Model) -> Workspace:
+        """A workspace that no other motion uses."""
+        try:
+            return self.spare.pop()
+        except IndexError:
+            return Workspace(model, self.bodies)
+
+
+class Workspace:
+    """Pinocchio's data of one motion, of megabytes for a humanoid, and views of them.
+
+    Attributes:
+        data: The data.
+        models: What holds the bodies still.
+        contacts: Their data.
+        places: Placements of all joints, a view of the data: row j has R_Wj by columns, then p_Wj.
+        rates: Velocities (v, w) of all joints in their axes, likewise.
+        accelerations: Their spatial accelerations, likewise.
+        patch_rates: Velocities (v, w) of the bodies with six rows, as `pin.constraintDynamics` leaves them.
+        forces: Forces at all joints.
+        pushed: Those of the bodies.
+    """
+
+    def __init__(self, model: pin.Model, bodies: Sequence[Body]) -> None:
+        self.data, n = model.createData(), model.njoints
+        self.models, self.contacts = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+        for body in bodies:
+            self.models.append(body.pinocchio(model))
+            self.contacts.append(self.models[len(self.models) - 1].createData())
+        pin.initConstraintDynamics(model, self.data, self.models, self.contacts)
+        self.places = rows_from([(X.rotation, X.translation) for X in (self.data.oMi[j] for j in range(n))], 12)
+        self.rates, self.accelerations = (
+            rows_from([(V.linear, V.angular) for V in (of[j] for j in range(n))], 6) for of in (self.data.v, self.data.a)
+        )
+        held = [contact.contact1_velocity for body, contact in zip(bodies, self.contacts, strict=True) if body.size == 6]
+        self.patch_rates = rows_from([(V.linear, V.angular) for V in held], 6)
+        self.forces = pin.StdVec_Force()
+        for _ in range(n):
+            self.forces.append(pin.Force.Zero())
+        self.pushed = [self.forces[body.joint] for body in bodies]
+
+
+_PREPARED: WeakKeyDictionary[CheckedModel, dict[tuple[Any, ...], TouchingBodies]] = WeakKeyDictionary()
+_MOST_PREPARED = 8
+"""Sets of contacts that are kept with a robot."""
+MOST_SPARE = 2
+"""Workspaces that are kept with a set of contacts."""
 
 
 class TurnedMap:
@@ -69,17 +171,15 @@ class TurnedMap:
         of_body, e, c, self._other = np.unravel_index(used, (n, 3, 3, S.shape[2]))
         self._matrix, self._place = whole[:, used].copy(), 12 * of_body + 3 * e + c
 
+    @property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """The matrix; and of each product, which entry of R's and which of x it has."""
+        return self._matrix, self._place, self._other
+
     def __call__(self, X: Array, x: Array) -> Array:
         """Shape (p,), from the placements of the bodies and x, each one after the other."""
         out: Array = self._matrix.dot(X.take(self._place) * x.take(self._other))
         return out
-
-
-def views_of(data: pin.Data, n: int) -> tuple[Array, Array, Array]:
-    """Placements, velocities and accelerations of all joints, shapes (n, 12), (n, 6), (n, 6): views that follow the data."""
-    places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in range(n))], 12)
-    v, a = (rows_from([(V.linear, V.angular) for V in (of[j] for j in range(n))], 6) for of in (data.v, data.a))
-    return places, v, a
 
 
 def rows_from(parts: Sequence[tuple[Array, Array]], size: int) -> Array:

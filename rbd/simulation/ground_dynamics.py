@@ -17,17 +17,16 @@ other constraints than contacts with friction on ground at rest, bodies that tou
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_matrix, cross_rows, is_finite, max_abs, rank_of, zeros
+from rbd.arrays import Array, cross_rows, is_finite, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
-from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
+from rbd.simulation.bases import compiled_steps
 from rbd.simulation.contact_points import Points, Snapshot
-from rbd.simulation.ground_bodies import INDEPENDENT, Body, TurnedMap, bodies_of, rows_from, views_of
+from rbd.simulation.ground_bodies import INDEPENDENT, MOST_SPARE, TouchingBodies, TurnedMap
 from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
 
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
@@ -36,9 +35,7 @@ _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
 _TURNS = 1e-16
 """Centripetal changes of velocity in a step up to this are rounding [m/s]."""
-_SPARE: WeakKeyDictionary[CheckedModel, list[pin.Data]] = WeakKeyDictionary()
-"""Data that no motion uses: of a humanoid they are megabytes, and new ones take as long as fifty steps."""
-_MOST_SPARE = 4
+_NOTHING = zeros(0)
 
 
 class GroundDynamics:
@@ -52,61 +49,31 @@ class GroundDynamics:
         size: Number of the bodies' rows.
     """
 
-    def __init__(self, points: Points, grounds: Sequence[OnGround], bodies: Sequence[Body], start: State) -> None:
+    def __init__(self, points: Points, grounds: Sequence[OnGround], bodies: TouchingBodies, start: State) -> None:
         model = start.robot.model
-        self._points, self._model = points, model
-        self._spare = _SPARE.setdefault(start.robot, [])
-        self._data = self._spare.pop() if self._spare else model.createData()
+        self._points, self._model, self._bodies, self._kernel = points, model, bodies, compiled_steps()
         self.layout = points.layout(tuple([s.structure for s in points.sources]))  # type: ignore[attr-defined]
-        self._models, self._datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-        for body in bodies:
-            self._models.append(body.pinocchio(model))
-            self._datas.append(self._models[len(self._models) - 1].createData())
-        pin.initConstraintDynamics(model, self._data, self._models, self._datas)
+        self._workspace = space = bodies.workspace(model)
+        self._data, self._models, self._datas = space.data, space.models, space.contacts
+        self._places, self._rates, self._accelerations = space.places, space.rates, space.accelerations
         self._settings, self._factors = pin.ProximalSettings(*_SETTINGS), self._data.constraint_chol
-        #: Placements and velocities of all joints, views of the data: row j has R_Wj by columns and p_Wj, or (v, w) of joint j.
-        self._places, self._rates, self._accelerations = views_of(self._data, model.njoints)
-        self._joints = np.array([body.joint for body in bodies])
-        sizes = [body.size for body in bodies]
-        self.size = sum(sizes)
-        firsts = np.cumsum([0, *sizes]).tolist()
+        self._joints, self.size, self._row_velocity = bodies.joints, bodies.size, bodies.row_velocity
         self._target = np.zeros(self.size + model.nv)
-        k, n = len(self.layout.owners), len(bodies)
-        axes = np.concatenate([np.tile(ground.R, (len(ground.local), 1, 1)) for ground in grounds])
-        height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
-        spread, shares = np.zeros((k, 3, 6 * n)), np.zeros((k, 3, self.size))
-        of_rows, self._height, self._gaps = np.zeros((k, 3, self.size)), height, np.zeros((k, 12 * n))
-        self._row_velocity = np.zeros((self.size, 6 * n))
-        self._body, self._arm, self._axes = np.zeros(k, int), np.zeros((k, 3)), axes
-        self._turns = np.zeros(n, bool)
-        for b, body in enumerate(bodies):
-            rows, six = slice(firsts[b], firsts[b + 1]), slice(6 * b, 6 * b + 6)
-            S = np.array([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in body.arms])
-            own = np.eye(3)[None] if body.size == 3 else S
-            shares[body.points, :, rows] = np.linalg.pinv(own.reshape(-1, body.size).T).reshape(-1, 3, body.size)
-            spread[body.points, :, six], of_rows[body.points, :, rows] = S, own
-            self._row_velocity[rows, six] = S[0] if body.size == 3 else np.eye(6)
-            self._body[body.points], self._arm[body.points] = b, body.arms
-            self._turns[b] = body.size == 6
-            normals = axes[body.points, :, 2]
-            self._gaps[body.points, 12 * b : 12 * b + 9] = (body.arms[:, :, None] * normals[:, None]).reshape(-1, 9)
-            self._gaps[body.points, 12 * b + 9 : 12 * b + 12] = normals
-        self._velocity = TurnedMap(axes, self._body, spread)
-        self._forces = TurnedMap(axes, self._body, shares)
-        self._of_rows = of_rows
-        self._mu = self.layout.mu
-        self.at_rest = zeros(3 * k)
-        held = [data for body, data in zip(bodies, self._datas, strict=True) if body.size == 6]
-        #: Velocities (v, w) of the bodies that touch at patches: a view of Pinocchio's.
-        self._patches = rows_from([(x.contact1_velocity.linear, x.contact1_velocity.angular) for x in held], 6)
-        self._joint_forces = pin.StdVec_Force()
-        for _ in range(model.njoints):
-            self._joint_forces.append(pin.Force.Zero())
-        self._pushed_joints = [self._joint_forces[body.joint] for body in bodies]
+        k = len(bodies.of)
+        self._axes = axes = np.concatenate([np.tile(ground.R, (len(ground.local), 1, 1)) for ground in grounds])
+        self._height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
+        gaps = np.zeros((k, len(bodies.bodies), 12))
+        gaps[np.arange(k), bodies.of, :9] = (bodies.arms[:, :, None] * axes[:, None, :, 2]).reshape(k, 9)
+        gaps[np.arange(k), bodies.of, 9:] = axes[:, :, 2]
+        self._gaps = gaps.reshape(k, -1)
+        self._velocity = TurnedMap(axes, bodies.of, bodies.spread)
+        self._forces = TurnedMap(axes, bodies.of, bodies.shares)
+        self._mu, self.at_rest = self.layout.mu, zeros(3 * k)
 
     def __del__(self) -> None:
-        if len(self._spare) < _MOST_SPARE:
-            self._spare.append(self._data)
+        space = self.__dict__.get("_workspace")
+        if space is not None and len(self._bodies.spare) < MOST_SPARE:
+            self._bodies.spare.append(space)
 
     @classmethod
     def of(cls, points: Points, start: State) -> GroundDynamics | None:
@@ -118,8 +85,8 @@ class GroundDynamics:
             grounds += source.members
         if not grounds or not robot.sound or any(g.surface is not None or not g.contact.friction for g in grounds):
             return None
-        bodies = bodies_of(grounds, start)
-        if any(body.size not in (3, 6) for body in bodies):
+        bodies = TouchingBodies.prepared(robot, grounds)
+        if not bodies.covered or bodies.agrees is False:
             return None
         found = cls(points, grounds, bodies, start)
         return found if found._agrees(start) else None
@@ -127,10 +94,15 @@ class GroundDynamics:
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
         pin.forwardKinematics(self._model, self._data, state.q, state.v)
-        X, V = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
-        gap = self._gaps.dot(X) - self._height
+        if self._kernel is not None:
+            gap, velocity = self._kernel.points(
+                self._places, self._rates, self._joints, self._gaps, self._height, *self._velocity.parts
+            )
+        else:
+            X, V = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
+            gap, velocity = self._gaps.dot(X) - self._height, self._velocity(X, V)
         return Snapshot(
-            state, self.layout, self._velocity(X, V), gap, self.at_rest,
+            state, self.layout, velocity, gap, self.at_rest,
             lambda: [source.at(state, t) for source in self._points.sources],
         )  # fmt: skip
 
@@ -170,28 +142,39 @@ class GroundDynamics:
         a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
         if not is_finite(a):
             return None
-        X, F, W = self._places.take(self._joints, axis=0).ravel(), self._data.lambda_c, self.at_rest
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
-            W = self._rates.take(self._joints, axis=0).ravel()
-        if shift is None and (mean is not None or u is self.at_rest) and self._straight(h) and (everything or active.all()):
-            if mean is not None:
-                self._target[: self.size] = self._row_velocity.dot(W) * (-1.0 / h)
-                change = self._factors.solve(self._target)
-                F, near = F - change[: self.size], a + change[self.size :]
+        may_stick = shift is None and (mean is not None or u is self.at_rest) and (everything or active.all())
+        if may_stick and self._straight(h):
+            answer = self._sticking(a, start, h, whole=mean is not None)
+            if answer is not None:
+                return answer
+        return self._by_points(q, v, a, start, h, active, guess, law, shift, u)
+
+    def _sticking(self, a: Array, start: Array, h: float, *, whole: bool) -> VelocityAnswer | None:
+        """The step if all points stick, by their forces of least norm; None if these are not in their cones."""
+        F, kernel, change = self._data.lambda_c, self._kernel, _NOTHING
+        if whole:
+            if kernel is not None:
+                kernel.target(self._rates, self._joints, self._row_velocity, h, self._target)
             else:
-                near = a
-            f = self._forces(X, F)
-            if self._inside(f):
-                return VelocityAnswer(start + h * near, h * f, self.at_rest, 0.0, True)
-        return self._by_points(q, v, X, W, a, start, h, active, guess, law, shift, u)
+                W = self._rates.take(self._joints, axis=0).ravel()
+                self._target[: self.size] = self._row_velocity.dot(W) * (-1.0 / h)
+            change = self._factors.solve(self._target)
+        if kernel is not None:
+            inside, impulse, v = kernel.sticking(
+                self._places, self._joints, F, change, a, start, h, self._mu, *self._forces.parts
+            )
+            return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
+        if whole:
+            F, a = F - change[: self.size], a + change[self.size :]
+        f = self._forces(self._places.take(self._joints, axis=0).ravel(), F)
+        return VelocityAnswer(start + h * a, h * f, self.at_rest, 0.0, True) if self._inside(f) else None
 
     def _by_points(
         self,
         q: Array,
         v: Array,
-        X: Array,
-        W: Array,
         a: Array,
         start: Array,
         h: float,
@@ -202,6 +185,7 @@ class GroundDynamics:
         u: Array | None,
     ) -> VelocityAnswer | None:
         """The velocity problem of the active points, from the factors of the bodies."""
+        X, W = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
         P = self._points_of_rows(X)
         F, L = self._data.lambda_c, self._factors.getInverseOperationalSpaceInertiaMatrix()
         before, part = (P @ self._row_velocity.dot(W), 0.5) if u is None else (u, 1.0)
@@ -244,14 +228,14 @@ class GroundDynamics:
             h: Length of the half step [s].
             answer: The answer.
         """
-        model, data, forces = self._model, self._data, self._joint_forces
+        model, data, forces = self._model, self._data, self._workspace.forces
         pin.forwardKinematics(model, data, q, v, a)
         X, V, A = (x.take(self._joints, axis=0).ravel() for x in (self._places, self._rates, self._accelerations))
         f = answer.impulse.reshape(-1, 3) / h
-        pushed = np.matvec(self._rotations(X).swapaxes(1, 2)[self._body], np.matvec(self._axes, f))
+        pushed = np.matvec(self._rotations(X).swapaxes(1, 2)[self._bodies.of], np.matvec(self._axes, f))
         wrenches = np.zeros((len(self._joints), 6))
-        np.add.at(wrenches, self._body, np.concatenate([pushed, cross_rows(self._arm, pushed)], axis=1))
-        for slot, wrench in zip(self._pushed_joints, wrenches, strict=True):
+        np.add.at(wrenches, self._bodies.of, np.concatenate([pushed, cross_rows(self._bodies.arms, pushed)], axis=1))
+        for slot, wrench in zip(self._workspace.pushed, wrenches, strict=True):
             slot.vector = wrench
         unbalanced = pin.rnea(model, data, q, v, a, forces) - applied
         moved = (self._velocity(X, A) + self._centripetal(X, V, rows=False)) * h + u - answer.velocity
@@ -263,7 +247,7 @@ class GroundDynamics:
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        return bool(np.vdot(self._patches, self._patches) * h <= _TURNS)
+        return bool(np.vdot(self._workspace.patch_rates, self._workspace.patch_rates) * h <= _TURNS)
 
     def _inside(self, f: Array) -> bool:
         """Whether forces of points are in their cones; false where a force pulls."""
@@ -276,8 +260,8 @@ class GroundDynamics:
 
     def _points_of_rows(self, X: Array) -> Array:
         """Velocities of the points for unit velocities of the bodies' rows, shape (p, rows)."""
-        Q = self._axes.swapaxes(1, 2) @ self._rotations(X)[self._body]
-        return (Q @ self._of_rows).reshape(len(self.at_rest), self.size)
+        Q = self._axes.swapaxes(1, 2) @ self._rotations(X)[self._bodies.of]
+        return (Q @ self._bodies.of_rows).reshape(len(self.at_rest), self.size)
 
     def _centripetal(self, X: Array, V: Array, rows: bool = True) -> Array:
         """Classical accelerations of the points less those by spatial ones of their bodies, w x (v + w x r), shape (p,).
@@ -287,12 +271,12 @@ class GroundDynamics:
             V: Their velocities.
             rows: By the bodies' rows, of which those of a single point are classical already.
         """
-        motion = V.reshape(-1, 6)[self._body]
+        motion = V.reshape(-1, 6)[self._bodies.of]
         if rows:
-            motion = motion * self._turns[self._body, None]
+            motion = motion * self._bodies.patches[self._bodies.of, None]
         w = motion[:, 3:]
-        acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._arm))
-        return np.matvec(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._body], acceleration).ravel()
+        acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._bodies.arms))
+        return np.matvec(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._bodies.of], acceleration).ravel()
 
     def _agrees(self, start: State) -> bool:
         """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""
@@ -306,10 +290,13 @@ class GroundDynamics:
         size = np.sqrt(L.diagonal())
         if not (size > 0.0).all() or rank_of(L / size / size[:, None], INDEPENDENT**2) < self.size:
             return False
+        if self._bodies.agrees is not None:
+            return self._bodies.agrees
         P = self._points_of_rows(self._places.take(self._joints, axis=0).ravel())
         moving = State(start.robot, q, v)
         snapshot = self.at(moving, 0.0)
         rows = np.linalg.lstsq(P, snapshot.J, rcond=None)[0]
         off = moving.M @ a + moving.h - applied - rows.T @ data.lambda_c
         size = max(1.0, max_abs(moving.h), max_abs(data.lambda_c))
-        return max_abs(off) <= _AGREES * size and max_abs((P @ rows - snapshot.J).ravel()) <= _AGREES
+        self._bodies.agrees = max_abs(off) <= _AGREES * size and max_abs((P @ rows - snapshot.J).ravel()) <= _AGREES
+        return self._bodies.agrees

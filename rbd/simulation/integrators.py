@@ -274,7 +274,7 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
     answer, h, active = half.answer, 0.5 * half.h, half.active
     assert half.tau is not None
     speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)
-    a = (answer.v - at.state.v) / h - system.bases.spin(at.state.v)
+    a = (answer.v - system.bases.turned(at.state.v, at.state.v, h)) / h
     return Sample.of(
         t,
         at.state,

@@ -31,8 +31,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.contact_points import sources_of
-from rbd.model.chart import Bases
 from rbd.model.state import State
+from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.ground_dynamics import GroundDynamics
@@ -78,7 +78,7 @@ class StepSystem:
             return self.solved(start, h)
         part = 0.5 * h / before.h
         v, u = at.state.v, start.rates(before.active)
-        v_h = v + part * (v - before.at.state.v) + 0.5 * h * self.bases.spin(v)
+        v_h = self.bases.turned(v + part * (v - before.at.state.v), v, 0.5 * h)
         u_h = u + part * (at.velocity - before.at.velocity)
         answer = VelocityAnswer(v_h, part * before.impulse, u_h, 0.0, norms=start.norms)
         return HalfStep(start, before.active, None, answer, h, u)
@@ -140,7 +140,7 @@ class StepSystem:
         if self.ground is None or half.applied is None:
             return answer.law
         v = at.state.v
-        a = (answer.v - v) / h - self.bases.spin(v)
+        a = (answer.v - self.bases.turned(v, v, h)) / h
         return max(answer.law, self.ground.residual(at.state.q, v, half.applied, a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
@@ -180,26 +180,25 @@ class StepSystem:
         bases, start, ground = self.bases, half.start, self.ground
         t, q, v = start.t, start.at.state.q, start.at.state.v
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
-        q_m, (v, v_h) = bases.moved(q, v, 0.5 * h, (v, v_h))
+        q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
         _, applied = self.motion.applied(state, t + 0.5 * h)
         middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
-        guess, turned = before.impulse * (2.0 * h / half.h), bases.turned(v, v_h, h)
+        guess = before.impulse * (2.0 * h / half.h)
         still = self._still(u0) and self._still(before.velocity)
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
         answer = None
         if ground is not None:
-            mean = bases.turned(v, v_h, 0.5 * h)
             answer = ground.answer(
                 state.q, state.v, applied, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean
             )
         if answer is None:
             middle = middle or self.points.at(state, t + 0.5 * h)
-            begins = middle.velocity + middle.J @ (bases.turned(v, v_h, 0.5 * h) - v_h)
+            begins = middle.velocity + middle.J @ (mean - v_h)
             answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5)
-        q_end, (v_end,) = bases.moved(q_m, answer.v, 0.5 * h, (answer.v,))
+        q_end, v_end = bases.moved(state.q, answer.v, 0.5 * h)
         end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
         return WholeStep(h, end, answer, layout)
 
