@@ -208,14 +208,11 @@ class CheckedModel:
                 block /= norm
         return q
 
-    def has_state(self, q: Array, v: Array) -> bool:
+    def _has_state(self, q: Array, v: Array) -> bool:
         """Whether arrays of the right sizes are a checked configuration and velocity, to rounding: a quick test."""
-        if not (np.vdot(q, q) < FARTHEST * FARTHEST and np.vdot(v, v) < FARTHEST * FARTHEST):
+        if not (q.dot(q) < FARTHEST * FARTHEST and v.dot(v) < FARTHEST * FARTHEST):
             return False
-        for begin, end in self._unit_blocks:
-            if not abs(sum([x * x for x in q[begin:end].tolist()]) - 1.0) <= 8e-16:  # four roundings of the norm
-                return False
-        return True
+        return all([abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= 4e-16 for begin, end in self._unit_blocks])
 
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).

@@ -210,7 +210,7 @@ def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
     Raises:
         InputError: as of `State`.
     """
-    if robot.has_state(q, v):
+    if robot._has_state(q, v):
         state = State.__new__(State)
         state._begin(robot, q, v)
         return state

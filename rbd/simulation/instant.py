@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -84,8 +84,7 @@ class Instant:
         return change
 
 
-@dataclass(frozen=True, eq=False)
-class HalfStep:
+class HalfStep(NamedTuple):
     """The first half of a step.
 
     Attributes:
@@ -112,7 +111,7 @@ class HalfStep:
         if layout is at.layout:
             return PointsAtStart(self.active, self.u, at.error, self.answer)
         match, answer = PointMatching(at.layout, layout), self.answer
-        answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+        answer = answer._replace(impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
         return PointsAtStart(match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer)
 
 

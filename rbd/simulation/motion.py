@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -218,8 +218,7 @@ class Integrator(Protocol):
         """One sample at each of the times, the first at `state`."""
 
 
-@dataclass(frozen=True, eq=False)
-class StepRecord:
+class StepRecord(NamedTuple):
     """The data of a step for event detection.
 
     Attributes:

@@ -132,7 +132,7 @@ class StepSystem:
         rhs = state.M @ start + h * (applied - state.h)
         wanted = self.correction.wanted(at.layout, u, error, h)
         answer = solve_velocity(at, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=norms)
-        return answer if self.correction.feedback is None else replace(answer, velocity=answer.velocity + wanted)
+        return answer if self.correction.feedback is None else answer._replace(velocity=answer.velocity + wanted)
 
     def law_residual(self, half: HalfStep) -> float:
         """Residual of the equations of motion and the contact law of a solved half step, scaled."""
@@ -275,7 +275,7 @@ class StepSystem:
         active, velocity, _, _ = half.points_in(layout)
         if middle is not layout:
             match = PointMatching(middle, layout)
-            answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+            answer = answer._replace(impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
             # A redundant corner without load that does not move has not left.
@@ -289,7 +289,7 @@ class StepSystem:
             if answer.redundant and self.correction.bilateral:
                 end = self.correction.velocities(end, t)
                 if end.layout is layout:
-                    answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
+                    answer = answer._replace(velocity=np.where(layout.held, end.velocity, answer.velocity))
         norms, by_law, previous = answer.norms, answer.velocity, None
         if end.layout is not layout:
             match, norms = PointMatching(layout, end.layout), None

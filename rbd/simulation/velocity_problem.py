@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -51,9 +52,8 @@ _QUICK = 10
 """Iterations of Newton's method before another is tried; started from the step before it usually takes two."""
 
 
-@dataclass(frozen=True, eq=False)
-class VelocityAnswer:
-    """Velocities and impulses of a step or an impact.
+class VelocityAnswer(NamedTuple):
+    """Velocities and impulses of a step or an impact; a tuple, which is created in a third of a dataclass' time.
 
     Attributes:
         v: Velocity after it, shape (nv,).
