@@ -94,6 +94,7 @@ class HalfStep(NamedTuple):
         answer: Velocity and impulses.
         h: Length of the whole step [s].
         u: The points' velocities at its beginning.
+        turned: Velocity to which h/2 a was added.
         applied: S^T tau + tau_ext; None where the half step was extrapolated.
     """
 
@@ -103,7 +104,13 @@ class HalfStep(NamedTuple):
     answer: VelocityAnswer
     h: float
     u: Array
+    turned: Array
     applied: Array | None = None
+
+    @property
+    def a(self) -> Array:
+        """Acceleration in it, of a floating base in the base's axes, shape (nv,)."""
+        return (self.answer.v - self.turned) * (2.0 / self.h)
 
     def points_in(self, layout: Layout) -> PointsAtStart:
         """The same data for the points of another layout."""

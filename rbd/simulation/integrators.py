@@ -241,8 +241,7 @@ class TimeStepping:
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    a = (half.answer.v - system.bases.turned(state.v, state.v, 0.5 * half.h)) * (2.0 / half.h)
-    return Sample.of(half.start.t, state, a, zeros(state.robot.nu), dict, events=events)
+    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
@@ -274,11 +273,10 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
     answer, h, active = half.answer, 0.5 * half.h, half.active
     assert half.tau is not None
     speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)
-    a = (answer.v - system.bases.turned(at.state.v, at.state.v, h)) / h
     return Sample.of(
         t,
         at.state,
-        a,
+        half.a,
         half.tau,
         lambda: constraint_forces(at, least_forces(at, active, answer, h, motion.law), speed, names),
         law=system.law_residual(half),

@@ -283,6 +283,8 @@ class EventDetection:
 
     def taken(self) -> tuple[Event, ...]:
         """The events since the last call, in order of time."""
+        if not self._events:
+            return ()
         out = tuple(sorted(self._events, key=lambda e: e.t))
         self._events.clear()
         return out

@@ -78,10 +78,11 @@ class StepSystem:
             return self.solved(start, h)
         part = 0.5 * h / before.h
         v, u = at.state.v, start.rates(before.active)
-        v_h = self.bases.turned(v + part * (v - before.at.state.v), v, 0.5 * h)
+        turned = self.bases.turned(v, v, 0.5 * h)
+        v_h = turned + part * (v - before.at.state.v)
         u_h = u + part * (at.velocity - before.at.velocity)
         answer = VelocityAnswer(v_h, part * before.impulse, u_h, 0.0, norms=start.norms)
-        return HalfStep(start, before.active, None, answer, h, u)
+        return HalfStep(start, before.active, None, answer, h, u, turned)
 
     def solved(self, start: Instant, h: float, more: Array | None = None) -> HalfStep:
         """The first half of a step, solved; points in `more` are active in addition to touching ones."""
@@ -101,7 +102,7 @@ class StepSystem:
             return self._general(at, active, applied, turned, half, guess, u, at.error, shift, norms, u, 1.0)
 
         if self._still(u):
-            return HalfStep(start, active, tau, found(None, guess, start.norms), h, u, applied)
+            return HalfStep(start, active, tau, found(None, guess, start.norms), h, u, turned, applied)
         change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
         answer = found(shift, guess, start.norms)
@@ -109,7 +110,7 @@ class StepSystem:
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
                 answer = found(shift, answer.impulse, answer.norms)
-        return HalfStep(start, active, tau, answer, h, u, applied)
+        return HalfStep(start, active, tau, answer, h, u, turned, applied)
 
     def _general(
         self,
@@ -139,9 +140,7 @@ class StepSystem:
         at, answer, h = half.start.at, half.answer, 0.5 * half.h
         if self.ground is None or half.applied is None:
             return answer.law
-        v = at.state.v
-        a = (answer.v - self.bases.turned(v, v, h)) / h
-        return max(answer.law, self.ground.residual(at.state.q, v, half.applied, a, half.u, h, answer))
+        return max(answer.law, self.ground.residual(at.state.q, at.state.v, half.applied, half.a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
