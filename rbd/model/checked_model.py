@@ -213,6 +213,12 @@ class CheckedModel:
                 block /= norm
         return q
 
+    def _has_state(self, q: Array, v: Array) -> bool:
+        """Whether arrays of the right sizes are a checked configuration and velocity, to rounding: a quick test."""
+        if not (q.dot(q) < FARTHEST * FARTHEST and v.dot(v) < FARTHEST * FARTHEST):
+            return False
+        return all([abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= 4e-16 for begin, end in self._unit_blocks])
+
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).
 

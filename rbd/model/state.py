@@ -206,6 +206,19 @@ class State:
             return data.Ag.copy(), rate_bias, data.mass[0]
 
 
+def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
+    """The state at q and v as an integrator computed them: it keeps these arrays, if they are as a state's.
+
+    Raises:
+        InputError: as of `State`.
+    """
+    if robot._has_state(q, v):
+        state = State.__new__(State)
+        state._begin(robot, q, v)
+        return state
+    return State(robot, q, v)
+
+
 def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:
     """A copy of q with given values of some joints: an angle, a displacement, or the joint's part of q.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.constraints.contact_points import Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone
@@ -63,6 +63,21 @@ class Layout:
     boxed: bool
     computed: dict[object, Any] = field(default_factory=dict, repr=False)
 
+    @lazy
+    def bilateral(self) -> bool:
+        """Whether some row is bilateral."""
+        return bool(self.held.any())
+
+    @lazy
+    def everything(self) -> Array:
+        """All points: the same array for every set of all, so that it is known without a comparison, shape (k,)."""
+        return _constant(len(self.owners), True)
+
+    @lazy
+    def nothing(self) -> Array:
+        """No point, likewise."""
+        return _constant(len(self.owners), False)
+
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> Layout:
         """The stack of several sources' points."""
@@ -100,29 +115,52 @@ class Layout:
         )
 
 
+def _constant(k: int, value: bool) -> Array:
+    out = np.full(k, value)
+    out.flags.writeable = False
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All points at one state, stacked.
+    """All points at one state, stacked; Jacobians and J_dot v are computed when first asked.
 
     Attributes:
         state: The state.
         layout: The points.
-        sources: The points of each source.
-        J: Shape (p, nv).
         velocity: Shape (p,).
-        bias: Shape (p,).
         gap: Shape (k,).
         error: Position errors of bilateral rows, shape (p,).
+        measure: Gives the points of each source.
     """
 
     state: State
     layout: Layout
-    sources: tuple[Measured, ...]
-    J: Array
     velocity: Array
-    bias: Array
     gap: Array
     error: Array
+    measure: Callable[[], Sequence[Measured]] = field(repr=False)
+
+    @classmethod
+    def of(cls, state: State, layout: Layout, measured: Sequence[Measured]) -> Snapshot:
+        """The stack of the points of all sources."""
+        velocity, gap, error = (_stacked(measured, what) for what in ("velocity", "gap", "error"))
+        return cls(state, layout, velocity, gap, error, lambda: measured)
+
+    @lazy
+    def sources(self) -> tuple[Measured, ...]:
+        """The points of each source."""
+        return tuple(self.measure())
+
+    @lazy
+    def J(self) -> Array:
+        """Jacobian of all rows, shape (p, nv)."""
+        return _stacked(self.sources, "J") if self.sources else np.zeros((0, self.state.robot.nv))
+
+    @lazy
+    def bias(self) -> Array:
+        """J_dot v of all rows, shape (p,)."""
+        return _stacked(self.sources, "bias")
 
     @property
     def approach(self) -> Array:
@@ -156,23 +194,23 @@ class Points:
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state and a time [s]."""
         measured = [s.at(state, t) for s in self.sources]
-        structures = tuple([m.structure for m in measured])
+        return Snapshot.of(state, self.layout(tuple([m.structure for m in measured])), measured)
+
+    def layout(self, structures: tuple[Structure, ...]) -> Layout:
+        """The stack of the points of all sources: the same object for the same points."""
         layout = self._layouts.get(structures)
         if layout is None:
             if len(self._layouts) >= _MOST_LAYOUTS:
                 self._layouts.clear()
             layout = self._layouts[structures] = Layout.of(structures)
-        nv = state.robot.nv
-        if len(measured) == 1:
-            m = measured[0]
-            return Snapshot(state, layout, (m,), m.J, m.velocity, m.bias, m.gap, m.error)
-        if not measured:
-            none = np.zeros(0)
-            return Snapshot(state, layout, (), np.zeros((0, nv)), none, none, none, none)
-        J, velocity, bias, gap, error = (
-            np.concatenate([getattr(m, what) for m in measured]) for what in ("J", "velocity", "bias", "gap", "error")
-        )
-        return Snapshot(state, layout, tuple(measured), J, velocity, bias, gap, error)
+        return layout
+
+
+def _stacked(measured: Sequence[Measured], what: str) -> Array:
+    """One of the arrays of several sources' points, of all of them."""
+    if len(measured) == 1:
+        return np.asarray(getattr(measured[0], what))
+    return np.concatenate([getattr(m, what) for m in measured]) if measured else np.zeros(0)
 
 
 class PointMatching:
