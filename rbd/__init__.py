@@ -56,6 +56,9 @@ if _TYPE_CHECKING:
     from rbd.model.state import (
         State as State,
     )
+    from rbd.motion.motion import (
+        Motion as Motion,
+    )
     from rbd.problem.ground import (
         Body as Body,
         Ground as Ground,
@@ -115,6 +118,7 @@ _NAMES = {
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
+    "rbd.motion.motion": "Motion",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",

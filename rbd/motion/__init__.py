@@ -1,0 +1,11 @@
+"""Reference motions: read, made, edited and differentiated."""
+
+from rbd.modules import submodule as _submodule
+from rbd.motion.derivation import Derivation, derivatives
+from rbd.motion.motion import Motion
+
+__all__ = ["Derivation", "Motion", "derivatives"]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)
