@@ -43,6 +43,9 @@ if _TYPE_CHECKING:
         solve as solve,
         solve_problem as solve_problem,
     )
+    from rbd.many.solving import (
+        solve_many as solve_many,
+    )
     from rbd.mechanism.pose_search import (
         find_pose as find_pose,
     )
@@ -110,6 +113,7 @@ _NAMES = {
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
+    "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",

@@ -20,7 +20,7 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
-    [("solution", "answer and proof"), ("least_constraint", "solve")],
+    [("solution", "answer and proof"), ("least_constraint", "solve"), ("many", "solve_many")],
     [
         ("statics", "hold, least effort"),
         ("mechanism", "assemble, trace,\nmobility"),

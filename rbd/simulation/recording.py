@@ -11,6 +11,7 @@ If the shortest f with J^T f = g is in the cones, it is the answer. Else `Soluti
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, is_finite, max_abs
+from rbd.arrays import Array, cross_rows, is_finite, max_abs
 from rbd.constraints.contact_points import Measured, Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
@@ -268,7 +269,8 @@ def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Seq
     return {name: out.get(name, ConstraintForce(np.zeros(0), OPEN)) for name in names}
 
 
-def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
+@lru_cache(maxsize=256)
+def _groups(structure: Structure) -> tuple[tuple[str, slice, slice], ...]:
     """(constraint, its points, its rows) of a source's points; those of one constraint are adjacent."""
     out: list[tuple[str, slice, slice]] = []
     point = row = 0
@@ -276,7 +278,7 @@ def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
         widths = [width for _, width in members]
         out.append((owner, slice(point, point + len(widths)), slice(row, row + sum(widths))))
         point, row = point + len(widths), row + sum(widths)
-    return out
+    return tuple(out)
 
 
 def _force_of(measured: Measured, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
@@ -306,5 +308,5 @@ def _force_of(measured: Measured, force: Array, speed: Array, at: slice, row: sl
     if measured.to_world is None:
         resultant = pushed.sum(axis=0)
         if measured.arms is not None:
-            resultant = np.concatenate([resultant, np.cross(measured.arms[at], pushed).sum(axis=0)])
+            resultant = np.concatenate([resultant, cross_rows(measured.arms[at], pushed).sum(axis=0)])
     return ConstraintForce(resultant, mode, points, pushed)

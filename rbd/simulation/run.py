@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import as_float, max_abs
+from rbd.arrays import as_float, is_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import Controller, ExternalAt
@@ -177,7 +177,7 @@ def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Tra
 
 def _check(sample: Sample) -> None:
     """Refuse an acceleration that is not finite; q and v were checked by their State."""
-    if not math.isfinite(max_abs(sample.a)) or np.isnan(sample.a).any():
+    if not is_finite(sample.a):
         raise NoSolution(f"the acceleration at t = {sample.t:.6g} s is not finite.")
 
 

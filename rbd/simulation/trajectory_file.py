@@ -25,13 +25,13 @@ from numpy.lib import format as npy
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.output_files import write_file
+from rbd.modules import xarray_or_error
 
 if TYPE_CHECKING:
     import xarray
 
 FORMAT, VERSION = "rbd trajectory", 1
 HEADER = "header"
-EXTRA = "Install the extra: pip install 'rbd-contact[study]'"
 FREE, TIMES = 16_000_000, 64
 """Limit of the unpacked bytes: a constant, and a multiple of the file's size; real motions do not compress further."""
 OBJECTS = 100_000
@@ -138,19 +138,6 @@ def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:
     if not isinstance(text, str):
         raise InputError(_foreign(path, f"it holds {', '.join(sorted(map(str, dataset.variables)))[:200]}"))
     return _header(path, text, len(data)), dataset
-
-
-def xarray_or_error() -> Any:
-    """The module xarray.
-
-    Raises:
-        InputError: if it is not installed; names the extra.
-    """
-    try:
-        import xarray
-    except ImportError as error:
-        raise InputError(f"xarray is not installed here, and this needs it. {EXTRA}") from error
-    return xarray
 
 
 def as_json(header: Mapping[str, Any]) -> str:
