@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pinocchio as pin
@@ -267,3 +268,23 @@ def test_a_ball_rolls_off_as_by_the_general_way():
             now = stepping.step(stepping.solved(now, H), now.t + H).end
         ends.append(now)
     assert close(ends[0].at.state.q, ends[1].at.state.q) and close(ends[0].at.state.v, ends[1].at.state.v)
+
+
+def test_motions_side_by_side_and_one_after_another_do_not_touch_each_other():
+    """Pinocchio's data of one motion serve the next; motions at the same time have their own. The same bits each time."""
+    robot = rbd.load_robot("solo12")
+    feet = robot.feet(0.7)
+    tau = rbd.hold(robot.standing(), feet).tau
+
+    def run(seed: int) -> np.ndarray:
+        v = 0.05 * np.random.default_rng(seed).normal(size=robot.nv)
+        start = robot.standing().with_velocity(v)
+        found = rbd.simulate(start, feet, duration=0.03, step=H, controller=lambda s, t: tau - 0.5 * s.v[6:], progress=False)
+        return np.concatenate([found.q.ravel(), found.v.ravel(), found.residuals["law"]])
+
+    alone = [run(seed) for seed in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(run, [0, 1, 2, 3] * 2))
+    for k, found in enumerate(together):
+        np.testing.assert_array_equal(found, alone[k % 4])
+    assert not np.array_equal(alone[0], alone[1])
