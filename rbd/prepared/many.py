@@ -15,7 +15,7 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
-from rbd.prepared.contact_dynamics import EXACT, MOST, ContactDynamics, keep
+from rbd.prepared.contact_dynamics import EXACT, MOST, MOST_BODIES, ContactDynamics, keep
 from rbd.prepared.point_law import LEAST_PUSH
 from rbd.prepared.sites import Site, covered
 from rbd.problem.answer import CARRIES_NOTHING_N
@@ -282,6 +282,16 @@ def prepared_blocks(robot: CheckedModel, contacts: tuple[object, ...]) -> Contac
     made = None
     if covered(robot, contacts):
         own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
-        made = ContactBlocks(BlockBodies(robot, [Site.of(robot, contact) for contact in own]), own)
+        made = ContactBlocks(_bodies(robot, [Site.of(robot, contact) for contact in own]), own)
     keep(kept, key, made, MOST)
     return made
+
+
+def _bodies(robot: CheckedModel, sites: list[Site]) -> BlockBodies:
+    """Bodies in contact, kept by the values of their sites: contacts are often made anew."""
+    key, kept = (BlockBodies, *[site.key for site in sites]), robot.kept_bodies
+    found: BlockBodies | None = kept.get(key)
+    if found is None:
+        found = BlockBodies(robot, sites)
+        keep(kept, key, found, MOST_BODIES)
+    return found
