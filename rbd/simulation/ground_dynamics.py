@@ -31,6 +31,8 @@ from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_ro
 
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: one, without regularisation, is exact where rows are independent."""
+_DEPENDENT = 1e-9
+"""Pivots of the bodies' rows below this, over the largest: rows that may be dependent go the general way."""
 _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
 _STANDS = 1e-15
@@ -155,7 +157,8 @@ class GroundDynamics:
         if not everything and not active.any():
             return self._free(q, v, applied, start, h)
         a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
-        if not is_finite(a):
+        pivots = self._factors.D[: self.size]  # all are negative
+        if not (is_finite(a) and pivots[pivots.argmax()] < _DEPENDENT * pivots[pivots.argmin()]):
             return None
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
