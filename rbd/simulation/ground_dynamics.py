@@ -16,6 +16,7 @@ other constraints than contacts with friction on ground at rest, bodies that tou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,6 +32,8 @@ from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_ro
 
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: one, without regularisation, is exact where rows are independent."""
+_DEPENDENT = 1e-9
+"""Pivots of the bodies' rows below this, over the largest: rows that may be dependent go the general way."""
 _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
 _STANDS = 1e-15
@@ -155,7 +158,8 @@ class GroundDynamics:
         if not everything and not active.any():
             return self._free(q, v, applied, start, h)
         a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
-        if not is_finite(a):
+        pivots = self._factors.D[: self.size]  # all are negative
+        if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < _DEPENDENT * pivots[pivots.argmin()]):
             return None
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
@@ -262,7 +266,8 @@ class GroundDynamics:
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        return bool(np.vdot(self._workspace.patch_rates, self._workspace.patch_rates) * h <= _TURNS)
+        rates = self._workspace.patch_rates
+        return not len(rates) or bool(np.vdot(rates, rates) * h <= _TURNS)
 
     def _inside(self, f: Array) -> bool:
         """Whether forces of points are in their cones; false where a force pulls."""

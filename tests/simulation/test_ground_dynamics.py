@@ -13,6 +13,7 @@ from contact_cases import sole
 from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
+from rbd.simulation import ground_dynamics
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
@@ -225,6 +226,21 @@ def test_what_is_not_covered_steps_the_general_way():
         stepping = StepSystem(Motion(start.robot, (constraint,)), start, impact_speed=1e-3, impacts=20, extrapolate=False)
         assert stepping.ground is None, constraint.name
     assert GroundDynamics.of(system(*tumbling(0)).points, state) is not None
+
+
+def test_dependent_rows_step_the_general_way(monkeypatch):
+    """Where pivots say that the bodies' rows may depend on each other, a step is solved by M, h and J."""
+    motion, state = standing(rbd.load_robot("talos"), 0.7, 3)
+    fast = system(motion, state)
+    now = fast.begin(state, 0.0).end
+    known = fast.solved(now, H)
+    asked: list[int] = []
+    general = StepSystem._general
+    monkeypatch.setattr(StepSystem, "_general", lambda self, *given: asked.append(1) or general(self, *given))
+    fast.solved(now, H)
+    assert not asked
+    monkeypatch.setattr(ground_dynamics, "_DEPENDENT", 1.0)
+    assert close(fast.solved(now, H).answer.v, known.answer.v) and asked
 
 
 def test_memory_does_not_grow_with_steps():
