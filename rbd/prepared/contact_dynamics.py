@@ -19,10 +19,10 @@ from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.contact_bodies import ContactBodies
-from rbd.prepared.point_law import law_residual
 from rbd.prepared.sites import Site, covered
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.contact_newton import ContactNewton
+from rbd.solvers.point_law import law_residual
 
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
@@ -164,7 +164,9 @@ class ContactDynamics:
             return None
         bodies = self.bodies
         mobility = bodies.mobility()
-        found = self._newton.forces(mobility, -mobility.dot(held), self._least_norm.dot(held), coulomb=coulomb)
+        free, start = -mobility.dot(held), self._least_norm.dot(held)
+        newton = self._newton
+        found = newton.gauss_first(mobility, free, start) if coulomb else newton.forces(mobility, free, start, coulomb=False)
         if not found.merit <= EXACT:
             return None
         forces, w = found.wrench, found.weights

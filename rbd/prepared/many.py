@@ -1,6 +1,6 @@
 """Prepared contacts at many states: Pinocchio's contact dynamics a state, everything else in array operations over blocks.
 
-What is found at a state, and what judges it, is that of `rbd.prepared.contact_dynamics` and `rbd.prepared.point_law`: the
+What is found at a state, and what judges it, is that of `rbd.prepared.contact_dynamics` and `rbd.solvers.point_law`: the
 accelerations that hold all contact bodies, the corner forces of minimum norm where these are in their cones, else Newton's
 method on the few rows of the bodies; then `pin.rnea`, and the accelerations of the bodies that it leaves.
 """
@@ -16,13 +16,13 @@ from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
 from rbd.prepared.contact_dynamics import EXACT, MOST, MOST_BODIES, ContactDynamics, keep
-from rbd.prepared.point_law import LEAST_PUSH
 from rbd.prepared.sites import Site, covered
 from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.cones import WrenchCone
 from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.contact_newton import ContactNewton
+from rbd.solvers.point_law import LEAST_PUSH
 
 BLOCK = 512
 """States whose working arrays are in memory at a time; of two soles on a Talos 1.5 MB."""
@@ -174,18 +174,21 @@ class ContactBlocks(ContactDynamics):
             return False
         mobility, start = self.bodies.mobility(), self._least_norm.dot(f)
         free = -mobility.dot(f)
-        found = newton.forces(mobility, free, start, coulomb=coulomb)
-        if not found.merit <= EXACT:  # most get there from the other law's forces, at a tenth of what the general way costs
-            other = newton.forces(mobility, free, start, coulomb=not coulomb)
-            found = newton.forces(mobility, free, other.weights, coulomb=coulomb)
-            if not found.merit <= EXACT:
-                return False
+        if coulomb:
+            found = newton.gauss_first(mobility, free, start)
+        else:
+            found = newton.forces(mobility, free, start, coulomb=False)
+            if not found.merit <= EXACT:  # most get there from Coulomb's forces, at a tenth of what the general way costs
+                other = newton.forces(mobility, free, start, coulomb=True)
+                found = newton.forces(mobility, free, other.weights, coulomb=False)
+        if not found.merit <= EXACT:
+            return False
         a += self.bodies.moved(mobility.dot(found.wrench - f))
         f[:], w[:] = found.wrench, found.weights
         return True
 
     def _residuals(self, left: Array, c: Array, f: Array, w: Array, mu: Array, coulomb: bool) -> dict[str, Array]:
-        """Upper bounds of the scaled residuals, as `rbd.prepared.point_law` has them."""
+        """Upper bounds of the scaled residuals, as `rbd.solvers.point_law` has them."""
         n, T, turned = len(left), self.force_set, np.ascontiguousarray
         # States along the last axis: maxima are four times as fast.
         out = {"stationarity": np.abs(turned(left.T)).max(axis=0)}

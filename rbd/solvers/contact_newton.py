@@ -20,6 +20,7 @@ from rbd.arrays import Array, is_finite, max_abs, zeros
 from rbd.solvers import compiled as _compiled_code
 from rbd.solvers.newton import FOUND, Order, Scaled, leaves_motion_open, plain_steps_from, settled
 from rbd.solvers.pinocchio_admm import admm
+from rbd.solvers.point_law import law_residual
 
 _ALL = 12
 """Up to this number of points, all are taken into account from the start."""
@@ -32,6 +33,11 @@ _NEAR = 1e-11
 _STEP = 0.3
 """Its step size, for a scaled D."""
 _SMALL = 1e-200
+_STILL, _NEARLY = 1e-12, 1e-6
+"""Accelerations of loaded points that count as zero, over the largest of the bodies without forces; in between: undecided.
+
+Near the last forces that hold a body Newton's method leaves 1e-9 m/s2 of nothing; beyond them the body may slide at 1 m/s2.
+"""
 
 
 class ContactForces(NamedTuple):
@@ -65,6 +71,7 @@ class ContactNewton:
 
     def __init__(self, P: Array, mu: Array) -> None:
         self.P, self.mu = np.array(P, dtype=float), np.array(mu, dtype=float)
+        self._pull = np.ascontiguousarray(self.P.T)
         k = len(self.mu)
         self._order = Order(None, 0, zeros(0), zeros(0), self.mu, 1 / (1 + self.mu**2), 3 * np.arange(k), np.full(k, 3))
         self._compiled: _Compiled | None = None
@@ -79,11 +86,43 @@ class ContactNewton:
             coulomb: Coulomb's law; else the convex one.
             compiled: Whether compiled code is used; None: where it is installed, see `rbd.solvers.compiled`.
         """
+        run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
         if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():
             if self._compiled is None:
                 self._compiled = _Compiled(self.P, self.mu)
-            return self._compiled.forces(D, c, start, coulomb)
-        return self._plain(D, c, start, coulomb)
+            run = self._compiled.forces
+        return run(D, c, start, coulomb)
+
+    def gauss_first(self, D: Array, c: Array, start: Array) -> ContactForces:
+        """Forces of Coulomb's law: those of the convex law where they obey Coulomb's too.
+
+        Loaded points then keep still, though some could slip as well. Where it cannot be decided, the merit is infinite.
+
+        Args:
+            D: As in `forces`.
+            c: As in `forces`.
+            start: As in `forces`.
+        """
+        gauss = self.forces(D, c, start, coulomb=False)
+        far = self._from_coulomb(D, c, gauss)
+        if far <= _STILL:
+            return gauss
+        if far <= _NEARLY:
+            return gauss._replace(merit=math.inf)
+        found = self.forces(D, c, start, coulomb=True)
+        if not found.merit <= FOUND:
+            found = self.forces(D, c, gauss.weights, coulomb=True)
+        return found._replace(steps=found.steps + gauss.steps)
+
+    def _from_coulomb(self, D: Array, c: Array, gauss: ContactForces) -> float:
+        """How far forces of the convex law are from Coulomb's: loaded points that do not keep still."""
+        if not gauss.merit <= FOUND:
+            return math.inf
+        rate, push = max_abs(c), max_abs(gauss.weights)
+        if not rate > 0.0 or not push > 0.0:
+            return 0.0
+        y = (D @ gauss.wrench + c) / rate
+        return law_residual(self._pull, y, gauss.weights / push, self.mu, coulomb=True)
 
     def _plain(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
         P = self.P
