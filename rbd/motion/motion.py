@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +14,12 @@ from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.motion.derivation import Derivation, checked_times, derivative, derivatives, method_of, unit_blocks
+from rbd.motion.derivation import NEARLY_UNIT, Derivation, checked_times, derivative, derivatives, method_of, unit_blocks
+from rbd.motion.reading import read_frames
 
 if TYPE_CHECKING:
     from rbd.simulation.trajectory import Trajectory
 
-NEARLY_UNIT = 1e-3
-"""Quaternions off the unit sphere by up to this are normalised, as rounded decimals leave them; beyond it, refused."""
 EXACT = 1e-12
 
 
@@ -120,6 +121,59 @@ class Motion:
         if not abs(height) < 1e5:
             raise InputError(f"ground is {ground!r:.80}; expected a height [m].")
         return cls(robot, t, q, v, a, str(source), tuple(said), how, None, height)
+
+    @classmethod
+    def read(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        robot: CheckedModel | str | os.PathLike[str] | None = None,
+        rate: float | None = None,
+        quaternion: str | None = None,
+        joints: Sequence[str] | None = None,
+        units: str | None = None,
+        window: float = 0.2,
+        order: int = 3,
+        cutoff: float | None = None,
+        ground: float | None = None,
+        progress: bool = True,
+    ) -> Motion:
+        """The motion of a file; whatever had to be guessed is in its notes.
+
+        - A table of text without a header (.csv, any other suffix): root x y z [m], quaternion, joints in the order of the
+          robot's own file, or of a format known by its number of columns, with times [s] in front or without.
+        - The same with names in a header: t, root_x, root_y, root_z, root_qx, ..., root_qw, and joints, in any order.
+        - .npz with `fps`, `joint_pos`, `body_pos_w`, `body_quat_w`: the order of its joints is tried and proved by forward
+          kinematics, to a millimetre, or refused.
+        - .npz with `q` and `t`, and `v`, `a`; of `Motion.save`; and trajectories of `rbd`, .npz or .nc.
+
+        Pickles are never read.
+
+        Args:
+            path: The file.
+            robot: The robot, or a name or file for `rbd.load_robot`; files of `save` name theirs.
+            rate: Frames a second, of a file without times; else of its name ("walk_30hz.csv").
+            quaternion: "xyzw" or "wxyz"; by default that in which the base stays upright, in an .npz of bodies "wxyz".
+            joints: Names of the joints of the columns, in order, without those of a base.
+            units: "rad" or "deg" of the joints' angles; by default radians, where they can be.
+            window: Length of the windows that v and a are computed in [s].
+            order: Order of the polynomials in them.
+            cutoff: Frequency of a low-pass in place of window and order [Hz].
+            ground: Height of the floor [m]; by default 0, or that of the file.
+            progress: Show a bar on a terminal where reading takes long.
+
+        Raises:
+            InputError: no such file, or one that holds no motion of this robot: names line and column, or array and frame.
+            ModelError: the robot's own file is missing or broken.
+
+        >>> motion = rbd.Motion.read("dance.csv", robot="g1", rate=60)
+        """
+        found = read_frames(path, robot, rate=rate, quaternion=quaternion, joints=joints, units=units, progress=progress)
+        height = found.ground if ground is None else ground
+        given: dict[str, Any] = {"source": Path(path).name, "notes": found.notes, "noise": found.noise, "ground": height}
+        settings: dict[str, Any] = {"window": window, "order": order, "cutoff": cutoff}
+        out = cls.of_arrays(found.robot, found.t, found.q, found.v, found.a, **given, **settings)
+        return out if found.derivation is None else replace(out, derivation=found.derivation)
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory) -> Motion:
