@@ -47,7 +47,8 @@ def xarray_or_error() -> Any:
         InputError: if it is not installed; names the extra.
     """
     try:
-        return import_module("xarray")
+        import xarray
     except ImportError as error:
         told = "Install the extra: pip install 'rbd-contact[study]'"
         raise InputError(f"xarray is not installed here, and this needs it. {told}") from error
+    return xarray

@@ -23,6 +23,7 @@ import argparse
 import json
 import subprocess
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import cache
@@ -91,10 +92,16 @@ OTHERS: dict[str, tuple[str, Callable[[], list[Row]]]] = {
 """Groups with a table of their own: {group: (title, rows)}."""
 
 
-def measured(groups: Sequence[str]) -> dict[str, list[Row]]:
-    """{group: its rows}, in the order of the tables."""
+def measured(groups: Sequence[str]) -> tuple[dict[str, list[Row]], list[str]]:
+    """({group: its rows} in the order of the tables, what failed); a group that fails does not end the others."""
     makers = ASKED | {name: rows for name, (_, rows) in OTHERS.items()}
-    return {name: rows() for name, rows in makers.items() if name in groups}
+    found, failed = {}, []
+    for name in [name for name in makers if name in groups]:
+        try:
+            found[name] = makers[name]()
+        except Exception:
+            failed.append(f"{name}: {traceback.format_exc(limit=-2)}")
+    return found, failed
 
 
 def show(console: Console, found: dict[str, list[Row]]) -> None:
@@ -129,10 +136,12 @@ def main() -> None:
         if given.write:
             bench_pages.design(TOP / "docs" / "design" / "speed.md", parts)
         return
-    found = measured(given.rows)
+    found, failed = measured(given.rows)
+    if failed:
+        print(*failed, sep="\n", file=sys.stderr)
     if given.json:
         print(json.dumps({name: [asdict(row) for row in rows] for name, rows in found.items()}))
-        return
+        sys.exit(len(failed))
     console.print(", ".join(f"{name} {version}" for name, version in versions().items()))
     show(console, found)
     if "peers" in given.rows:
@@ -144,6 +153,7 @@ def main() -> None:
     console.print("measured in {:.0f} min {:.0f} s; median processor times".format(*divmod(time.perf_counter() - start, 60.0)))
     if given.write:
         bench_pages.readme(TOP / "README.md", found, errors)
+    sys.exit(len(failed))
 
 
 if __name__ == "__main__":

@@ -35,7 +35,9 @@ PARTS = {
     "rbd/problem/scales.py": "certificate",
     "rbd/problem/law_distance.py": "certificate",
     "rbd/prepared/": "prepared form: the order of the call",
+    "rbd/solvers/point_law": "certificate: law of the points",
     "rbd/solvers/": "law: Newton's method, or QP",
+    "rbd/many/": "many states",
     "rbd/solution.py": "record",
     "rbd/problem/answer.py": "record",
     "rbd/least_constraint.py": "rbd.solve: finding the prepared form, warnings",
@@ -63,8 +65,6 @@ FUNCTIONS = {
     "stationarity": "certificate: forces onto the bodies, residual of rnea",
     "_terms": "certificate: forces onto the bodies, residual of rnea",
     "row_accelerations": "certificate: row accelerations from the bodies'",
-    "law_residual": "certificate: law of the points",
-    "plain": "certificate: law of the points",
     "touches": "gaps of the contacts",
 }
 """{function of `rbd/prepared`: part}, before `PARTS`."""

@@ -193,26 +193,51 @@ def friction_in_newtons_method(patch: pytest.MonkeyPatch, form: ContactDynamics)
     patch.setattr(form, "_newton", type(form._newton)(form.G, 1.01 * form.force_set.mu))
 
 
+class _Changed:
+    """Newton's method whose results are changed."""
+
+    def __init__(self, newton, change: Callable) -> None:
+        self.newton, self.change = newton, change
+
+    def forces(self, *args, coulomb: bool):
+        return self.change(self.newton.forces(*args, coulomb=coulomb))
+
+    def gauss_first(self, *args):
+        return self.change(self.newton.gauss_first(*args))
+
+
+class _OtherLaw:
+    """Newton's method that takes the one law for the other."""
+
+    def __init__(self, newton) -> None:
+        self.newton = newton
+
+    def forces(self, *args, coulomb: bool):
+        return self.newton.forces(*args, coulomb=not coulomb)
+
+    def gauss_first(self, *args):
+        return self.forces(*args, coulomb=True)
+
+
 def the_other_law(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """Newton's method is asked for the other law."""
-    right = form._newton.forces
-    patch.setattr(form._newton, "forces", lambda *args, coulomb: right(*args, coulomb=not coulomb))
+    patch.setattr(form, "_newton", _OtherLaw(form._newton))
 
 
 def newtons_forces_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """Newton's result is that of another state."""
     last = []
 
-    def stale(found, *_):
+    def stale(found):
         last.append(found)
         return last[-2] if len(last) > 1 else found._replace(wrench=2.0 * found.wrench, weights=2.0 * found.weights)
 
-    _after(patch, form._newton, "forces", stale)
+    patch.setattr(form, "_newton", _Changed(form._newton, stale))
 
 
 def weights_that_are_not_of_the_wrench(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """Newton's weights are doubled, the wrench is not."""
-    _after(patch, form._newton, "forces", lambda found, *_: found._replace(weights=2.0 * found.weights))
+    patch.setattr(form, "_newton", _Changed(form._newton, lambda found: found._replace(weights=2.0 * found.weights)))
 
 
 def friction_of_the_set_before(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:

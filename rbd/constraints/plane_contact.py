@@ -12,6 +12,7 @@ For a corner c is zero, and the last term makes the acceleration classical; of r
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,33 @@ from rbd.model.checked_model import CheckedModel
 
 _CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9)
 """Maps w in a row to [w]_x, row by row."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """The points near the plane at a configuration: after an impact only velocities are others.
+
+    Attributes:
+        q: The configuration, shape (nq,).
+        margin: Height up to which points are near [m].
+        R: R_WJ of the bodies, shape (bodies, 3, 3).
+        up: Normal of the plane in their axes, shape (bodies, 3).
+        numbers: Of the points, shape (k,).
+        body: Body of each, shape (k,).
+        P: In W, shape (k, 3) [m].
+        gaps: Shape (k,) [m].
+        J: Shape (3k, nv).
+    """
+
+    q: Array
+    margin: float
+    R: Array
+    up: Array
+    numbers: Array
+    body: Array
+    P: Array
+    gaps: Array
+    J: Array
 
 
 class OnPlane:
@@ -51,6 +79,7 @@ class OnPlane:
 
     def _prepare(self) -> None:
         self._data = self.model.createData()
+        self._here: _Near | None = None
         placements = [self._data.oMi[joint] for joint in self.joints]
         # Views, which follow the data.
         self._rotations = [X.rotation for X in placements]
@@ -71,40 +100,49 @@ class OnPlane:
             v: Velocity, shape (nv,).
             margin: [m].
         """
-        data, moves = self._data, bool(v.any())
+        data, moves, nv = self._data, bool(v.any()), len(v)
         if moves:
             pin.computeJointJacobiansTimeVariation(self.model, data, q, v)
         else:
             pin.computeJointJacobians(self.model, data, q)
+        here = self._here
+        if here is None or here.margin != margin or not np.array_equal(here.q, q):
+            here = self._here = self._near(q, margin, nv)
+        numbers, body, P = here.numbers, here.body, here.P
+        k = len(numbers)
+        if not k:
+            return None
+        velocity, bias = np.zeros(3 * k), np.zeros(3 * k)
+        if moves:
+            rates, turning = self._rates(data.J.reshape(6, nv), data.dJ.reshape(6, nv), v)
+            both = np.vecdot(rates[:, :, :3].take(body, axis=0), P[:, None, :]) + rates[:, :, 3].take(body, axis=0)
+            velocity, bias = both[:, :3].reshape(3 * k), both[:, 3:].reshape(3 * k)
+            if self.points.has_rounds:
+                w = turning @ self.axes[:, 2]  # w x n of each body
+                at, over = self.points.wander(numbers, here.up, np.matmul(-w[:, None, :], here.R)[:, 0])
+                of = body.take(at)
+                spin = self.axes.T @ (turning.take(of, axis=0) @ here.R.take(of, axis=0))
+                bias.reshape(k, 3)[at] += np.vecdot(spin, over.T[:, None, :])
+        return Touching(numbers, self.label, P, self.axes, here.gaps, here.J, velocity, bias)
+
+    def _near(self, q: Array, margin: float, nv: int) -> _Near:
+        """The points near the plane at the configuration of the data."""
         R = np.concatenate(self._rotations).reshape(-1, 3, 3)
         p = np.concatenate(self._translations).reshape(-1, 3)
         n = self.axes[:, 2]
         up = n @ R
         numbers, local, gaps = self.points.at(up, p @ n - self.height, margin)
-        k, nv = len(numbers), len(v)
-        if not k:
-            return None
-        body = self.points.body.take(numbers)
+        k, body = len(numbers), self.points.body.take(numbers)
         P = np.vecdot(R.take(body, axis=0), local.T[:, None, :]) + p.take(body, axis=0)
         A = np.empty((k, 3, 6))
         A[:, :, :3] = self.axes.T
         A[:, :, 3:] = (P @ self._turn).reshape(k, 3, 3)
-        J_W = data.J.reshape(6, nv)
-        J = A.reshape(3 * k, 6) @ J_W
+        J = A.reshape(3 * k, 6) @ self._data.J.reshape(6, nv)
         by_point = J.reshape(k, 3, nv)
         by_point *= self._carries.take(body, axis=0)[:, None, :]
-        velocity, bias = np.zeros(3 * k), np.zeros(3 * k)
-        if moves:
-            rates, turning = self._rates(J_W, data.dJ.reshape(6, nv), v)
-            both = np.vecdot(rates[:, :, :3].take(body, axis=0), P[:, None, :]) + rates[:, :, 3].take(body, axis=0)
-            velocity, bias = both[:, :3].reshape(3 * k), both[:, 3:].reshape(3 * k)
-            if self.points.has_rounds:
-                w = turning @ n  # w x n of each body
-                at, over = self.points.wander(numbers, up, np.matmul(-w[:, None, :], R)[:, 0])
-                of = body.take(at)
-                spin = self.axes.T @ (turning.take(of, axis=0) @ R.take(of, axis=0))
-                bias.reshape(k, 3)[at] += np.vecdot(spin, over.T[:, None, :])
-        return Touching(numbers, self.label, P, self.axes, gaps, J, velocity, bias)
+        for array in (P, gaps, J):  # shared by all velocities
+            array.flags.writeable = False
+        return _Near(q.copy(), margin, R, up, numbers, body, P, gaps, J)
 
     def _rates(self, J_W: Array, dJ_W: Array, v: Array) -> tuple[Array, Array]:
         """(velocity and J_dot v of points fixed to each body, (bodies, 6, 4); [w]_x of each, (bodies, 3, 3)).

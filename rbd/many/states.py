@@ -22,6 +22,10 @@ ManyExternal: TypeAlias = Array | Sequence[Any] | ExternalForce | None
 """Generalised forces (nv,) or (n, nv), or `ExternalForce`s that act at every state."""
 
 
+_KEPT = 64
+"""Sets of contacts with other friction that are kept."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ManyStates:
     """n states of one robot, and what acts at each.
@@ -47,7 +51,7 @@ class ManyStates:
     external: tuple[ExternalForce, ...] | Array | None
     friction: Mapping[str, Array]
     refused: Mapping[int, str]
-    _last: list[tuple[tuple[float, ...], tuple[Constraint, ...]]] = field(default_factory=lambda: [((), ())], repr=False)
+    _made: dict[tuple[float, ...], tuple[Constraint, ...]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -120,11 +124,12 @@ class ManyStates:
         if not self.friction:
             return self.constraints
         mu = tuple([float(table[i]) for table in self.friction.values()])
-        known, found = self._last[0]
-        if known != mu:
+        found = self._made.get(mu)
+        if found is None:
             by_name = dict(zip(self.friction, mu, strict=True))
             found = tuple([with_friction(c, by_name[c.name]) if c.name in by_name else c for c in self.constraints])
-            self._last[0] = mu, found
+            if len(self._made) < _KEPT:  # sweeps repeat them
+                self._made[mu] = found
         return found
 
     def __repr__(self) -> str:

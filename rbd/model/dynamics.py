@@ -71,6 +71,8 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         if pushes:
             raise InputError(f"external mixes ExternalForce with something else; {_WANTED}")
         return _generalised_force(state, external)
+    if not pushes:
+        return np.zeros(robot.nv), np.zeros(6)
     tau_ext, wrench, com = np.zeros(robot.nv), [0.0] * 6, state.com.tolist()
     for push in pushes:
         at = state.frame(push.frame, push.offset)

@@ -6,10 +6,21 @@ from rbd.motion.checking import check_motion
 from rbd.motion.contact_detection import find_contacts
 from rbd.motion.derivation import Derivation, derivatives
 from rbd.motion.lanes import Lanes
+from rbd.motion.making import minimum_jerk
 from rbd.motion.motion import Motion
 from rbd.motion.report import MotionReport
 
-__all__ = ["CAUSES", "Derivation", "Lanes", "Motion", "MotionReport", "check_motion", "derivatives", "find_contacts"]
+__all__ = [
+    "CAUSES",
+    "Derivation",
+    "Lanes",
+    "Motion",
+    "MotionReport",
+    "check_motion",
+    "derivatives",
+    "find_contacts",
+    "minimum_jerk",
+]
 
 
 def __getattr__(name: str) -> object:

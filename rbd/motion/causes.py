@@ -11,7 +11,7 @@ from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.contact_detection import NOISE
-from rbd.motion.frames import FrameTerms, wrench_scale
+from rbd.motion.frame_terms import FrameTerms, wrench_scale
 from rbd.motion.lanes import Lanes
 from rbd.motion.missing import least_wrench
 from rbd.motion.motion import Motion

@@ -13,7 +13,7 @@ from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
 from rbd.motion import causes as why
 from rbd.motion.contact_detection import NOISE, REST_SPEED, find_contacts
-from rbd.motion.frames import FrameTerms, check_robot, placements, wrench_scale
+from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
 from rbd.motion.lanes import Lanes
 from rbd.motion.missing import least_effort, least_wrench, nearest_acceleration
 from rbd.motion.motion import Motion

@@ -10,7 +10,7 @@ from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.floor_points import FloorPoints
-from rbd.motion.frames import carriers, placements
+from rbd.motion.frame_terms import carriers, placements
 from rbd.motion.lanes import Lanes
 from rbd.motion.motion import Motion
 

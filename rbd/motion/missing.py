@@ -8,7 +8,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.motion.floor_points import FloorPoints
-from rbd.motion.frames import FrameTerms, wrench_scale
+from rbd.motion.frame_terms import FrameTerms, wrench_scale
 from rbd.solvers.cone_least_squares import Stage, nearest_in_cones, staged_fits
 
 BALANCE, STEEP = 1e8, 1e3

@@ -165,7 +165,7 @@ def _near(parents: Any, a: int, b: int) -> bool:
 
 def _at_rest(robot: CheckedModel) -> tuple[Array, Array]:
     """(R, p) of the neutral posture and of those that the robot has by name."""
-    from rbd.motion.frames import placements
+    from rbd.motion.frame_terms import placements
 
     known = [pin.neutral(robot.model), *getattr(robot, "postures", {}).values()]
     return placements(robot, np.array(known))

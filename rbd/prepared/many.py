@@ -7,7 +7,6 @@ method on the few rows of the bodies; then `pin.rnea`, and the accelerations of 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
-from rbd.prepared.contact_dynamics import EXACT, MOST, ContactDynamics, keep
+from rbd.prepared.contact_dynamics import EXACT, MOST, MOST_BODIES, ContactDynamics, keep
 from rbd.prepared.sites import Site, covered
 from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.cones import WrenchCone
@@ -78,8 +77,6 @@ class ContactBlocks(ContactDynamics):
             np.linalg.pinv(WrenchCone(c.corners, 0.0).corner_map).T if len(c.corners) > 1 else None for c in contacts
         ]
         self._newtons: dict[bytes, ContactNewton] = {}
-        self._upright = np.zeros(T.size)
-        self._upright[T.cone_at + 2] = 1.0
         turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
         sides = np.stack([-np.cos(turn), -np.sin(turn), np.zeros(_SIDES)], axis=1)
         inscribed, around = [np.zeros((0, bodies.m))], [np.zeros((0, bodies.m))]
@@ -177,16 +174,15 @@ class ContactBlocks(ContactDynamics):
             return False
         mobility, start = self.bodies.mobility(), self._least_norm.dot(f)
         free = -mobility.dot(f)
-        found = newton.gauss_first(mobility, free, start) if coulomb else newton.forces(mobility, free, start, coulomb=False)
-        if found.merit == math.inf:  # whether all points stick cannot be decided here
+        if coulomb:
+            found = newton.gauss_first(mobility, free, start)
+        else:
+            found = newton.forces(mobility, free, start, coulomb=False)
+            if not found.merit <= EXACT:  # most get there from Coulomb's forces, at a tenth of what the general way costs
+                other = newton.forces(mobility, free, start, coulomb=True)
+                found = newton.forces(mobility, free, other.weights, coulomb=False)
+        if not found.merit <= EXACT:
             return False
-        if not found.merit <= EXACT:  # from other starts it may get there, at a tenth of what the general way costs
-            for other in (self._upright * np.abs(start), 0.5 * start):
-                found = newton.forces(mobility, free, other, coulomb=coulomb)
-                if found.merit <= EXACT:
-                    break
-            else:
-                return False
         a += self.bodies.moved(mobility.dot(found.wrench - f))
         f[:], w[:] = found.wrench, found.weights
         return True
@@ -289,6 +285,16 @@ def prepared_blocks(robot: CheckedModel, contacts: tuple[object, ...]) -> Contac
     made = None
     if covered(robot, contacts):
         own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
-        made = ContactBlocks(BlockBodies(robot, [Site.of(robot, contact) for contact in own]), own)
+        made = ContactBlocks(_bodies(robot, [Site.of(robot, contact) for contact in own]), own)
     keep(kept, key, made, MOST)
     return made
+
+
+def _bodies(robot: CheckedModel, sites: list[Site]) -> BlockBodies:
+    """Bodies in contact, kept by the values of their sites: contacts are often made anew."""
+    key, kept = (BlockBodies, *[site.key for site in sites]), robot.kept_bodies
+    found: BlockBodies | None = kept.get(key)
+    if found is None:
+        found = BlockBodies(robot, sites)
+        keep(kept, key, found, MOST_BODIES)
+    return found

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -121,6 +121,16 @@ def _constant(k: int, value: bool) -> Array:
     return out
 
 
+class Places(NamedTuple):
+    """Where the points of a source are, and what their forces come to: attributes as of `Measured`."""
+
+    structure: Structure
+    points: Array | None
+    axes: Array | None
+    arms: Array | None
+    to_world: Array | None
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """All points at one state, stacked; Jacobians and J_dot v are computed when first asked.
@@ -132,6 +142,7 @@ class Snapshot:
         gap: Shape (k,).
         error: Position errors of bilateral rows, shape (p,).
         measure: Gives the points of each source.
+        locate: Gives where they are, if that is cheaper.
     """
 
     state: State
@@ -140,6 +151,7 @@ class Snapshot:
     gap: Array
     error: Array
     measure: Callable[[], Sequence[Measured]] = field(repr=False)
+    locate: Callable[[], Sequence[Places]] | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, state: State, layout: Layout, measured: Sequence[Measured]) -> Snapshot:
@@ -151,6 +163,13 @@ class Snapshot:
     def sources(self) -> tuple[Measured, ...]:
         """The points of each source."""
         return tuple(self.measure())
+
+    @property
+    def places(self) -> Sequence[Places]:
+        """Where the points of each source are."""
+        if self.locate is not None:
+            return self.locate()
+        return [Places(m.structure, m.points, m.axes, m.arms, m.to_world) for m in self.sources]
 
     @lazy
     def J(self) -> Array:

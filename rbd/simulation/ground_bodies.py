@@ -55,6 +55,7 @@ class TouchingBodies:
         size: Number of all their rows.
         of: The body of each point, shape (k,).
         arms: Where each point is in its joint's axes, shape (k, 3) [m].
+        centred: The same from its contact's centre.
         patches: Which bodies have six rows, shape (n,).
         spread: Velocities of the points, in joint axes, by the bodies' (v, w), shape (k, 3, 6n).
         of_rows: The same by velocities of the rows, shape (k, 3, rows).
@@ -90,6 +91,8 @@ class TouchingBodies:
                 self.of_rows[body.points, :, rows] = own
                 self.shares[body.points, :, rows] = np.linalg.pinv(own.reshape(-1, body.size).T).reshape(-1, 3, body.size)
                 self.row_velocity[rows, six] = S[0] if body.size == 3 else np.eye(6)
+        placements = [robot.site(ground.contact.frame)[1] * ground.X_FP for ground in grounds]
+        self.centred = np.concatenate([g.local @ X.rotation.T for g, X in zip(grounds, placements, strict=True)])
         self.agrees: bool | None = None
         self.spare: list[Workspace] = []
 

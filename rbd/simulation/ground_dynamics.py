@@ -16,6 +16,7 @@ other constraints than contacts with friction on ground at rest, bodies that tou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,14 +26,18 @@ from rbd.arrays import Array, cross_rows, is_finite, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.state import State
 from rbd.simulation.bases import compiled_steps
-from rbd.simulation.contact_points import Points, Snapshot
+from rbd.simulation.contact_points import Places, Points, Snapshot
 from rbd.simulation.ground_bodies import INDEPENDENT, MOST_SPARE, TouchingBodies, TurnedMap
 from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
 
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: one, without regularisation, is exact where rows are independent."""
+_DEPENDENT = 1e-9
+"""Pivots of the bodies' rows below this, over the largest: rows that may be dependent go the general way."""
 _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
+_STANDS = 1e-15
+"""Squares of the contact bodies' velocities up to this: w x v is rounding beside other accelerations [m/s2]."""
 _TURNS = 1e-16
 """Centripetal changes of velocity in a step up to this are rounding [m/s]."""
 _NOTHING = zeros(0)
@@ -103,8 +108,21 @@ class GroundDynamics:
             gap, velocity = self._gaps.dot(X) - self._height, self._velocity(X, V)
         return Snapshot(
             state, self.layout, velocity, gap, self.at_rest,
-            lambda: [source.at(state, t) for source in self._points.sources],
+            lambda: [source.at(state, t) for source in self._points.sources], lambda: self._located(state),
         )  # fmt: skip
+
+    def _located(self, state: State) -> list[Places]:
+        """Where the points of each source are."""
+        pin.forwardKinematics(self._model, self._data, state.q)
+        X, of = self._places.take(self._joints, axis=0), self._bodies.of
+        R = self._rotations(X)[of]
+        arms = np.matvec(R, self._bodies.centred)
+        points = X[of, 9:] + np.matvec(R, self._bodies.arms)
+        out = []
+        for source, (at, _) in zip(self._points.sources, self.layout.spans, strict=True):
+            assert isinstance(source, OnGround | Grounds)
+            out.append(Places(source.structure, points[at], source.R, None if source.point_alone else arms[at], None))
+        return out
 
     def answer(
         self,
@@ -140,7 +158,8 @@ class GroundDynamics:
         if not everything and not active.any():
             return self._free(q, v, applied, start, h)
         a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
-        if not is_finite(a):
+        pivots = self._factors.D[: self.size]  # all are negative
+        if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < _DEPENDENT * pivots[pivots.argmin()]):
             return None
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
@@ -228,26 +247,27 @@ class GroundDynamics:
             h: Length of the half step [s].
             answer: The answer.
         """
-        model, data, forces = self._model, self._data, self._workspace.forces
+        model, data = self._model, self._data
         pin.forwardKinematics(model, data, q, v, a)
-        X, V, A = (x.take(self._joints, axis=0).ravel() for x in (self._places, self._rates, self._accelerations))
-        f = answer.impulse.reshape(-1, 3) / h
-        pushed = np.matvec(self._rotations(X).swapaxes(1, 2)[self._bodies.of], np.matvec(self._axes, f))
-        wrenches = np.zeros((len(self._joints), 6))
-        np.add.at(wrenches, self._bodies.of, np.concatenate([pushed, cross_rows(self._bodies.arms, pushed)], axis=1))
-        for slot, wrench in zip(self._workspace.pushed, wrenches, strict=True):
+        X, V, A = (x.take(self._joints, axis=0) for x in (self._places, self._rates, self._accelerations))
+        Q, (of, arms) = self._turns_of(X), (self._bodies.of, self._bodies.arms)
+        P, w, forces = (Q @ self._bodies.spread).reshape(len(u), -1), V[:, 3:], answer.impulse / h
+        for slot, wrench in zip(self._workspace.pushed, (P.T @ forces).reshape(-1, 6), strict=True):
             slot.vector = wrench
-        unbalanced = pin.rnea(model, data, q, v, a, forces) - applied
-        moved = (self._velocity(X, A) + self._centripetal(X, V, rows=False)) * h + u - answer.velocity
-        moved[~np.repeat(answer.impulse.reshape(-1, 3).any(axis=1), 3)] = 0.0
-        x, y, n = f.T
-        outside = float((np.hypot(x, y) - self._mu * n).max(initial=0.0)) / max(1.0, max_abs(answer.impulse) / h)
-        size = max(1.0, max_abs(applied), max_abs(answer.impulse) / h)
+        unbalanced = pin.rnea(model, data, q, v, a, self._workspace.forces) - applied
+        moved = (P @ A.ravel()) * h + u - answer.velocity
+        if np.vdot(V, V) > _STANDS:  # spatial accelerations are not classical
+            inwards = cross_rows(w[of], V[of, :3] + cross_rows(w[of], arms))
+            moved += h * np.matvec(Q, inwards).ravel()
+        f, size = forces.reshape(-1, 3), max(1.0, max_abs(applied), max_abs(forces))
+        moved[~np.repeat(f.any(axis=1), 3)] = 0.0
+        outside = float((np.hypot(f[:, 0], f[:, 1]) - self._mu * f[:, 2]).max(initial=0.0)) / max(1.0, max_abs(forces))
         return max(max_abs(unbalanced) / size, max_abs(moved) / (h * max(1.0, max_abs(a))), outside)
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        return bool(np.vdot(self._workspace.patch_rates, self._workspace.patch_rates) * h <= _TURNS)
+        rates = self._workspace.patch_rates
+        return not len(rates) or bool(np.vdot(rates, rates) * h <= _TURNS)
 
     def _inside(self, f: Array) -> bool:
         """Whether forces of points are in their cones; false where a force pulls."""
@@ -258,25 +278,23 @@ class GroundDynamics:
         """R_WJ of the bodies' joints, shape (n, 3, 3)."""
         return X.reshape(-1, 12)[:, :9].reshape(-1, 3, 3).swapaxes(1, 2)
 
+    def _turns_of(self, X: Array) -> Array:
+        """Rotations from the joints' axes to those of each point, shape (k, 3, 3)."""
+        return np.asarray(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._bodies.of])
+
     def _points_of_rows(self, X: Array) -> Array:
         """Velocities of the points for unit velocities of the bodies' rows, shape (p, rows)."""
-        Q = self._axes.swapaxes(1, 2) @ self._rotations(X)[self._bodies.of]
-        return (Q @ self._bodies.of_rows).reshape(len(self.at_rest), self.size)
+        return (self._turns_of(X) @ self._bodies.of_rows).reshape(len(self.at_rest), self.size)
 
-    def _centripetal(self, X: Array, V: Array, rows: bool = True) -> Array:
-        """Classical accelerations of the points less those by spatial ones of their bodies, w x (v + w x r), shape (p,).
+    def _centripetal(self, X: Array, V: Array) -> Array:
+        """Classical accelerations of the points less those by the rows' spatial ones, w x (v + w x r), shape (p,).
 
-        Args:
-            X: Placements of the bodies' joints.
-            V: Their velocities.
-            rows: By the bodies' rows, of which those of a single point are classical already.
+        The rows of a single point are classical already.
         """
-        motion = V.reshape(-1, 6)[self._bodies.of]
-        if rows:
-            motion = motion * self._bodies.patches[self._bodies.of, None]
+        motion = (V.reshape(-1, 6) * self._bodies.patches[:, None])[self._bodies.of]
         w = motion[:, 3:]
         acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._bodies.arms))
-        return np.matvec(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._bodies.of], acceleration).ravel()
+        return np.matvec(self._turns_of(X), acceleration).ravel()
 
     def _agrees(self, start: State) -> bool:
         """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""

@@ -39,6 +39,20 @@ OBJECTS = 100_000
 _TYPES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8}
 """Bytes of the types of netCDF 3: byte, char, short, int, float, double."""
 _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
+INVALID_BYTES = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ValueError,
+    KeyError,
+    EOFError,
+    OSError,
+    MemoryError,
+    NotImplementedError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+)
+"""Exceptions of zipfile and NumPy on invalid bytes."""
 
 
 def a_trajectory_path(path: object) -> Path:
@@ -79,23 +93,27 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
                 raise InputError(_foreign(path, f"it holds {', '.join(sorted(members))[:200] or 'nothing'}"))
             header = _header(path, str(_array(archive, members.pop(HEADER))), len(data))
             arrays = {name: _array(archive, member) for name, member in members.items()}
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        ValueError,
-        KeyError,
-        EOFError,
-        OSError,
-        MemoryError,
-        NotImplementedError,
-        RuntimeError,
-        SyntaxError,
-        TypeError,
-    ) as error:  # exceptions of zipfile and NumPy on invalid bytes
+    except INVALID_BYTES as error:
         if isinstance(error, InputError):
             raise
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
     return header, arrays
+
+
+def npz_arrays(path: Path) -> dict[str, Array]:
+    """{name: array} of any .npz with numbers and text; pickles are not read.
+
+    Raises:
+        InputError: no such file, no .npz, cut short, or with arrays of objects.
+    """
+    data = _bytes(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = npz_members(archive, len(data), kinds="fiuU")
+            return {name: _array(archive, member) for name, member in members.items()}
+    except INVALID_BYTES as error:
+        why = str(error)[:200] or type(error).__name__
+        raise InputError(f"{path.name} is no .npz with arrays of numbers: {why}") from error
 
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
@@ -192,7 +210,7 @@ class Member:
     size: int
 
 
-def npz_members(archive: zipfile.ZipFile, file_size: int) -> dict[str, Member]:
+def npz_members(archive: zipfile.ZipFile, file_size: int, kinds: str = "fU") -> dict[str, Member]:
     """{array: its description}; only the first bytes of each member are unpacked.
 
     Raises:
@@ -200,13 +218,13 @@ def npz_members(archive: zipfile.ZipFile, file_size: int) -> dict[str, Member]:
     """
     infos = archive.infolist()
     _check_total(sum(info.file_size for info in infos), file_size)
-    members = {info.filename.removesuffix(".npy"): _member(archive, info) for info in infos}
+    members = {info.filename.removesuffix(".npy"): _member(archive, info, kinds) for info in infos}
     if len(members) != len(infos):
         raise ValueError("two of its arrays have one name")
     return members
 
 
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> Member:
     with archive.open(info) as file:
         version = npy.read_magic(file)
         read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
@@ -215,7 +233,7 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
         shape, by_columns, kind = read(file)
         start = file.tell()
     size = math.prod(shape) * kind.itemsize
-    if kind.hasobject or kind.kind not in "fU" or any(k < 0 for k in shape) or start + size != info.file_size:
+    if kind.hasobject or kind.kind not in kinds or any(k < 0 for k in shape) or start + size != info.file_size:
         raise ValueError(f"{info.filename!r:.80} says that it is {kind} of shape {shape}, which it is not")
     return Member(info, shape, by_columns, kind, start, size)
 

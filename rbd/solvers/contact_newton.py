@@ -109,9 +109,9 @@ class ContactNewton:
             return gauss
         if far <= _NEARLY:
             return gauss._replace(merit=math.inf)
-        found = self.forces(D, c, start, coulomb=True)
+        found = self.forces(D, c, gauss.weights, coulomb=True)
         if not found.merit <= FOUND:
-            found = self.forces(D, c, gauss.weights, coulomb=True)
+            found = self.forces(D, c, start, coulomb=True)
         return found._replace(steps=found.steps + gauss.steps)
 
     def _from_coulomb(self, D: Array, c: Array, gauss: ContactForces) -> float:

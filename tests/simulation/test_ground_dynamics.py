@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ from contact_cases import sole
 from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
+from rbd.simulation import ground_dynamics
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
@@ -226,6 +228,21 @@ def test_what_is_not_covered_steps_the_general_way():
     assert GroundDynamics.of(system(*tumbling(0)).points, state) is not None
 
 
+def test_dependent_rows_step_the_general_way(monkeypatch):
+    """Where pivots say that the bodies' rows may depend on each other, a step is solved by M, h and J."""
+    motion, state = standing(rbd.load_robot("talos"), 0.7, 3)
+    fast = system(motion, state)
+    now = fast.begin(state, 0.0).end
+    known = fast.solved(now, H)
+    asked: list[int] = []
+    general = StepSystem._general
+    monkeypatch.setattr(StepSystem, "_general", lambda self, *given: asked.append(1) or general(self, *given))
+    fast.solved(now, H)
+    assert not asked
+    monkeypatch.setattr(ground_dynamics, "_DEPENDENT", 1.0)
+    assert close(fast.solved(now, H).answer.v, known.answer.v) and asked
+
+
 def test_memory_does_not_grow_with_steps():
     """After five hundred steps of Solo12 on its feet, two thousand more keep no memory."""
     robot = rbd.load_robot("solo12")
@@ -267,3 +284,23 @@ def test_a_ball_rolls_off_as_by_the_general_way():
             now = stepping.step(stepping.solved(now, H), now.t + H).end
         ends.append(now)
     assert close(ends[0].at.state.q, ends[1].at.state.q) and close(ends[0].at.state.v, ends[1].at.state.v)
+
+
+def test_motions_side_by_side_and_one_after_another_do_not_touch_each_other():
+    """Pinocchio's data of one motion serve the next; motions at the same time have their own. The same bits each time."""
+    robot = rbd.load_robot("solo12")
+    feet = robot.feet(0.7)
+    tau = rbd.hold(robot.standing(), feet).tau
+
+    def run(seed: int) -> np.ndarray:
+        v = 0.05 * np.random.default_rng(seed).normal(size=robot.nv)
+        start = robot.standing().with_velocity(v)
+        found = rbd.simulate(start, feet, duration=0.03, step=H, controller=lambda s, t: tau - 0.5 * s.v[6:], progress=False)
+        return np.concatenate([found.q.ravel(), found.v.ravel(), found.residuals["law"]])
+
+    alone = [run(seed) for seed in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(run, [0, 1, 2, 3] * 2))
+    for k, found in enumerate(together):
+        np.testing.assert_array_equal(found, alone[k % 4])
+    assert not np.array_equal(alone[0], alone[1])
