@@ -26,6 +26,8 @@ _ARMIJO = 1e-4
 _TINY = 1e-200
 _SIGMAS = (1e2, 1e4) + 10 * (1e6,)
 """Of the rounds of the proximal point algorithm, each started from the last."""
+_REPEATED = 2
+"""How often what balance misses is added to its aim."""
 _SETTLED = 1e-8
 """A problem is done where a round moves its dual answer by less than this share of it, or by `EXACT`."""
 
@@ -119,8 +121,11 @@ class Stage:
     steep: Array
 
 
-def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeFits:
+def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0) -> ConeFits:
     """Answers of the last of some stages, of n problems; arguments as `nearest_in_cones`.
+
+    The first `exact` rows are then met to rounding: the last stage is solved again with what they missed added to d, as in the
+    method of multipliers.
 
     From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by
     need a few each.
@@ -131,6 +136,12 @@ def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeF
     w = w0
     for stage in stages:
         r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
+        steps += more
+        w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+    aim = d.copy()
+    for _ in range(_REPEATED if exact else 0):
+        aim[:, :exact] += _left(flat, d, w)[:, :exact]
+        r, gradient, more = _newton(flat, aim, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps += more
         w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
     return ConeFits(w, _left(flat, d, w), gradient, steps)
