@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -118,7 +118,8 @@ def _constant(k: int, value: bool) -> Array:
     return out
 
 
-class Places(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Places:
     """Where the points of a source are, and what their forces come to: attributes as of `Measured`."""
 
     structure: Structure
