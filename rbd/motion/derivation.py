@@ -89,16 +89,23 @@ def derivatives(
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite, or settings out of range.
     """
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
     t, q = checked_times(t), as_array("q", q)
     if q.shape != (len(t), robot.nq):
         raise InputError(f"q has shape {q.shape}; expected ({len(t)}, {robot.nq}): a row a time, a column a coordinate.")
     check_finite("q", q)
-    if method not in get_args(Method):
+    if not isinstance(method, str) or method not in get_args(Method):
         raise InputError(f"method is {method!r:.80}; expected 'local polynomial' or 'low-pass'.")
     if len(t) < 2:
         raise InputError(f"{len(t)} frame has no velocity; expected two frames or more, or v and a with q.")
-    sigma = np.broadcast_to(as_array("noise", noise), robot.nv).copy()
+    sigma = as_array("noise", noise)
+    if sigma.shape not in ((), (robot.nv,)) or not (sigma >= 0.0).all() or not (sigma <= 1e5).all():
+        raise InputError(f"noise is {noise!r:.80}; expected a standard deviation, a number or shape ({robot.nv},) [m, rad].")
+    sigma = np.broadcast_to(sigma, robot.nv).copy()
     dt = float(t[-1] - t[0]) / (len(t) - 1)
+    if not 1e-7 <= dt <= 1e5:
+        raise InputError(f"times are {dt:.3g} s apart in the mean; expected 1e-7 to 1e5 s.")
     smoother = None
     if method == "low-pass":
         if cutoff is None:
@@ -107,8 +114,7 @@ def derivatives(
         q, frames, order = low_passed(robot, q, smoother), SMOOTHED, 6
     else:
         order = _check_order(order)
-        half = round(0.5 * check_positive("window", window, 1e6) / dt)
-        frames = max(2 * min(half, len(t)) + 1, order + 2 + order % 2)
+        frames = _window(t, window, order)
     frames = min(frames, len(t))
     order = min(order, frames - 1)
     v, a = np.empty((len(t), robot.nv)), np.zeros((len(t), robot.nv))
@@ -136,8 +142,10 @@ def derived_again(robot: CheckedModel, t: Array, q: Array, how: Derivation) -> t
 
 def derivative(t: Array, x: Array, *, window: float = 0.2, order: int = 3) -> Array:
     """The derivative of sampled numbers, shape (n, k), by local polynomials; arguments as `derivatives`."""
-    dt = float(t[-1] - t[0]) / (len(t) - 1)
-    frames = min(max(2 * round(0.5 * window / dt) + 1, order + 2 + order % 2), len(t))
+    if len(t) < 2:
+        raise InputError("one frame has no acceleration; give a with v.")
+    order = _check_order(order)
+    frames = _window(t, window, order)
     out = np.empty(x.shape)
     for begin in range(0, len(t), CHUNK):
         end = min(begin + CHUNK, len(t))
@@ -234,6 +242,13 @@ def _smoothed(x: Array, share: float) -> Array:
     bands *= weight
     bands[0] += 1.0
     return np.asarray(solveh_banded(bands, x, lower=True))
+
+
+def _window(t: Array, window: float, order: int) -> int:
+    """How many frames a window has."""
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    half = min(0.5 * check_positive("window", window, 1e6) / dt, len(t))
+    return min(max(2 * round(half) + 1, order + 2 + order % 2), len(t))
 
 
 def _check_order(order: int) -> int:
