@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_finite
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.derivation import Derivation
+from rbd.motion.derivation import NEARLY_UNIT, Derivation, unit_blocks
 
 LEAST_RATE, MOST_RATE = 1.0, 10_000.0
 """Rates that a motion can have [Hz]."""
+EXACT = 1e-12
+"""Norms off by less are said to be one."""
 MANY_TURNS = 4.0 * np.pi
 """Joint angles beyond this are degrees, where the units are not given [rad]."""
 
@@ -95,3 +97,32 @@ def joint_values(robot: CheckedModel, q: Array, names: Sequence[str]) -> Array:
         own = q[:, joint.q]
         out[:, k] = np.unwrap(np.arctan2(own[:, 1], own[:, 0])) if joint.is_continuous else own[:, 0]
     return out
+
+
+def check_shape(what: str, x: Array, shape: tuple[int, ...]) -> None:
+    """Refuse arrays of another shape, and with numbers that are not finite, by frame and column."""
+    if x.shape != shape:
+        raise InputError(f"{what} has shape {x.shape}; expected {shape}: a row a time, a column a coordinate.")
+    if not np.isfinite(x).all():
+        row, column = np.argwhere(~np.isfinite(x))[0]
+        raise InputError(f"{what} at frame {row}, column {column} is {x[row, column]}; expected a finite number.")
+    check_finite(what, x)
+
+
+def normalise(robot: CheckedModel, q: Array) -> list[str]:
+    """Divide quaternions and unit circles by their norms, in place, and say so where it changes them."""
+    said = []
+    for block in unit_blocks(robot):
+        norm = np.linalg.norm(q[:, block], axis=1)
+        off = np.abs(norm - 1.0)
+        worst = int(off.argmax())
+        if not off[worst] <= NEARLY_UNIT:
+            what = "quaternion (x, y, z, w)" if block.stop - block.start == 4 else "unit circle (cos, sin)"
+            raise InputError(
+                f"frame {worst}: the {what} in columns {block.start} to {block.stop - 1} has norm {norm[worst]:.6g}; "
+                f"expected 1 to {NEARLY_UNIT:g}. Are these its columns?"
+            )
+        q[:, block] /= norm[:, None]
+        if off[worst] > EXACT:
+            said.append(f"unit vectors in q[:, {block.start}:{block.stop}] were normalised: off by up to {off[worst]:.1g}.")
+    return said
