@@ -45,5 +45,5 @@ def four_steps(kept: Path, g1: rbd.Robot) -> rbd.Trajectory:
 
 @pytest.fixture(scope="session")
 def fall(kept: Path, g1: rbd.Robot) -> rbd.Trajectory:
-    """Down onto its knees."""
+    """Over the front edges of its soles."""
     return _made("fall", kept, g1)

@@ -252,16 +252,17 @@ def four_steps(robot: rbd.Robot) -> rbd.Trajectory:
 
 
 def fall(robot: rbd.Robot) -> rbd.Trajectory:
-    """Its legs give way, since they push as if nothing carried them, until it hits the floor with its knees, in 0.42 s."""
+    """Over the front edges of its soles, the last 0.5 s after a push at the pelvis; nothing else touches the floor yet."""
     start, soles = robot.standing(), robot.soles(FRICTION)
-    knees = ["left_knee_link", "right_knee_link"]
-    shins = rbd.constraints.CollisionContacts("shins", robot, friction=FRICTION, ground=knees)
+    hold = rbd.control.HoldPosture(start, soles, frequency=12.0)
+    limit = SHARE * robot.effort_limit
 
-    def limp(state: rbd.State, t: float) -> Array:
-        away = pin.difference(robot.model, state.q, start.q)[6:]
-        limit = SHARE * robot.effort_limit
-        return np.clip(state.M[6:, 6:] @ (100.0 * away - 20.0 * state.v[6:]) + state.h[6:], -limit, limit)
+    def stiff(state: rbd.State, t: float) -> Array:
+        return np.clip(hold(state, t), -limit, limit)
 
-    return rbd.simulate(
-        start, [*soles, shins], duration=0.42, step=1.0 / RATE, controller=limp, integrator=TimeStepping(), progress=False
-    )
+    push = rbd.control.Push("pelvis", (70.0, 0.0, 0.0), start=0.1, duration=0.3)
+    out = rbd.simulate(
+        start, soles, duration=1.1, step=1.0 / RATE, controller=rbd.control.ZeroOrderHold(stiff, period=1.0 / RATE),
+        external=push, integrator=TimeStepping(), progress=False,
+    )  # fmt: skip
+    return out[round(0.6 * RATE) :]
