@@ -4,14 +4,13 @@ The controller is a script for tests: it knows the robot, the ground and the tim
 accelerations and forces at the corners of the soles that stand,
 
     min  sum of weights |A a - b|^2     of the centre of mass, the trunk, the foot that swings, angular momentum, posture
-    s.t. base rows of M a + h = J^T f,  soles that stand do not accelerate,  f in friction pyramids,  |tau| <= share of its limit,
+    s.t. base rows of M a + h = J^T f,  soles that stand do not accelerate,  f in friction pyramids,  |tau| within limits,
 
 and applies tau = (M a + h - J^T f) of the motors.
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -140,7 +139,7 @@ class WholeBody:
 
     def __call__(self, state: rbd.State, t: float) -> Array:
         """Torques (nu,) [N m]."""
-        robot, v, nv = state.robot, state.v, state.robot.nv
+        robot, nv = state.robot, state.robot.nv
         feet = [state.moving(sole.frame, sole.placement, pin.LOCAL_WORLD_ALIGNED) for sole in self.soles]
         low = [float((X.act(p))[2]) for (X, *_), sole in zip(feet, self.soles, strict=True) for p in sole.corners]
         swing = self.plan.swing(t, [min(low[:4]), min(low[4:])])
@@ -234,9 +233,9 @@ def _simulated(plan: Plan, robot: rbd.Robot, start: rbd.State, soles: Sequence[r
 
 
 def squat(robot: rbd.Robot) -> rbd.Trajectory:
-    """Down by 8 cm and up again, in 2 s."""
+    """Down by 6 cm and up again, in 2 s."""
     start, soles = robot.standing(), robot.soles(FRICTION)
-    return _simulated(up_and_down(start, 0.08, [0.1, 0.9, 1.0, 1.8, 2.0], back=True), robot, start, soles)
+    return _simulated(up_and_down(start, 0.06, [0.1, 0.9, 1.0, 1.8, 2.0], back=True), robot, start, soles)
 
 
 def crouch(robot: rbd.Robot) -> rbd.Trajectory:
