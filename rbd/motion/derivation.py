@@ -59,7 +59,9 @@ class Derivation:
         how = f"a polynomial of order {self.order} over {self.window:.3g} s"
         if self.method == "low-pass":
             how = f"a low-pass without delay, then {how}"
-        return f"{how}; half of an acceleration at {self.cutoff:.3g} Hz is left"
+        noise = float(self.noise_a.max(initial=0.0))
+        told = f"; noise of q leaves up to {noise:.2g} in them [m/s2, rad/s2]" if noise else ""
+        return f"{how}; half of an acceleration at {self.cutoff:.3g} Hz is left{told}"
 
 
 def derivatives(
@@ -186,6 +188,8 @@ def check_cutoff(cutoff: float, t: Array) -> float:
     Raises:
         InputError: no number that this rate can have, or unequal times.
     """
+    if len(t) < 4:
+        raise InputError(f"a low-pass needs four frames or more; here are {len(t)}.")
     if not is_uniform(t):
         raise InputError("a low-pass needs equal time steps; resample the motion first: motion.resample(rate).")
     rate = (len(t) - 1) / float(t[-1] - t[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import tempfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import hypothesis
@@ -71,6 +72,10 @@ class TestRoundTrips:
         assert again.derivation.noise_q[-1] == pytest.approx(10.0**-decimals / np.sqrt(12.0))
         assert any("normalised" in note for note in again.notes)
         assert any("all 29 joints of g1" in note for note in again.notes)
+        text = str(again)
+        assert (
+            "half of an acceleration at" in text and "noise of q leaves up to" in text and all(n in text for n in again.notes)
+        )
 
     def test_our_own_file_to_the_last_bit(self, dance, g1, tmp_path):
         """With how v and a came from q, with notes and ground; and without a robot given."""
@@ -436,6 +441,11 @@ def test_many_rows_are_read_block_by_block(g1, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("rbd.motion.csv_files.BLOCK", 10_007)
     pieces = Motion.read(path, robot=g1, rate=100, progress=False)
     assert (pieces.q == whole.q).all() and (pieces.a == whole.a).all() and whole.n == rows
+    told: list[float] = []
+    monkeypatch.setattr("rbd.motion.csv_files.progress_of", lambda times, **given: nullcontext(told.append))
+    Motion.read(path, robot=g1, rate=100)
+    size = path.stat().st_size
+    assert len(told) > 50 and told == sorted(told) and told[-1] == size
     text = path.read_text().split("\n")
     text[3210] = text[3210].replace("0.800000", "zero", 1)
     path.write_text("\n".join(text))
