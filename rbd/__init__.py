@@ -53,6 +53,9 @@ if _TYPE_CHECKING:
     from rbd.model.state import (
         State as State,
     )
+    from rbd.motion.measured import (
+        estimate_forces as estimate_forces,
+    )
     from rbd.problem.ground import (
         Body as Body,
         Ground as Ground,
@@ -111,6 +114,7 @@ _NAMES = {
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
+    "rbd.motion.measured": "estimate_forces",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",

@@ -27,7 +27,12 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
         ("control", "inverse dynamics,\ncontrollers"),
     ],
     [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
-    [("visual", "pages, plots"), ("testing", "checks of your own\nkinds, solvers"), ("studies", "both laws,\nseveral solvers")],
+    [
+        ("visual", "pages, plots"),
+        ("testing", "checks of your own\nkinds, solvers"),
+        ("studies", "both laws,\nseveral solvers"),
+        ("motion", "measured\nforces"),
+    ],
     [("cli", "rbd stand, simulate, mechanism, plane")],
 ]
 WAYS = {

@@ -1,0 +1,21 @@
+"""Motions over time: measured ones and the contact forces that explain them."""
+
+from rbd.modules import submodule as _submodule
+from rbd.motion.force_estimate import ForceEstimate, OpenComponents
+from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_along
+from rbd.motion.observer import MomentumObserver
+from rbd.motion.sensor_noise import SensorNoise
+
+__all__ = [
+    "ForceEstimate",
+    "ForceHistory",
+    "MomentumObserver",
+    "OpenComponents",
+    "SensorNoise",
+    "estimate_forces",
+    "estimate_forces_along",
+]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)
