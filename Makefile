@@ -15,7 +15,7 @@ help:
 	@echo "make test      all tests"
 	@echo "make quick     what a change breaks first, in half a minute"
 	@echo "make exhaustive all tests, statistical ones with all their draws"
-	@echo "make bench     what an answer costs beside one constraintDynamics call"
+	@echo "make bench     what answers and steps cost beside Pinocchio's and MuJoCo's own calls, with their marks"
 	@echo "make fuzz      robot files broken on purpose (N=20000 URDF, N_MJCF=4000 MJCF) and PROBLEMS=5000 random problems: refused by name, or right"
 	@echo "make mutants   small faults put into the code on purpose, N=300 of them by SEED=0: each noticed by a test"
 	@echo "make coverage  which lines and branches the tests execute, in processes that they start, too"

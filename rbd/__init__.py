@@ -43,6 +43,9 @@ if _TYPE_CHECKING:
         solve as solve,
         solve_problem as solve_problem,
     )
+    from rbd.many.solving import (
+        solve_many as solve_many,
+    )
     from rbd.mechanism.pose_search import (
         find_pose as find_pose,
     )
@@ -55,6 +58,9 @@ if _TYPE_CHECKING:
     )
     from rbd.motion.measured import (
         estimate_forces as estimate_forces,
+    )
+    from rbd.motion.motion import (
+        Motion as Motion,
     )
     from rbd.problem.ground import (
         Body as Body,
@@ -110,11 +116,13 @@ _NAMES = {
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
+    "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.motion.measured": "estimate_forces",
+    "rbd.motion.motion": "Motion",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",

@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, closes_loop, listed, rows_of
+from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
 from rbd.errors import (
     ContactMoves,
     DistantContactWarning,
@@ -38,9 +38,6 @@ from rbd.problem.rows import Rows
 from rbd.solution import Solution, nearest_motion, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.default import slip_law, solver_of
-
-OPEN = 1e-3
-"""A loop that is open by more than this [m, rad] at the solved state gets a warning."""
 
 
 def solve(
@@ -136,7 +133,7 @@ def _prepared_answer(
     found = contacts.answer(state.q, state.v, generalised, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES)
     if found is None:
         return None
-    problem = partial(_problem, state, torques, given, external, rest_speed)
+    problem = partial(posed, state, torques, given, external, rest_speed)
     law = BILATERAL if contacts.bilateral else told
     solution = Solution.prepared(problem, found, law, time.perf_counter() - start)
     if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
@@ -175,7 +172,7 @@ def solve_problem(
 def answered(problem: GaussProblem, solver: Solver, *, check: bool = True) -> Solution:
     """The checked answer to a problem; errors and warnings as `solve`, which calls it."""
     _check_is_bool(check)
-    _refuse_moving(problem, solver)
+    refuse_moving(problem, solver)
     reason = solver.reason_unsupported(problem)
     if reason is not None:
         raise Unsupported(reason)
@@ -238,9 +235,7 @@ def _of_rows(state: State, rhs: Array, wrench: Array, rows: list[Rows], origin: 
     return GaussProblem(state.M, rhs, rows, balance, origin, rest_speed, from_state=state.robot.sound)
 
 
-def _problem(
-    state: State, tau: Array, constraints: tuple[Constraint, ...], external: External, rest_speed: float
-) -> GaussProblem:
+def posed(state: State, tau: Array, constraints: tuple[Constraint, ...], external: External, rest_speed: float) -> GaussProblem:
     """As `assembled`, of what has been checked, without warnings."""
     rhs, wrench = free_force(state, tau, external)
     return _of_rows(state, rhs, wrench, rows_of(state, constraints), StateOrigin(state, constraints, external), rest_speed)
@@ -292,7 +287,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     """
     told = []
     for r in rows:
-        gaps = None if r.patch is None or r.patch.touches or (r.stabilised and r.error is not None) else r.patch.gaps
+        gaps = r.gaps_off_plane
         if gaps is None:
             continue
         assert r.patch is not None
@@ -315,9 +310,10 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         )
 
 
-def _warn_of_open(constraints: tuple[Constraint, ...], rows: list[Rows]) -> None:
+def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> None:
     for constraint, r in zip(constraints, rows, strict=True):
-        if closes_loop(constraint) and r.error is not None and max_abs(r.error) > OPEN:
+        if is_open(constraint, r):
+            assert r.error is not None
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
                 "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte reduces the error over time.",
@@ -338,7 +334,7 @@ def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
         )
 
 
-def _refuse_moving(problem: GaussProblem, solver: Solver) -> None:
+def refuse_moving(problem: GaussProblem, solver: Solver) -> None:
     """Refuse impacts; and, under the convex law, sliding contacts."""
     T, rest = problem.force_set, problem.rest_speed
     if T.impact:

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
+from typing import Any
+
+from rbd.errors import InputError
 
 
 def submodule(package: str, name: str) -> ModuleType:
@@ -35,3 +38,17 @@ def named(package: str, homes: Mapping[str, str], name: str) -> object:
         return submodule(package, name)
     found: object = getattr(import_module(homes[name]), name)
     return found
+
+
+def xarray_or_error() -> Any:
+    """The module xarray.
+
+    Raises:
+        InputError: if it is not installed; names the extra.
+    """
+    try:
+        import xarray
+    except ImportError as error:
+        told = "Install the extra: pip install 'rbd-contact[study]'"
+        raise InputError(f"xarray is not installed here, and this needs it. {told}") from error
+    return xarray

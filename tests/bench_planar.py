@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from rich.table import Table
+from bench_timing import Row
 from sympy.core.cache import clear_cache
 
 from rbd.planar.chain import Chain
@@ -36,21 +36,19 @@ def _derive(n: int) -> None:
     _ = terms.M, terms.christoffel, terms.C, terms.g, terms.T, terms.V, terms.equations, terms.bias
 
 
-def planar_tables() -> list[Table]:
+def planar_rows() -> list[Row]:
     """Times of planar chains, with their marks."""
-    table = Table(title=f"planar chains: {SAMPLES:,} samples, hot; derivations, cold")
-    for heading in ("", "median", "mark"):
-        table.add_column(heading, justify="left" if not heading else "right")
+    rows = []
     rng = np.random.default_rng(0)
     for n in (2, 5):
         chain, motion = Chain(n, lengths=[0.5] * n), rng.normal(size=(3, SAMPLES, n))
         compiled = chain.function(chain.acceleration())
-        mark = f"{ACCELERATION_MARK_MS:g} ms" if n == 2 else ""
+        marks = (ACCELERATION_MARK_MS,) if n == 2 else ()
         for label, function in (("compiled from symbols", compiled), ("from the structure", chain.numeric.acceleration)):
             seconds = _seconds(lambda f=function, m=motion: f(*m), ROUNDS)
-            table.add_row(f"{n} links: accelerations, {label}", f"{1e3 * seconds:.1f} ms", mark)
+            rows.append(Row(f"{n} links: {SAMPLES:,} accelerations, {label}", {"": 1e3 * seconds}, "ms", marks))
     for n in (2, 4):
         clear_cache()  # SymPy remembers what it has simplified
-        mark = f"{DYNAMICS_MARK_S:g} s" if n == 4 else ""
-        table.add_row(f"{n} links: dynamics derived", f"{_seconds(lambda n=n: _derive(n), 1):.2f} s", mark)
-    return [table]
+        marks = (DYNAMICS_MARK_S,) if n == 4 else ()
+        rows.append(Row(f"{n} links: dynamics derived, cold", {"": _seconds(lambda n=n: _derive(n), 1)}, "s", marks))
+    return rows

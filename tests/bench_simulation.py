@@ -3,7 +3,8 @@
 Two robots stand on their feet and sway a little, held by the same torques (PD with constant gains, computed in NumPy for both);
 then they fall freely for a second with their joints moving. MuJoCo has a small ball at each corner of a sole, on a plane; its
 time is `mj_step` alone, the torques being computed outside of it. Ours is all of `rbd.simulate`: its controller, its residuals
-and its record. Times are of the processor, so that other programs trouble them less. Run by `make bench`.
+and its record. `mj_forward`, and `mujoco.rollout` of one step for each of 10,000 states, start from states of the same sway.
+Times are of the processor, so that other programs trouble them less. Run by `make bench`.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import mujoco
+import mujoco.rollout
 import numpy as np
+from bench_timing import CLOCK, Row, once
 from mujoco_bridge import MujocoTwin
 from rich.table import Table
 
@@ -25,11 +29,17 @@ Array = np.ndarray
 Foot = PointContact | SurfaceContact
 STEP, FRICTION, BALL = 1e-3, 0.7, 5e-3
 TURN, ROUNDS = 200, 6
-MARK = 20.0
-"""Times MuJoCo's step: the first mark of ours."""
-THEIRS = "MuJoCo mj_step, Euler"
+MARKS = {"talos": (8.0, 5.0), "solo12": (16.0, 9.0)}
+"""Of a step of ours, in steps of MuJoCo's."""
+STATES = 10_000
+THEIRS, FORWARD, ROLLOUT = (
+    "MuJoCo mj_step, Euler",
+    "MuJoCo mj_forward",
+    f"mujoco.rollout, one step of {STATES:,} states, a state",
+)
+DEFAULT = "rbd.simulate"
 OURS = {
-    "rbd.simulate": (TURN, rbd.TimeStepping()),
+    DEFAULT: (TURN, rbd.TimeStepping()),
     "rbd.simulate, extrapolate=True": (TURN, rbd.TimeStepping(extrapolate=True)),
     "rbd.simulate, every step recorded": (1, rbd.TimeStepping()),
 }
@@ -113,9 +123,35 @@ class InMujoco:
                 data.qfrc_applied[self.dofs] = tau.of_joints(data.qpos[self.qpos], data.qvel[self.dofs])
             start = time.thread_time()
             mujoco.mj_step(m, data)
-            seconds += time.thread_time() - start
+            seconds += time.thread_time() - start - CLOCK
             watch(data)
         return seconds
+
+    def states(self, n: int, tau: Held) -> tuple[Array, Array]:
+        """Full states and applied forces at n steps of a sway."""
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        found, applied = np.empty((n, mujoco.mj_stateSize(self.model, kind))), np.empty((n, self.model.nv))
+        for i in range(n):
+            self.steps(1, tau)
+            mujoco.mj_getState(self.model, self.data, found[i], kind)
+            applied[i] = self.data.qfrc_applied
+        return found, applied
+
+    def forwards(self, states: Array, applied: Array) -> float:
+        """Seconds that `mj_forward` takes at all states, these set outside of it."""
+        m, data, kind, seconds = self.model, self.data, mujoco.mjtState.mjSTATE_FULLPHYSICS, 0.0
+        for state, force in zip(states, applied, strict=True):
+            mujoco.mj_setState(m, data, state, kind)
+            data.qfrc_applied[:] = force
+            start = time.thread_time()
+            mujoco.mj_forward(m, data)
+            seconds += time.thread_time() - start - CLOCK
+        return seconds
+
+    def rollout(self, states: Array, applied: Array) -> float:
+        """Seconds of one step from each state, in one call on one thread."""
+        control, kind = applied[:, None, :], int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+        return once(lambda: mujoco.rollout.rollout(self.model, [self.data], states, control, control_spec=kind))
 
     def energy(self) -> float:
         """Kinetic and potential energy [J]."""
@@ -174,6 +210,14 @@ class Bench:
                 at.append(run.state(-1))
         return {name: statistics.median(t) for name, t in times.items()}
 
+    def peers(self) -> dict[str, float]:
+        """Median seconds a state of MuJoCo's forward dynamics, and of its rollout."""
+        theirs = InMujoco(self.swaying, self.feet)
+        states, applied = theirs.states(STATES, self.held)
+        forward = [theirs.forwards(states[k::ROUNDS], applied[k::ROUNDS]) / len(states[k::ROUNDS]) for k in range(ROUNDS)]
+        rollout = [theirs.rollout(states, applied) / STATES for _ in range(3)]
+        return {FORWARD: statistics.median(forward), ROLLOUT: statistics.median(rollout)}
+
     def standing_run(
         self,
         state: rbd.State,
@@ -210,24 +254,46 @@ class Bench:
         return out
 
 
-def simulation_tables() -> list[Table]:
-    """Times, with their mark; and errors."""
-    theirs = f"MuJoCo {mujoco.__version__} (Newton, elliptic cones)"
-    speed = Table(title=f"a step of {1e3 * STEP:g} ms on frictional feet, beside {theirs}")
+@cache
+def robots() -> dict[str, tuple[Bench, dict[str, float]]]:
+    """The robots, and their median seconds a step."""
+    benches = {name: Bench.of(name) for name in MARKS}
+    return {name: (bench, bench.times()) for name, bench in benches.items()}
+
+
+def step_rows() -> list[Row]:
+    """A step of `rbd.simulate` in steps of MuJoCo's, with its marks."""
+    what = f"a step of {DEFAULT} of {1e3 * STEP:g} ms on frictional feet"
+    return [
+        Row(what, {name: times[DEFAULT] / times[THEIRS]}, "x mj_step", MARKS[name]) for name, (_, times) in robots().items()
+    ]
+
+
+def peer_step_rows() -> list[Row]:
+    """MuJoCo's calls in microseconds; ours with other settings in steps of MuJoCo's."""
+    found = {name: times for name, (_, times) in robots().items()}
+    peers = {name: bench.peers() for name, (bench, _) in robots().items()}
+    rows = [Row(THEIRS, {name: 1e6 * times[THEIRS] for name, times in found.items()}, "us")]
+    rows += [Row(what, {name: 1e6 * seconds[what] for name, seconds in peers.items()}, "us") for what in (FORWARD, ROLLOUT)]
+    ratios = {what: {name: times[what] / times[THEIRS] for name, times in found.items()} for what in OURS}
+    return rows + [Row(what, values, "x mj_step") for what, values in ratios.items()]
+
+
+def accuracy() -> dict[str, dict[str, tuple[float, float | None]]]:
+    """{robot: {engine: (energy that a second of free fall adds or takes [J], depth of standing feet [m], or None)}}."""
+    found = {}
+    for name, (bench, _) in robots().items():
+        depths = bench.depths()
+        found[name] = {label: (moved, depths.get(label)) for label, moved in bench.energy_changes().items()}
+    return found
+
+
+def accuracy_table(found: dict[str, dict[str, tuple[float, float | None]]]) -> Table:
+    """What both do to energy and depth."""
     errors = Table(title="errors of the same: energy in a second of free fall, depth of the feet in a second of standing")
-    for heading in ("", "median", "steps/s", "x mj_step", "mark"):
-        speed.add_column(heading, justify="left" if not heading else "right")
     for heading in ("", "energy moves by", "feet sink by"):
         errors.add_column(heading, justify="left" if not heading else "right")
-    for name in ("talos", "solo12"):
-        bench = Bench.of(name)
-        times = bench.times()
-        unit = next(iter(times.values()))
-        for label, seconds in times.items():
-            mark = f"{MARK:.0f}" if label == "rbd.simulate" else ""
-            speed.add_row(f"{name}: {label}", f"{1e6 * seconds:.1f} us", f"{1.0 / seconds:.0f}", f"{seconds / unit:.1f}", mark)
-        depths = bench.depths()
-        for label, moved in bench.energy_changes().items():
-            sunk = f"{depths[label]:.1e} m" if label in depths else ""
-            errors.add_row(f"{name}: {label}", f"{moved:.1e} J", sunk)
-    return [speed, errors]
+    for name, engines in found.items():
+        for label, (moved, depth) in engines.items():
+            errors.add_row(f"{name}: {label}", f"{moved:.1e} J", "" if depth is None else f"{depth:.1e} m")
+    return errors

@@ -25,6 +25,15 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """In an exhaustive run, what tests have counted: lines that they recorded as the property `counted`."""
+    if terminalreporter.config.getoption("--exhaustive"):
+        for report in terminalreporter.getreports("passed"):
+            for name, line in report.user_properties:
+                if name == "counted":
+                    terminalreporter.write_line(line)
+
+
 @pytest.fixture(scope="session")
 def exhaustive(request: pytest.FixtureRequest) -> bool:
     """Whether everything is to be run, however long it takes."""

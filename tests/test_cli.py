@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import rbd
 from rbd.cli.app import app
 from rbd.cli.robot_reports import StandReport
+from rbd.solvers import compiled
 
 runner = CliRunner()
 
@@ -228,6 +229,9 @@ def test_info_tells_joints_frames_motors_and_findings():
     for word in ("leg_left_4_joint", "left_sole_link", "90.272 kg", "32 motors", "half_sitting", "effort limit", "300",
                  "0 errors", "wrist_right_ft_link"):  # fmt: skip
         assert word in out, word
+    assert ("in use" if compiled.in_use() else "rbd-contact[fast]") in out
+    with compiled.use(False):
+        assert "compiled arithmetic: in use" not in run("info", "talos")[1]
     code, _, complaint = run("info", "talos", "--root", "welded")
     assert code == 2 and "free_flyer" in complaint
 

@@ -68,6 +68,10 @@ def contact_answers() -> Iterator[object]:
     assert all(map(str, regions))
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
     yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
+    many = rbd.solve_many(talos, np.tile(state.q, (3, 1)), None, held.tau, soles, friction=[0.5, 0.6, -1.0])
+    assert str(many)
+    yield many
+    yield rbd.statics.hold_many(talos, state.q, soles)
     yield rbd.studies.compare_laws(state, held.tau, soles)
     yield rbd.studies.compare_solvers(state, held.tau, soles)
     pair = rbd.robots.merge_robots(talos, box)
@@ -191,7 +195,7 @@ def found() -> dict[type, list[Any]]:
 KEPT = 3
 """So many instances of a class are copied."""
 PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints", "rbd.problem", "rbd.model")
-PUBLIC += ("rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics")
+PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics")
 
 
 def public_classes() -> list[type]:

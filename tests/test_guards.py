@@ -12,6 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,20 @@ def use_contradiction(**given: Any) -> Any:
     """The certificate and the violation of a contradiction, if there is one."""
     found = rbd.analysis.contradiction(**given)
     return None if found is None else (dict(found.certificate), found.violation)
+
+
+MANY = {"robot": BOLT, "q": np.tile(STATE.q, (2, 1)), "v": np.zeros((2, BOLT.nv)), "tau": TAU, "constraints": FEET}
+
+
+def use_many(**given: Any) -> Any:
+    """The rows that have an answer."""
+    found = rbd.solve_many(**given)
+    return [array[found.answered] for array in (found.a, found.worst, *found.forces.values(), *found.corner_forces.values())]
+
+
+def use_actuations(found: rbd.statics.Actuations) -> Any:
+    """The rows that have an answer."""
+    return [array[found.answered] for array in (found.tau, found.worst, *found.forces.values())]
 
 
 def use_cone(cone: Any) -> Any:
@@ -373,6 +388,18 @@ CASES: dict[str, Case] = {
     "ConeSolver": Case(lambda law, problem: rbd.ConeSolver(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
     "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True, "rest_speed": 1e-6}, 200),
+    "solve_many": Case(use_many, MANY | {"law": "coulomb", "external": np.zeros(BOLT.nv), "friction": 0.5, "rest_speed": 1e-6}),
+    "hold_many": Case(
+        lambda **given: use_actuations(rbd.statics.hold_many(**given)),
+        {key: MANY[key] for key in ("robot", "q")} | {"contacts": FEET, "coefficients": 0.5, "friction": "cone", "margin": 0.0},
+        20,
+    ),
+    "inverse_dynamics_many": Case(
+        lambda **given: use_actuations(rbd.control.inverse_dynamics_many(**given)),
+        {key: MANY[key] for key in ("robot", "q", "v")}
+        | {"a": np.zeros(BOLT.nv), "contacts": FEET, "coefficients": 0.5, "rest_speed": 1e-6, "external": np.zeros(BOLT.nv)},
+        20,
+    ),
     "solve_problem": Case(rbd.solve_problem, {"problem": PROBLEM, "solver": rbd.ProxQP(), "check": True}),
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
@@ -682,6 +709,7 @@ MADE_BY_RBD = {
     "Trajectory",
     "Event",
     "ContactPoints",
+    "Solutions",
     "SolverComparison",
     "LawComparison",
     "Contradiction",
@@ -692,6 +720,7 @@ MADE_BY_RBD = {
     "SupportRegion",
     "ZmpRegion",
     "Actuation",
+    "Actuations",
     "ActuationUniqueness",
     "Limit",
     "Margins",
@@ -894,6 +923,7 @@ def public() -> Iterator[str]:
         rbd.analysis,
         rbd.constraints,
         rbd.control,
+        rbd.many,
         rbd.model,
         rbd.problem,
         rbd.robots,
@@ -910,7 +940,7 @@ def public() -> Iterator[str]:
             value = getattr(place, name)
             if inspect.ismodule(value) or not callable(value) or name in MADE_BY_RBD or room + name in INNER:
                 continue
-            if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, rbd.problem.Status)):
+            if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, Enum)):
                 continue
             if names is None and inspect.ismodule(place) and (value.__module__ != place.__name__ or isinstance(value, type)):
                 continue
@@ -919,7 +949,7 @@ def public() -> Iterator[str]:
                 yield room + name
 
 
-INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion"}
+INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion", "dynamics.polarised"}
 """What constraints and problems call, with what was checked."""
 
 

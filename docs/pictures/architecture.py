@@ -20,7 +20,7 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
-    [("solution", "answer and proof"), ("least_constraint", "solve")],
+    [("solution", "answer and proof"), ("least_constraint", "solve"), ("many", "solve_many")],
     [
         ("statics", "hold, least effort"),
         ("mechanism", "assemble, trace,\nmobility"),
@@ -29,9 +29,9 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
     [
         ("visual", "pages, plots"),
-        ("testing", "checks of your own\nkinds, solvers"),
-        ("studies", "both laws,\nseveral solvers"),
-        ("motion", "measured\nforces"),
+        ("motion", "reference motions,\nmeasured forces"),
+        ("testing", "checks of your\nown kinds"),
+        ("studies", "both laws,\nsolvers"),
     ],
     [("cli", "rbd stand, simulate, mechanism, plane")],
 ]

@@ -111,6 +111,11 @@ class ActiveSet:
         self._check_shares(dy, da)
         return da, forces + T.G @ weights
 
+    def by_force(self) -> tuple[Array, Array]:
+        """(da, df) by a generalised force, shapes (nv, nv) and (m, nv); errors as `derivative`."""
+        nv, m = self._problem.nv, self._problem.m
+        return self.derivative(np.eye(nv), np.zeros((m, nv)), np.zeros((m, nv)))
+
     def response(self, r: Array) -> Array:
         """Acceleration by a generalised force r under the active constraints, shape (nv, n)."""
         return self._back(self._motion(r, np.zeros((len(self._modes.start), r.shape[1])), np.zeros((1, r.shape[1])))[1])

@@ -1,8 +1,9 @@
 """Derivatives of an answer with respect to configuration, velocity, torques and external forces.
 
-The equations of the answer are differentiated with the contact modes fixed (`rbd.analysis.active_set`). The
-dynamics' part, d(M a + h), is Pinocchio's analytical derivative of inverse dynamics; the constraints' part,
-d(J^T f) and d(J a + J_dot v), is taken by differences of their rows on the manifold, for any kind of constraint.
+The equations of the answer are differentiated with the contact modes fixed (`rbd.analysis.held_rows` where nothing slips
+or opens, else `rbd.analysis.active_set`). The dynamics' part, d(M a + h), and that of external forces, of points and
+of patches on ground at rest, d(J^T f) and d(J a + J_dot v), are Pinocchio's analytical derivatives
+(`rbd.model.pose_derivatives`); that of any other constraint is taken by differences of its rows on the manifold.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.analysis.active_set import CONSISTENT, ActiveSet
+from rbd.analysis.differences import STEP, slope
+from rbd.analysis.held_rows import HeldRows
 from rbd.arrays import RANK, Array
+from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
+from rbd.constraints.loop_stack import rows_function
 from rbd.errors import NotDifferentiable, Unsupported
-from rbd.model.dynamics import External, HasRows, generalised
+from rbd.model.dynamics import External, ExternalForce, HasRows
+from rbd.model.pose_derivatives import FixedPose, state_derivatives
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone
-from rbd.problem.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,66 +154,89 @@ class _Chain:
     """Maps changes of the state to changes of the answer."""
 
     def __init__(self, origin: StateOrigin, answer: Answer) -> None:
-        self.origin, self.answer, self.active = origin, answer, ActiveSet(answer)
+        self.origin, self.answer = origin, answer
+        self.active = HeldRows.of(answer) or ActiveSet(answer)
         self.robot, self.nv, self.m = origin.state.robot, origin.state.robot.nv, answer.problem.m
-        self.acting = [(c, r) for c, r in zip(origin.constraints, answer.problem.rows, strict=True) if len(r)]
+        acting = [(c, r) for c, r in zip(origin.constraints, answer.problem.rows, strict=True) if len(r)]
+        self.fixed = [(f, r) for c, r in acting if (f := fixed_rows_of(c)) is not None]
+        self.constant = [r for c, r in acting if are_constant(c, r)]
+        self.others = [(c, r) for c, r in acting if fixed_rows_of(c) is None and not are_constant(c, r)]
+        self._rows = rows_function(self.robot, [c for c, _ in self.others])
 
     def derivatives(self) -> Derivatives:
         """All derivatives."""
-        nv, state, robot = self.nv, self.origin.state, self.robot
-        model, q, v = robot.model, state.q, state.v
-        inverse = self._inverse_dynamics()
-        by_q = self._differences(lambda i, h: State(robot, pin.integrate(model, q, _along(nv, i, h)), v), _STEP, "q")
-        by_v = self._differences(lambda i, h: State(robot, q, v + _along(nv, i, h)), 10.0 * _STEP, "v")
-        by_q, by_v = replace(by_q, force=by_q.force - inverse[0]), replace(by_v, force=by_v.force - inverse[1])
+        robot, active = self.robot, self.active
+        by_q, by_v = self._by_state()
         self._check_internal(by_q)
-        torque = np.zeros((nv, robot.nu))
-        torque[robot.actuated, np.arange(robot.nu)] = 1.0
-        changes = [by_q, by_v, self._of_forces(torque), self._of_forces(np.eye(nv))]
-        found = [self.active.derivative(change.force, change.c, change.u) for change in changes]
+        (a_q, f_q), (a_v, f_v) = (active.derivative(x.force, x.c, x.u) for x in (by_q, by_v))
+        a_external, f_external = active.by_force()
+        a_tau, f_tau = a_external[:, robot.motors].copy(), f_external[:, robot.motors].copy()
         lost = self._not_unique()
-        forces = {}
+        forces: dict[str, ForceDerivatives | None] = {}
         for r in self.answer.problem.rows:
             span = self.answer.problem.slices[r.name]
-            each = [_world(r, change.resultants[r.name], df[span]) for change, (_, df) in zip(changes, found, strict=True)]
+            each = [df[span].copy() if r.resultant is None else r.resultant @ df[span] for df in (f_q, f_v, f_tau, f_external)]
+            for df, by in zip(each[:2], (by_q, by_v), strict=True):
+                if r.name in by.resultants:
+                    df += by.resultants[r.name]
             forces[r.name] = None if r.name in lost else ForceDerivatives(*each)
-        (a_q, f_q), (a_v, f_v), (a_tau, f_tau), (a_external, f_external) = found
-        motion = Derivatives(a_q, a_v, a_tau, a_external, None, None, None, None, forces, self.active.words, lost)
-        if self.active.internal.size:
+        motion = Derivatives(a_q, a_v, a_tau, a_external, None, None, None, None, forces, active.words, lost)
+        if active.internal.size:
             return motion
         return replace(motion, df_dq=f_q, df_dv=f_v, df_dtau=f_tau, df_dexternal=f_external)
 
-    def _inverse_dynamics(self) -> tuple[Array, Array]:
-        """d(M a + h)/dq and /dv at fixed a, shapes (nv, nv)."""
-        state, robot = self.origin.state, self.robot
-        with robot.pool.lock:
-            slot, ticket = robot.pool.take(
-                lambda data: pin.computeRNEADerivatives(robot.model, data, state.q, state.v, self.answer.a)
-            )
-            out = slot.data.dtau_dq.copy(), slot.data.dtau_dv.copy()
-            robot.pool.give_back(slot, ticket)
-        return out
+    def _by_state(self) -> tuple[_Change, _Change]:
+        """Changes of the terms with q and with v."""
+        changes = self._of_fixed()
+        if self.others:
+            state, robot, nv = self.origin.state, self.robot, self.nv
+            model, q, v = robot.model, state.q, state.v
+            by_q = self._differences(lambda i, h: State(robot, pin.integrate(model, q, _along(nv, i, h)), v), STEP, "q")
+            by_v = self._differences(lambda i, h: State(robot, q, v + _along(nv, i, h)), 10.0 * STEP, "v")
+            for change, more in zip(changes, (by_q, by_v), strict=True):
+                change.add(more)
+        return changes
 
-    def _of_forces(self, force: Array) -> _Change:
-        """Change of the acceleration by a generalised force, shape (nv, n)."""
-        n = force.shape[1]
-        return _Change(force, *self._split(np.zeros((self._sample(self.origin.state)[self.nv :].size, n))))
+    def _of_fixed(self) -> tuple[_Change, _Change]:
+        """Changes of M a + h, of external forces and of rows that are constant or fixed to bodies: Pinocchio's derivatives."""
+        P, f, nv, internal = self.answer.problem, self.answer.multipliers, self.nv, self.active.internal
+        pushes = _pushes(self.origin.external)
+        poses = [pose for pose, _ in pushes] + [rows.pose for rows, _ in self.fixed]
+
+        def applied(f: Array) -> list[Array]:
+            return [rows.wrench(f[P.slices[r.name]]) for rows, r in self.fixed]
+
+        given = [wrench for _, wrench in pushes]
+        found = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f))
+        by_q = _Change.none(nv, self.m, internal.shape[1], found.force_dq)
+        by_v = _Change.none(nv, self.m, internal.shape[1], found.force_dv)
+        for (rows, r), moved in zip(self.fixed, found.poses[len(pushes) :], strict=True):
+            span, own = P.slices[r.name], rows.rows
+            by_q.c[span], by_q.u[span] = moved.acceleration_dq[own], moved.velocity_dq[own]
+            by_v.c[span], by_v.u[span] = moved.acceleration_dv[own], moved.J[own]
+            if moved.force_dq is not None:
+                by_q.resultants[r.name] = moved.force_dq
+        for r in self.constant:
+            by_v.u[P.slices[r.name]] = r.J
+        for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
+            other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
+            by_q.internal[:, i] = other.force_dq - found.force_dq
+        return by_q, by_v
 
     def _sample(self, state: State) -> Array:
-        """Terms of constraints and external forces at a state, at the answer's a and f, in one vector.
+        """Terms of the other constraints at a state, at the answer's a and f, in one vector.
 
-        tau_ext + J^T f, then J^T of the internal forces; c; velocities; and each constraint's force in world axes. Empty
-        where a constraint has other rows than at the answer: e.g. a joint that is off its limit.
+        J^T f, then J^T of the internal forces; c; velocities; and each constraint's force in world axes. Empty where a
+        constraint has other rows than at the answer: e.g. a joint that is off its limit.
 
         Raises:
             NotDifferentiable: if a constraint has another set of forces there.
         """
         P, a, f = self.answer.problem, self.answer.a, self.answer.multipliers
-        force, _ = generalised(state, self.origin.external)
-        internal = np.zeros((self.nv, self.active.internal.shape[1]))
+        force, internal = np.zeros(self.nv), np.zeros((self.nv, self.active.internal.shape[1]))
         c, u, resultants = [], [], []
-        for constraint, known in self.acting:
-            r, part = constraint.rows(state), P.slices[known.name]
+        for r, (_, known) in zip(self._rows(state), self.others, strict=True):
+            part = P.slices[known.name]
             if len(r) != len(known):
                 return np.zeros(0)
             if not _same_set(r.cone, known.cone):
@@ -219,34 +247,34 @@ class _Chain:
             internal += r.J.T @ self.active.internal[part]
             c.append(r.J @ a + r.bias + r.feedback)
             u.append(r.velocity)
-            resultants.append(f[part] if r.resultant is None else r.resultant @ f[part])
+            resultants.append(np.zeros(0) if r.resultant is None else r.resultant @ f[part])
         return np.concatenate([force, internal.ravel(), *c, *u, *resultants])
 
-    def _split(self, tail: Array) -> tuple[Array, Array, Array, dict[str, Array]]:
-        """(internal, c, u, resultants) of the parts of samples after the forces, shapes (nv, d, n), (m, n), (m, n), (k, n)."""
-        d, n, m = self.active.internal.shape[1], tail.shape[1], self.m
-        internal, c, u, rest = np.split(tail, np.cumsum([self.nv * d, m, m]))
-        out = {r.name: np.zeros((0, n)) for r in self.answer.problem.rows}
-        for _, r in self.acting:
-            k = len(r) if r.resultant is None else len(r.resultant)
-            out[r.name], rest = rest[:k], rest[k:]
-        return internal.reshape(self.nv, d, n), c, u, out
-
     def _differences(self, moved: Callable[[int, float], State], step: float, what: str) -> _Change:
-        """The change along each coordinate, by differences of samples.
+        """The change of the other constraints along each coordinate, by differences of samples.
 
         Args:
             moved: The state a distance away along a coordinate.
             step: First distance tried.
             what: Name of the coordinates, for messages.
         """
-        here = self._sample(self.origin.state)
+        here, nv, d, P = self._sample(self.origin.state), self.nv, self.active.internal.shape[1], self.answer.problem
 
         def along(i: int) -> Array:
-            return _slope(lambda h: self._sample(moved(i, h)), here, step, f"{what}[{i}]")
+            return slope(lambda h: self._sample(moved(i, h)), here, step, f"{what}[{i}]")
 
-        slopes = np.column_stack([along(i) for i in range(self.nv)])
-        return _Change(slopes[: self.nv], *self._split(slopes[self.nv :]))
+        slopes = np.column_stack([along(i) for i in range(nv)])
+        out = _Change.none(nv, self.m, d, slopes[:nv])
+        m = sum(len(r) for _, r in self.others)
+        internal, c, u, rest = np.split(slopes[nv:], np.cumsum([nv * d, m, m]))
+        out.internal[:] = internal.reshape(nv, d, nv)
+        for _, r in self.others:
+            span, k = P.slices[r.name], len(r)
+            out.c[span], c = c[:k], c[k:]
+            out.u[span], u = u[:k], u[k:]
+            if r.resultant is not None:
+                out.resultants[r.name], rest = rest[: len(r.resultant)], rest[len(r.resultant) :]
+        return out
 
     def _check_internal(self, by_q: _Change) -> None:
         """Refuse if internal forces here would move the robot at a state nearby, where the rows are not redundant."""
@@ -261,7 +289,7 @@ class _Chain:
     def _not_unique(self) -> tuple[str, ...]:
         """Constraints whose force an internal force can change."""
         P, internal, lost = self.answer.problem, self.active.internal, []
-        for _, r in self.acting:
+        for r in P.rows if internal.size else ():
             part = internal[P.slices[r.name]]
             if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK:
                 lost.append(r.name)
@@ -277,7 +305,7 @@ class _Change:
         internal: J^T of internal forces, shape (nv, d, n).
         c: Accelerations of the rows, shape (m, n).
         u: Velocities of the rows, shape (m, n).
-        resultants: {constraint: force in world axes, shape (k, n)}.
+        resultants: {constraint: force in world axes, shape (k, n)}, of those that change.
     """
 
     force: Array
@@ -286,68 +314,22 @@ class _Change:
     u: Array
     resultants: dict[str, Array]
 
+    @classmethod
+    def none(cls, nv: int, m: int, d: int, force: Array) -> _Change:
+        """A change of the force alone."""
+        n = force.shape[1]
+        return cls(force, np.zeros((nv, d, n)), np.zeros((m, n)), np.zeros((m, n)), {})
 
-@dataclass(frozen=True, eq=False)
-class _Rule:
-    """Differences from seven nodes: the slope, and two combinations of the values that vanish for smooth functions."""
-
-    nodes: Array
-    slope: Array
-    lower_order: Array  # the fourth-order slope, less `slope`
-    kink: Array  # half the jump of the slope at zero, of a function that is smooth on both sides
-
-
-def _rules() -> tuple[_Rule, _Rule, _Rule]:
-    both = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0
-    ahead = np.array([-147, 360, -450, 400, -225, 72, -10]) / 60.0
-    fourth, near = np.array([0, 1, -8, 0, 8, -1, 0]) / 12.0, np.array([-25, 48, -36, 16, -3, 0, 0]) / 12.0
-    kink = np.array([1, -6, 15, -20, 15, -6, 1]) / 12.0  # 12 for |x|, 0 for x, x^2, ... x^5
-    here = np.zeros(7)
-    x = np.arange(7.0)
-    return (
-        _Rule(x - 3.0, both, fourth - both, kink),
-        _Rule(x, ahead, near - ahead, here),
-        _Rule(-x, -ahead, ahead - near, here),
-    )
+    def add(self, other: _Change) -> None:
+        """Add the change of other constraints."""
+        self.force[:] += other.force
+        self.internal[:] += other.internal
+        self.c[:] += other.c
+        self.u[:] += other.u
+        self.resultants.update(other.resultants)
 
 
-_RULES = _rules()
-"""On both sides; ahead and behind, where the rows differ on the other side."""
-_STEP = 0.005 * 5.0**0.5
-"""First step tried [rad, m]; irrational, so that it is no whole number of periods of the function."""
-SMOOTH = 1e-7
-"""Largest error of a difference, over max(1, largest entry); up to 1e3 times as much if no step does better."""
-
-
-def _slope(sample: Callable[[float], Array], here: Array, step: float, what: str) -> Array:
-    """Derivative of a sample at zero, by differences of the sixth order with a step reduced until it converges.
-
-    Raises:
-        NotDifferentiable: if it has a kink, or different rows on the two sides.
-    """
-    best, miss = here, np.inf
-    for _ in range(6):
-        for rule in _RULES:
-            values = [here if x == 0.0 else sample(step * x) for x in rule.nodes]
-            if any(v.shape != here.shape for v in values):
-                continue
-            F = (np.array(values) - here) / step  # constant entries then have a slope of exactly zero
-            slope = rule.slope @ F
-            off = np.maximum(np.abs(rule.lower_order @ F), np.abs(rule.kink @ F))
-            worst = float((off / np.maximum(np.abs(slope).max(initial=1.0), np.abs(here))).max(initial=0.0))
-            if worst < miss:
-                best, miss = slope, worst
-            break
-        if miss <= SMOOTH:
-            return best
-        step /= 8.0
-    if miss <= 1e3 * SMOOTH:
-        return best
-    raise NotDifferentiable(
-        f"the constraints do not change smoothly with {what}: "
-        + ("their rows appear and disappear." if miss == np.inf else f"its slopes on the two sides differ by {miss:.1e}.")
-        + " Leave out the constraint (or its feedback), or move the state a little."
-    )
+_WORLD = np.eye(3)
 
 
 def _along(n: int, i: int, distance: float) -> Array:
@@ -365,6 +347,11 @@ def _same_set(one: Cone, other: Cone) -> bool:
     return parts == other_parts and np.array_equal(G, other_G)
 
 
-def _world(r: Rows, turned: Array, df: Array) -> Array:
-    """Change of a force in world axes, where it turns by `turned` and its row forces change by df."""
-    return turned + (df if r.resultant is None else r.resultant @ df)
+def _pushes(external: External) -> list[tuple[FixedPose, Array]]:
+    """Where external forces act, with axes of the world, and (force, moment) there; a generalised force does not change."""
+    given = (external,) if isinstance(external, ExternalForce) else () if external is None else external
+    return [
+        (FixedPose(e.frame, pin.SE3(_WORLD, np.asarray(e.offset)), _WORLD), np.concatenate([e.force, e.moment]))
+        for e in given
+        if isinstance(e, ExternalForce)
+    ]

@@ -23,6 +23,7 @@ from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
 from rbd.robots.robot import Robot, doctor, load_robot
 from rbd.solution import Solution
+from rbd.solvers import compiled
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 
@@ -108,7 +109,15 @@ def robot_info(robot: Robot) -> Group:
     postures = ", ".join(robot.postures) or "none known"
     frames = ", ".join(robot.frames())
     lines = Text(f"\nfeet: {feet}\npostures: {postures}\n\nframes ({len(robot.frames())}): {frames}\n\n")
-    return Group(head, _joints_table(robot), lines, Text(in_commands(str(doctor(robot)))))
+    return Group(head, _joints_table(robot), lines, Text(in_commands(str(doctor(robot)))), Text(_arithmetic()))
+
+
+def _arithmetic() -> str:
+    """Whether slipping contacts are solved by compiled code."""
+    if compiled.in_use():
+        return "\ncompiled arithmetic: in use (extra `fast`, Numba)"
+    how = "turned off by RBD_COMPILED=0" if compiled.installed() else "not installed; pip install 'rbd-contact[fast]'"
+    return f"\ncompiled arithmetic: {how}"
 
 
 def _joints_table(robot: Robot) -> Table:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import combinations
-from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, as_float, cross_matrix
-from rbd.constraints.contact_kinematics import Between, Bodies, OnPlane, Touching, joined
-from rbd.constraints.contact_points import ContactPoints
-from rbd.constraints.convex.solids import ConvexShape, convex_shape
+from rbd.constraints.collision_shapes import CollisionShapes
+from rbd.constraints.contact_kinematics import Between, Bodies, Touching, joined
+from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
+from rbd.constraints.plane_contact import OnPlane
 from rbd.constraints.surface import check_state, contact_axes
-from rbd.errors import InputError, ModelError, nearest
+from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.forks import renewed_after_fork
 from rbd.model.state import State
@@ -28,6 +26,8 @@ from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4
 """Points with a gap up to this count as touching, by default: the residual gap of an iterated posture."""
+_MOST_STRUCTURES = 1000
+"""Number of cached sets of points; tumbling shapes can have a new one at every step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +118,12 @@ class CollisionContacts:
             raise InputError(f"CollisionContacts {name!r:.80} has neither ground nor pairs: nothing can touch.")
         put(self, "ground", ground if isinstance(ground, bool) else tuple(ground))
         put(self, "pairs", pairs if isinstance(pairs, bool) else tuple(tuple(pair) for pair in pairs))
-        bodies = Bodies(robot)
         put(self, "_point", np.asarray(self.on.point))
         put(self, "_axes", contact_axes(np.asarray(self.on.normal)))
         put(self, "_turn", np.hstack([cross_matrix(e) for e in self._axes.T]))  # maps r to r x e of the three axes
-        plane = OnPlane(robot, bodies, low, self._axes, self._point) if low else None
-        put(self, "_finder", _Finder(robot, plane, Between(robot, bodies, both) if both else None))
+        plane = OnPlane(robot, low, self._axes, self._point) if low else None
+        first = len(plane.points.body) if plane is not None else 0
+        put(self, "_finder", _Finder(plane, Between(robot, Bodies(robot), both, first) if both else None))
         put(self, "_cone", _cone(self.friction, self.facets))
 
     def with_margin(self, margin: float) -> CollisionContacts:
@@ -172,9 +172,18 @@ class CollisionContacts:
         """
         found, kept = self._touching(state), self._kept
         return ContactPoints(
-            found.names, found.positions, found.axes, found.gaps, found.J[kept], found.velocity[kept], found.bias[kept],
+            found.names, found.positions, found.each_axes, found.gaps, found.J[kept], found.velocity[kept], found.bias[kept],
             (self._cone,) * len(found.gaps), self._resultant(found),
         )  # fmt: skip
+
+    def source(self, start: State) -> CollisionPoints:
+        """The points during a motion: all that are nearer than `MARGIN`.
+
+        Raises:
+            InputError: a state of another robot.
+        """
+        self._check(start)
+        return CollisionPoints(self.with_margin(MARGIN))
 
     @property
     def _kept(self) -> slice:
@@ -192,10 +201,13 @@ class CollisionContacts:
         return resultant[:, self._kept]
 
     def _touching(self, state: State) -> Touching:
+        self._check(state)
+        return self._finder.at(state, self.margin)
+
+    def _check(self, state: State) -> None:
         check_state(state, self.name)
         if state.robot is not self.robot and state.robot.model != self.robot.model:
             raise InputError(f"contacts {self.name!r:.80} are of {self.robot.name}; the state is of {state.robot.name}.")
-        return self._finder.at(state, self.margin)
 
     def _nothing(self, state: State) -> Rows:
         nv = state.robot.nv
@@ -213,10 +225,9 @@ class CollisionContacts:
 class _Finder:
     """Computes the points at a state, one thread at a time; the last result is cached, for rows and points."""
 
-    def __init__(self, robot: CheckedModel, plane: OnPlane | None, between: Between | None) -> None:
-        self.robot, self.plane, self.between = robot, plane, between
+    def __init__(self, plane: OnPlane | None, between: Between | None) -> None:
+        self.plane, self.between = plane, between
         self._lock = threading.Lock()
-        self._data = (robot.model if plane is None else plane.model).createData()
         self._last: tuple[weakref.ref[State], float, Touching] | None = None
         renewed_after_fork(self)
 
@@ -225,8 +236,8 @@ class _Finder:
         self._lock = threading.Lock()
 
     def another(self) -> _Finder:
-        """A copy with a separate cache."""
-        return _Finder(self.robot, self.plane, self.between)
+        """A copy with separate caches."""
+        return _Finder(self.plane and self.plane.another(), self.between and self.between.another())
 
     def at(self, state: State, margin: float) -> Touching:
         """All points within the margin."""
@@ -234,11 +245,65 @@ class _Finder:
         if last is not None and last[0]() is state and last[1] == margin:
             return last[2]
         with self._lock:
-            parts = [] if self.plane is None else self.plane.at(state, self._data, margin)
-            parts += [] if self.between is None else self.between.at(state, self._data, margin)
-        found = joined(parts, state.robot.nv)
+            low = None if self.plane is None else self.plane.at(state.q, state.v, margin)
+            parts = [] if low is None else [low]
+            parts += [] if self.between is None else self.between.at(state, margin)
+        found = joined(parts, self.label, state.robot.nv)
         self._last = weakref.ref(state), margin, found
         return found
+
+    def label(self, number: int) -> str:
+        """The name of a point."""
+        if self.between is not None and number >= self.between.first_number:
+            return self.between.label(number)
+        assert self.plane is not None
+        return self.plane.label(number)
+
+
+class CollisionPoints:
+    """Source of the points near each other in a motion; each keeps its number, from 0 in the order of appearance."""
+
+    group = None
+
+    def __init__(self, contacts: CollisionContacts) -> None:
+        self.contacts = contacts
+        self._numbers, self._count = np.zeros(0, int), 0  # by the contacts' number, -1 before it appears
+        self._seen: dict[bytes, Structure] = {}
+
+    def at(self, state: State, t: float) -> Measured:
+        """Its points, for any time `t`."""
+        contacts = self.contacts
+        found, kept = contacts._touching(state), contacts._kept
+        J = found.J[kept]
+        return Measured(
+            self._structure(found.numbers), J, found.velocity[kept], found.bias[kept], found.gaps, np.zeros(len(J)), None,
+            None if contacts.pairs else found.positions - contacts._point, found.positions, found.axes,
+        )  # fmt: skip
+
+    def gaps(self, state: State, t: float) -> Array:
+        """The gaps of `at`."""
+        return self.contacts._touching(state).gaps
+
+    def _structure(self, points: Array) -> Structure:
+        """The same object for the same points."""
+        key = points.tobytes()
+        known = self._seen.get(key)
+        if known is None:
+            if len(self._seen) >= _MOST_STRUCTURES:
+                self._seen.clear()
+            contacts, k = self.contacts, len(points)
+            known = self._seen[key] = Structure((contacts.name,) * k, self._own(points), (contacts._cone,) * k)
+        return known
+
+    def _own(self, points: Array) -> tuple[int, ...]:
+        """The numbers of points in this motion."""
+        beyond = points.max(initial=-1) + 1 - len(self._numbers)
+        if beyond > 0:
+            self._numbers = np.concatenate([self._numbers, np.full(beyond + len(self._numbers), -1)])
+        new = points[self._numbers.take(points) < 0]
+        self._numbers[new] = self._count + np.arange(len(new))
+        self._count += len(new)
+        return tuple(self._numbers.take(points).tolist())
 
 
 def _made(name: str, robot: CheckedModel, given: dict[str, object]) -> CollisionContacts:
@@ -266,127 +331,3 @@ def _normals(k: int, friction: bool) -> Array:
     out = np.tile([False, False, True], k) if friction else np.ones(k, bool)
     out.flags.writeable = False
     return out
-
-
-class CollisionShapes:
-    """The collision shapes of a robot, made convex on first use.
-
-    Raises:
-        InputError: not a robot, or one without collision shapes.
-    """
-
-    def __init__(self, name: str, robot: CheckedModel) -> None:
-        found = getattr(robot, "collision_model", None) if isinstance(robot, CheckedModel) else None
-        if not isinstance(found, pin.GeometryModel):
-            raise InputError(f"CollisionContacts {name!r:.80} wants a robot second, got {robot!r:.80}: rbd.load_robot(name).")
-        self.name, self.robot, self.model = name, robot, found
-        self.objects = list(found.geometryObjects)
-        self.stand_ins = frozenset(getattr(robot, "collision_stand_ins", frozenset()))
-        self._made: dict[int, ConvexShape] = {}
-        self._by_name: dict[str, list[int]] = {}
-        for i, shape in enumerate(self.objects):
-            for known in {str(shape.name), robot.model.frames[shape.parentFrame].name}:
-                self._by_name.setdefault(known, []).append(i)
-        if not self.objects:
-            raise InputError(
-                f"{robot.name} has no collision shapes, so it cannot touch anything. Give <collision> shapes in its file, or "
-                "contacts at points: rbd.PointContact, rbd.SurfaceContact."
-            )
-
-    def on_ground(self, given: bool | Sequence[str]) -> list[ConvexShape]:
-        """The shapes that can touch the ground, in the order of their joints.
-
-        Args:
-            given: True: those of all moving bodies; or names of links or shapes.
-
-        Raises:
-            InputError: unknown names, or shapes that cannot be loaded or are fixed to the world.
-        """
-        if given is False:
-            return []
-        if given is True:
-            chosen = [i for i, shape in enumerate(self.objects) if shape.parentJoint > 0]
-            if not chosen:
-                raise InputError(f"all collision shapes of {self.robot.name} are fixed to the world; give ground=False.")
-        else:
-            chosen = sorted({i for known in self._words("ground", given) for i in self._named(known)})
-            for i in chosen:
-                if self.objects[i].parentJoint == 0:
-                    raise InputError(f"{self.objects[i].name!r:.80} is fixed to the world and cannot move to the ground.")
-        return sorted((self._shape(i) for i in chosen), key=lambda shape: shape.joint)
-
-    def pairs(self, given: bool | Sequence[tuple[str, str]]) -> list[tuple[ConvexShape, ConvexShape]]:
-        """The pairs of shapes that can touch each other.
-
-        Args:
-            given: Pairs of names of links or shapes; True: the collision pairs of `robot.collision_model` where it has some,
-                else all shapes of bodies that no single joint connects.
-
-        Raises:
-            InputError: unknown names, shapes that cannot be loaded, shapes of one body.
-        """
-        if given is False:
-            return []
-        if given is True:
-            listed = [(int(p.first), int(p.second)) for p in self.model.collisionPairs]
-            every = listed or [pair for pair in combinations(range(len(self.objects)), 2) if not self._neighbours(*pair)]
-        else:
-            every = []
-            for pair in self._listed("pairs", given):
-                words = self._words("a pair", pair)
-                if len(words) != 2:
-                    raise InputError(f"a pair of contacts {self.name!r:.80} is {pair!r:.80}; expected two names.")
-                one, other = (self._named(known) for known in words)
-                for i in one:
-                    for j in other:
-                        if self.objects[i].parentJoint == self.objects[j].parentJoint:
-                            raise InputError(
-                                f"{words[0]!r:.80} and {words[1]!r:.80} are of one body of {self.robot.name}; expected "
-                                "names of two that move against each other."
-                            )
-                        every.append((i, j))
-        return [(self._shape(i), self._shape(j)) for i, j in dict.fromkeys(every)]
-
-    def _neighbours(self, i: int, j: int) -> bool:
-        one, other = int(self.objects[i].parentJoint), int(self.objects[j].parentJoint)
-        parents = self.robot.model.parents
-        return one == other or (one > 0 and parents[one] == other) or (other > 0 and parents[other] == one)
-
-    def _named(self, known: str) -> list[int]:
-        found = self._by_name.get(known)
-        if found is None:
-            raise InputError(
-                f"no link or collision shape {known!r:.80} in {self.robot.name}; {nearest(known, self._by_name)}. See "
-                "[s.name for s in robot.collision_model.geometryObjects]."
-            )
-        return found
-
-    def _shape(self, i: int) -> ConvexShape:
-        if i not in self._made:
-            shape = self.objects[i]
-            without = "Leave it out: ground=[names of links that may touch], pairs=[(name, name)]."
-            if shape.name in self.stand_ins:
-                raise InputError(
-                    f"the mesh of collision shape {shape.name!r:.80} of {self.robot.name} was not found, and the box in its "
-                    "place is no shape to touch. Give the folder of its packages, load_robot(..., package_dirs=[folder]). "
-                    f"{without}"
-                )
-            try:
-                self._made[i] = convex_shape(shape)
-            except ModelError as error:
-                raise InputError(f"collision shape {shape.name!r:.80} of {self.robot.name} {error}. {without}") from None
-        return self._made[i]
-
-    def _words(self, what: str, given: Iterable[str]) -> list[str]:
-        out = self._listed(what, given)
-        if not all(isinstance(known, str) for known in out):
-            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected names of links or shapes.")
-        return out
-
-    def _listed(self, what: str, given: Iterable[str] | Iterable[tuple[str, str]]) -> list[Any]:
-        if isinstance(given, str | bytes):
-            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected a list.")
-        try:
-            return list(given)
-        except TypeError:
-            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected True or a list.") from None

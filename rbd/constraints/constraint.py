@@ -15,6 +15,8 @@ package read them through the functions of this module, which supply the default
                                   motion is across `normal`, of three. `rbd.solve` warns if it is open
     check(robot)                  refuses a robot without the names that it uses; absent: its frames are checked
     renamed(prefix, placement)    the same on a robot with prefixed names and a displaced world
+    hessian(state)                H with J_dot v = v @ H @ v, shape (m, nv, nv), for `rbd.dynamics.constraint_hessian`; absent:
+                                  from its rows at each two coordinates of v
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, max_abs
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -33,6 +35,8 @@ from rbd.problem.rows import Rows
 
 Found = TypeVar("Found")
 Kind = TypeVar("Kind")
+OPEN = 1e-3
+"""A loop that is open by more than this [m, rad] at the solved state gets a warning."""
 
 
 class Constraint(Protocol):
@@ -170,6 +174,11 @@ def loop_dof(constraint: Constraint, state: State, normal: Array | None) -> int 
 def closes_loop(constraint: Constraint) -> bool:
     """Whether it is a loop closure."""
     return callable(member(constraint, "loop_dof"))
+
+
+def is_open(constraint: Constraint, rows: Rows) -> bool:
+    """Whether it is a loop that is open by more than `OPEN` at the state of its rows."""
+    return closes_loop(constraint) and rows.error is not None and max_abs(rows.error) > OPEN
 
 
 def check_on(constraint: Constraint, robot: CheckedModel) -> None:

@@ -1,4 +1,4 @@
-"""Contact points of convex shapes and how they move over two bodies.
+"""Contact points of convex shapes of two bodies, and how they move over both.
 
 A contact point is no material point: the lowest point of a rolling ball stays below its centre. Let p' be the velocity of the
 contact point, and v + w x (p - o), b + w' x (p - o) velocity and J_dot v of the body at p, o its joint. Then
@@ -12,7 +12,8 @@ is no centripetal part. For two bodies take the difference of the two; axes R th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,8 @@ import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, lazy
 from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting
-from rbd.constraints.convex.solids import Ball, ConvexShape
+from rbd.constraints.convex.rounds import Ball
+from rbd.constraints.convex.solids import ConvexShape
 from rbd.constraints.surface import contact_axes
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -31,16 +33,18 @@ class Touching:
     """k contact points, in contact axes (tangent, tangent, normal), the normal out of the surface.
 
     Attributes:
-        labels: Shape and number of the point, or the name of a crossing; joined into `names` on demand.
+        numbers: Identify points over time: the same corner of the same shape has the same number, shape (k,).
+        label: The name of a point, from its number.
         positions: In W, shape (k, 3) [m].
-        axes: R_WC of each, shape (k, 3, 3).
+        axes: R_WC of all, shape (3, 3), or of each, shape (k, 3, 3).
         gaps: Shape (k,) [m]; negative where shapes overlap.
         J: Jacobian of the relative velocity, shape (3k, nv).
         velocity: Shape (3k,) [m/s].
         bias: Shape (3k,) [m/s2].
     """
 
-    labels: Sequence[tuple[str, int]]
+    numbers: Array
+    label: Callable[[int], str]
     positions: Array
     axes: Array
     gaps: Array
@@ -48,23 +52,29 @@ class Touching:
     velocity: Array
     bias: Array
 
+    @property
+    def each_axes(self) -> Array:
+        """R_WC of each point, shape (k, 3, 3)."""
+        return np.broadcast_to(self.axes, (len(self.gaps), 3, 3))
+
     @lazy
     def names(self) -> tuple[str, ...]:
-        """Names that identify points over time: the same corner of the same shape has the same name."""
-        return tuple(shape if number < 0 else f"{shape}:{number}" for shape, number in self.labels)
+        """Names of the points, as constant as their numbers."""
+        return tuple([self.label(number) for number in self.numbers.tolist()])
 
 
-def joined(parts: Sequence[Touching], nv: int) -> Touching:
+def joined(parts: Sequence[Touching], label: Callable[[int], str], nv: int) -> Touching:
     """Several stacked; of none, no points."""
     if len(parts) == 1:
         return parts[0]
     if not parts:
         none = np.zeros(0)
-        return Touching([], np.zeros((0, 3)), np.zeros((0, 3, 3)), none, np.zeros((0, nv)), none, none)
-    return Touching(
-        [label for part in parts for label in part.labels],
-        *(np.concatenate([getattr(p, what) for p in parts]) for what in ("positions", "axes", "gaps", "J", "velocity", "bias")),
+        return Touching(np.zeros(0, int), label, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, np.zeros((0, nv)), none, none)
+    numbers, positions, gaps, J, velocity, bias = (
+        np.concatenate([getattr(p, what) for p in parts]) for what in ("numbers", "positions", "gaps", "J", "velocity", "bias")
     )
+    axes = np.concatenate([p.each_axes for p in parts])
+    return Touching(numbers, label, positions, axes, gaps, J, velocity, bias)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,124 +106,50 @@ class Bodies:
         return BodyMotion(*state.moving(frame, X_FJ, pin.LOCAL_WORLD_ALIGNED))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Low:
-    """Points of one shape near the plane, in its body's axes, and their gaps."""
-
-    shape: ConvexShape
-    numbers: list[int]
-    points: Array
-    gaps: Array
-
-
-class OnPlane:
-    """Contact points of shapes with a fixed plane.
-
-    Args:
-        robot: The robot.
-        bodies: Its bodies.
-        shapes: Those that can touch, in the order of their joints.
-        axes: R_WC, the plane's normal third, shape (3, 3).
-        point: A point of the plane, in W, shape (3,) [m].
-    """
-
-    def __init__(self, robot: CheckedModel, bodies: Bodies, shapes: Sequence[ConvexShape], axes: Array, point: Array) -> None:
-        self.bodies, self.shapes, self.axes, self.height = bodies, shapes, axes, float(axes[:, 2] @ point)
-        self.beyond = np.array([shape.reach for shape in shapes]) + self.height
-        # For the potential energy of a body, the first four of its ten parameters: m, and m times the centre of mass.
-        self.entries = 10 * (np.array([shape.joint for shape in shapes], int)[:, None] - 1) + np.arange(4)
-        self.centres = np.array([[1.0, *shape.centre] for shape in shapes])
-        # With gravity -n the potential energy of a unit mass at a point of a body is the point's height: z + up . c.
-        self.model = robot.model.copy()
-        self.model.gravity = pin.Motion(-axes[:, 2], np.zeros(3))
-        self._same_axes: dict[int, Array] = {}
-        self.turn = np.hstack([cross_matrix(e) for e in axes.T])  # maps r to r x e of the three axes
-
-    def at(self, state: State, data: pin.Data, margin: float) -> list[Touching]:
-        """The points that are at most `margin` above the plane, by body, stacked; empty if there are none.
-
-        Args:
-            state: The robot.
-            data: Of `model`, under a lock.
-            margin: [m].
-        """
-        table = pin.computePotentialEnergyRegressor(self.model, data, state.q)[self.entries]
-        z, up = table[:, 0], table[:, 1:]
-        above = np.add.reduce(table * self.centres, axis=1)
-        found: dict[int, list[_Low]] = {}
-        for i in (above <= margin + self.beyond).nonzero()[0].tolist():
-            shape, n, height = self.shapes[i], up[i], float(z[i]) - self.height
-            numbers, points = shape.low(n, margin - height)
-            if numbers:
-                found.setdefault(shape.joint, []).append(_Low(shape, numbers, points, points @ n + height))
-        return [self._points(state, found)] if found else []
-
-    def _points(self, state: State, found: dict[int, list[_Low]]) -> Touching:
-        lows = [low for parts in found.values() for low in parts]
-        gaps = np.concatenate([low.gaps for low in lows])
-        k, moves = len(gaps), state.v.any()
-        r, positions = np.empty((k, 3)), np.empty((k, 3))
-        A = np.empty((k, 3, 6))  # maps the twist of a body at o to the velocities of its points, in contact axes
-        A[:, :, :3] = self.axes.T
-        J, velocity, bias = np.empty((3 * k, state.robot.nv)), np.zeros(3 * k), np.zeros(3 * k)
-        end = 0
-        for joint, parts in found.items():
-            body, start = self.bodies.at(state, joint), end
-            for low in parts:
-                end += len(low.numbers)
-                low.points.dot(body.X.rotation.T, out=r[end - len(low.numbers) : end])
-            here = slice(start, end)
-            rows = slice(3 * start, 3 * end)
-            np.add(r[here], body.X.translation, out=positions[here])
-            A[here, :, 3:] = r[here].dot(self.turn).reshape(-1, 3, 3)
-            part = A[here].reshape(-1, 6)
-            part.dot(body.J, out=J[rows])
-            if moves:
-                part.dot(body.v, out=velocity[rows])
-                bias[rows] = part.dot(body.bias) + self._centripetal(body, r[here], parts)
-        if k not in self._same_axes:
-            self._same_axes[k] = np.broadcast_to(self.axes, (k, 3, 3))
-        labels = [(low.shape.name, number) for low in lows for number in low.numbers]
-        return Touching(labels, positions, self._same_axes[k], gaps, J, velocity, bias)
-
-    def _centripetal(self, body: BodyMotion, r: Array, parts: Sequence[_Low]) -> Array:
-        """The term w x (p' - v), in contact axes, shape (3k,)."""
-        turn = cross_matrix(body.v[3:])
-        moved = r.dot(turn.T)
-        if any([low.shape.rounds for low in parts]):
-            R = body.X.rotation
-            up = R.T @ self.axes[:, 2]
-            rate = -cross_matrix(R.T @ body.v[3:]) @ up
-            moved += np.array([low.shape.wander(i, up, rate) for low in parts for i in low.numbers]) @ R.T
-        return moved.dot(turn.T @ self.axes).reshape(-1)
-
-
 class Between:
-    """Contact points of pairs of shapes of two bodies.
+    """Contact points of pairs of shapes of two bodies. Not for two threads at once.
 
     Args:
         robot: The robot.
         bodies: Its bodies.
         pairs: The pairs of shapes.
+        first_number: Points are numbered from here on, in the order in which their names first occur.
     """
 
-    def __init__(self, robot: CheckedModel, bodies: Bodies, pairs: Sequence[tuple[ConvexShape, ConvexShape]]) -> None:
-        self.bodies, self.pairs, self.model = bodies, pairs, robot.model
+    def __init__(
+        self, robot: CheckedModel, bodies: Bodies, pairs: Sequence[tuple[ConvexShape, ConvexShape]], first_number: int
+    ) -> None:
+        self.bodies, self.pairs, self.model, self.first_number = bodies, tuple(pairs), robot.model, first_number
         shapes = list({id(s): s for pair in pairs for s in pair}.values())
         number = {id(s): i for i, s in enumerate(shapes)}
         self.shapes = shapes
         self.first = np.array([number[id(a)] for a, _ in pairs], int)
         self.second = np.array([number[id(b)] for _, b in pairs], int)
         self.within = np.array([a.reach + b.reach for a, b in pairs])
+        self._prepare()
 
-    def at(self, state: State, data: pin.Data, margin: float) -> list[Touching]:
-        """The points of pairs whose gap is at most `margin`; arguments as `OnPlane.at`."""
+    def _prepare(self) -> None:
+        self._data = self.model.createData()
+        #: Names so far; of points with the same name at the same time, how many there were before.
+        self._known: dict[tuple[str, int], int] = {}
+        self._names: list[str] = []
+
+    def another(self) -> Between:
+        """The same with data of its own."""
+        out = object.__new__(Between)
+        out.__dict__.update(self.__dict__)
+        out._prepare()
+        return out
+
+    def at(self, state: State, margin: float) -> list[Touching]:
+        """The points of pairs whose gap is at most `margin` [m]."""
+        data = self._data
         pin.forwardKinematics(self.model, data, state.q)
         X = {joint: pin.SE3(data.oMi[joint]) for joint in {shape.joint for shape in self.shapes}}
         centres = np.array([X[shape.joint].act(shape.centre) for shape in self.shapes])
         away = np.linalg.norm(centres[self.first] - centres[self.second], axis=1)
         motions: dict[int, BodyMotion] = {}
-        found = []
+        found, times = [], Counter[str]()
         for i in np.flatnonzero(away - self.within <= margin).tolist():
             one, other = self.pairs[i]
             met = meeting(one, X[one.joint], other, X[other.joint], margin)
@@ -222,11 +158,30 @@ class Between:
             for joint in (one.joint, other.joint):
                 if joint not in motions:
                     motions[joint] = self.bodies.at(state, joint)
-            found.append(_pair(met, (one, other), (motions[one.joint], motions[other.joint])))
+            numbers = np.array([self._number(at.name, times) for at in met.crossings])
+            found.append(_pair(met, (one, other), (motions[one.joint], motions[other.joint]), numbers, self.label))
         return found
 
+    def label(self, number: int) -> str:
+        """The name of a point."""
+        return self._names[number - self.first_number]
 
-def _pair(met: Meeting, shapes: tuple[ConvexShape, ConvexShape], bodies: tuple[BodyMotion, BodyMotion]) -> Touching:
+    def _number(self, name: str, times: Counter[str]) -> int:
+        key = name, times[name]
+        times[name] += 1
+        number = self._known.setdefault(key, self.first_number + len(self._names))
+        if number == self.first_number + len(self._names):
+            self._names.append(name)
+        return number
+
+
+def _pair(
+    met: Meeting,
+    shapes: tuple[ConvexShape, ConvexShape],
+    bodies: tuple[BodyMotion, BodyMotion],
+    numbers: Array,
+    label: Callable[[int], str],
+) -> Touching:
     """All contact points of two shapes, with the same axes."""
     R, k = contact_axes(met.normal), len(met.crossings)
     positions = np.array([at.position for at in met.crossings])
@@ -245,7 +200,7 @@ def _pair(met: Meeting, shapes: tuple[ConvexShape, ConvexShape], bodies: tuple[B
         each = zip(met.crossings, velocity.reshape(k, 3), strict=True)
         bias += np.concatenate([_turning(met, shapes, bodies, at, R, g) for at, g in each])
     gaps = np.array([at.gap for at in met.crossings])
-    return Touching([(at.name, -1) for at in met.crossings], positions, np.tile(R, (k, 1, 1)), gaps, J, velocity, bias)
+    return Touching(numbers, label, positions, np.tile(R, (k, 1, 1)), gaps, J, velocity, bias)
 
 
 def _turning(

@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import repeat
+from operator import is_
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -81,6 +83,8 @@ class Structure:
         owners: Name of the constraint of each point.
         numbers: Number of each point among those of its constraint.
         cones: Set of each point's forces.
+        sets: The different ones among these sets.
+        which: Index of each point's set, shape (k,).
         widths: Number of rows of each point, shape (k,).
         normals: The row of each point's normal, shape (k,); its last.
     """
@@ -88,13 +92,21 @@ class Structure:
     owners: tuple[str, ...]
     numbers: tuple[int, ...]
     cones: tuple[Cone, ...]
+    sets: tuple[Cone, ...] = field(init=False)
+    which: Array = field(init=False)
     widths: Array = field(init=False)
     normals: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        widths = np.array([c.dim for c in self.cones], int)
-        object.__setattr__(self, "widths", widths)
-        object.__setattr__(self, "normals", np.cumsum(widths) - 1)
+        if len(self.cones) and all(map(is_, self.cones, repeat(self.cones[0]))):
+            sets, which = self.cones[:1], np.zeros(len(self.cones), int)
+        else:
+            different = {id(c): c for c in self.cones}
+            place = {key: i for i, key in enumerate(different)}
+            sets, which = tuple(different.values()), np.array([place[id(c)] for c in self.cones], int)
+        widths = np.array([c.dim for c in sets], int)[which]
+        for name, value in (("sets", sets), ("which", which), ("widths", widths), ("normals", np.cumsum(widths) - 1)):
+            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, eq=False)

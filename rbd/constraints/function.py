@@ -17,6 +17,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, is_finite
 from rbd.constraints.surface import check_state
 from rbd.errors import InputError, RbdError
+from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, NonNegative
 from rbd.problem.rows import Rows
@@ -88,9 +89,7 @@ class FunctionConstraint:
         if not m:
             none = Free(0) if self.cone is None or isinstance(self.cone, Free) else NonNegative(0)
             return Rows(self.name, np.zeros((0, nv)), np.zeros(0), none)
-        if not is_finite(error):
-            found = np.array2string(error, threshold=6)
-            raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
+        self._check_phi(error)
 
         def phi(at: Array) -> Array:
             return self._phi(at, m)
@@ -112,6 +111,49 @@ class FunctionConstraint:
         else:
             bias = rate(self.name, "jacobian", model, lambda at: self._jacobian(at, m, nv), J, q, v)
         return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ v, error)
+
+    def hessian(self, state: State) -> Array:
+        """H(q) with J_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
+
+        From `bias` where that is given, from derivatives of `jacobian` along each coordinate of v, or from second derivatives
+        of phi along these and along the sum of each two, at six calls a direction. Exact as J_dot v is: to 1e-9 of the largest
+        of phi and J.
+
+        Raises:
+            InputError: as `rows`; a bias that is not zero at v = 0, so that it is not quadratic in v.
+        """
+        check_state(state, self.name)
+        model, q, nv = state.robot.model, state.q, state.robot.nv
+        error = self._phi(q)
+        m = len(error)
+        self._check_phi(error)
+
+        def phi(at: Array) -> Array:
+            return self._phi(at, m)
+
+        if not m:
+            return np.zeros((0, nv, nv))
+        if self.bias is not None:
+            return polarised(lambda v: vector_of(self.name, "bias", self.bias, (q, v), m), nv, self.name)
+        if self.jacobian is not None:
+            return hessian_by_rates(self.name, "jacobian", model, lambda at: self._jacobian(at, m, nv), q)
+        J, apart = jacobian(model, phi, q, error)
+        check_smooth(self.name, "phi", apart)
+        size = float(np.abs(J).max(initial=0.0))
+
+        def bias(v: Array) -> Array:
+            if not v.any():
+                return np.zeros(m)
+            second = second_derivative(model, phi, q, v, error, size=size)
+            check_smooth(self.name, "phi", second.apart)
+            return second.value
+
+        return polarised(bias, nv, self.name)
+
+    def _check_phi(self, error: Array) -> None:
+        if not is_finite(error):
+            found = np.array2string(error, threshold=6)
+            raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
 
     def _phi(self, q: Array, m: int | None = None) -> Array:
         return vector_of(self.name, "phi", self.phi, (q,), m)
@@ -191,6 +233,22 @@ def rate(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], J:
     found = first_derivative(model, lambda at: f(at) @ v, q, v, J @ v, size=float(np.abs(J).max(initial=0.0)))
     check_smooth(name, what, found.apart)
     return found.value
+
+
+def hessian_by_rates(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], q: Array) -> Array:
+    """H with J_dot v = v @ H @ v of a matrix J = f(q), from its derivatives along each coordinate of v, shape (m, nv, nv).
+
+    Raises:
+        InputError: f has no derivative here.
+    """
+    J = f(q)
+    size, rates = float(np.abs(J).max(initial=0.0)), []
+    for e in np.eye(model.nv):
+        found = first_derivative(model, lambda at: f(at).ravel(), q, e, J.ravel(), size=size)
+        check_smooth(name, what, found.apart)
+        rates.append(found.value.reshape(J.shape))
+    H = np.array(rates).transpose(1, 0, 2)
+    return 0.5 * (H + H.transpose(0, 2, 1))
 
 
 def check_smooth(name: str, what: str, apart: float) -> None:

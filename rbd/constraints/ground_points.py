@@ -52,6 +52,11 @@ class OnGround:
         """Sources computed together: points; or patches and edges, whose resultants have moments. None on moving ground."""
         return None if self.surface is not None else (Grounds, self.point_alone)
 
+    @property
+    def members(self) -> tuple[OnGround, ...]:
+        """The contacts whose points these are: one."""
+        return (self,)
+
     def at(self, state: State, t: float) -> Measured:
         """Its points at a state and a time [s]."""
         X_WP, J, v, bias = state.moving(self.contact.frame, self.X_FP, pin.LOCAL)
@@ -96,8 +101,8 @@ class OnGround:
 def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
     """R_WC: contact axes at the start, or those of the anchor; for a patch, x along the projection of its x."""
     if len(contact.corners) == 1:
-        assert contact.normal is not None
-        return contact_axes(contact.normal)
+        axes: Array = contact._axes  # of its normal
+        return axes
     if ground is not None and ground.normal is not None and (ground.point is not None or len(contact.corners) > 2):
         return _axes_on(np.asarray(ground.normal), X_WP.rotation[:, 0])
     if contact.normal is not None:
@@ -130,7 +135,7 @@ class Grounds:
     """
 
     def __init__(self, grounds: Sequence[OnGround], start: State) -> None:
-        robot = start.robot
+        self.members, robot = tuple(grounds), start.robot
         sites = [robot.site(ground.contact.frame) for ground in grounds]
         self.joints = sorted({joint for joint, _ in sites})
         self.point_alone = grounds[0].point_alone

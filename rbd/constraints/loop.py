@@ -25,6 +25,7 @@ KINDS = {"point": 3, "revolute": 5, "rigid": 6, "planar": 2}
 """Kinds of closures, with their numbers of rows."""
 
 _HERE = pin.SE3.Identity()
+_WORLD = np.eye(3)
 _OPPOSITE = 1e-8
 """1 + cosine between two axes below which they count as opposite: 180 deg to 0.01 deg, where the rotation is ambiguous."""
 
@@ -93,6 +94,21 @@ class LoopClosure:
     def frames(self) -> tuple[str, str]:
         """The two frames."""
         return self.frame_a, self.frame_b
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return KINDS[self.kind]
+
+    @property
+    def directions(self) -> Array:
+        """Those of its first three rows in frame_a, as columns, shape (3, 3); of a planar closure the third has no row."""
+        return self._axes if self.kind == "planar" else _WORLD
+
+    @property
+    def cone(self) -> Free:
+        """The set of its row forces."""
+        return self._cone
 
     def check(self, robot: CheckedModel) -> None:
         """Refuse a robot on which it closes no loop.

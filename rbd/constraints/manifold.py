@@ -16,6 +16,7 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, anchored, listed, rows_of
+from rbd.constraints.loop_stack import LoopRows, rows_function
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -61,6 +62,9 @@ class StackedRows:
         manifold: ConstraintManifold | None = None,
     ) -> None:
         self.state, self.rows, self._manifold = state, rows, manifold
+        if isinstance(rows, LoopRows):
+            self.J, self.offset, self.velocity, self.error, self.placed = rows.J, rows.bias, rows.velocity, rows.error, None
+            return
         carried = carried or [False] * len(rows)
         if len(rows) == 1:
             self.J, self.offset, self.velocity = rows[0].J, rows[0].bias, velocity_of(rows[0], state)
@@ -203,10 +207,11 @@ class ConstraintManifold:
         self.tolerance, self.zero = tolerance, max(RANK, 10.0 * tolerance)
         self._state, self.n = state, state.robot.nv
         self.length, self.scale = state.robot.joints.length, state.robot.joints.scale
+        self._rows = rows_function(state.robot, self.constraints)
 
     def rows(self, state: State) -> StackedRows:
         """The rows at a state, in their units."""
-        return StackedRows(state, rows_of(state, self.constraints), self._carried, self)
+        return StackedRows(state, self._rows(state), self._carried, self)
 
     @lazy
     def _start(self) -> StackedRows:

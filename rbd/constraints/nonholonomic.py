@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix
-from rbd.constraints.function import check_function, matrix_of, rate, vector_of
+from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
 from rbd.constraints.surface import check_state, check_words
 from rbd.errors import InputError
+from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.ground import unit_normal
@@ -88,6 +89,21 @@ class VelocityConstraint:
         else:
             bias = np.zeros(m)
         return Rows(self.name, J, bias, Free(m), J @ v)
+
+    def hessian(self, state: State) -> Array:
+        """H(q) with A_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
+
+        Raises:
+            InputError: as `rows`; a bias that is not zero at v = 0.
+        """
+        check_state(state, self.name)
+        q, nv = state.q, state.robot.nv
+        m = len(self._matrix(q, None, nv))
+        if self.bias is not None:
+            return polarised(lambda v: vector_of(self.name, "bias", self.bias, (q, v), m), nv, self.name)
+        if not callable(self.A) or not m:
+            return np.zeros((m, nv, nv))
+        return hessian_by_rates(self.name, "A", state.robot.model, lambda at: self._matrix(at, m, nv), q)
 
     def _matrix(self, q: Array, m: int | None, nv: int) -> Array:
         if callable(self.A):

@@ -10,6 +10,7 @@ from scipy.linalg import blas
 from rbd.arrays import RANK, Array, as_float, zeros
 from rbd.constraints.constraint import Constraint, frames_of, made
 from rbd.errors import InputError
+from rbd.model.dynamics import constraint_hessian
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
@@ -109,6 +110,10 @@ class Stabilised:
             return rows
         silent = rows.velocity is zeros(len(rows)) and rows.J.shape[1] == len(state.v)
         return replace(rows, feedback=self.by.feedback(rows, rows.J @ state.v if silent else None))
+
+    def hessian(self, state: State) -> Array:
+        """The constraint's, of whose bias feedback is no part: see `rbd.dynamics.constraint_hessian`."""
+        return constraint_hessian(state, self.constraint)
 
     def acts_on(self, state: State) -> str:
         """Message: what is fed back at this state, "position and velocity", "velocity alone: ..." or "nothing: ..."."""

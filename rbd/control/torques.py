@@ -1,4 +1,4 @@
-"""`inverse_dynamics`: the motor torques and contact forces with which a robot moves as wanted."""
+"""`inverse_dynamics` and `inverse_dynamics_many`: motor torques and contact forces with which a robot moves as wanted."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from collections.abc import Sequence
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
+from rbd.many.states import Friction, ManyExternal, ManyStates
+from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, checked
 from rbd.model.state import State
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
+from rbd.statics.actuations import Actuations, Asked, actuations_of
 from rbd.statics.effort import Effort
 from rbd.statics.wanted_motion import MARGIN, WantedMotion, checked_margin
 
@@ -60,3 +63,46 @@ def inverse_dynamics(
     a = robot.check_v(a, "a")
     wanted = WantedMotion.of(state, a, contacts, external, objective, friction, rest_speed, holds=False, stacklevel=3)
     return wanted.actuation(checked_margin(margin), stacklevel=3)
+
+
+def inverse_dynamics_many(
+    robot: CheckedModel,
+    q: Array,
+    v: Array | None,
+    a: Array,
+    contacts: Sequence[Constraint],
+    *,
+    external: ManyExternal = None,
+    coefficients: Friction = None,
+    friction: str = "cone",
+    objective: Effort | None = None,
+    margin: float = MARGIN,
+    rest_speed: float = REST_SPEED,
+) -> Actuations:
+    """Motor torques and contact forces of n wanted motions: what `inverse_dynamics` answers at each, as arrays.
+
+    A motion that is not possible is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises the
+    error of `inverse_dynamics`, with the limits in the way and the proof. Other errors and warnings as of `rbd.solve_many`.
+
+    Args:
+        robot: The robot.
+        q: Configurations, shape (n, nq), or (nq,).
+        v: Velocities, shape (n, nv), or (nv,) [m/s, rad/s]; None: at rest.
+        a: The wanted accelerations, shape (n, nv), or (nv,) [m/s2, rad/s2].
+        contacts: As of `inverse_dynamics`.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s that act at every state.
+        coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
+            {contact: a number or (n,)}.
+        friction: As of `inverse_dynamics`.
+        objective: As of `inverse_dynamics`.
+        margin: As of `inverse_dynamics`.
+        rest_speed: As of `rbd.solve`.
+
+    Raises:
+        InputError: what concerns all states: wrong sizes, numbers of states that differ, an objective that is none.
+        UnknownName: unknown frames, or coefficients of a contact that is not there.
+        DuplicateName: two constraints of one name.
+    """
+    asked = Asked.of(objective, friction, margin, rest_speed, holds=False)
+    states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a)
+    return actuations_of(states, asked, stacklevel=2)

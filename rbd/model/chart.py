@@ -1,15 +1,10 @@
-"""Local coordinates about a configuration, and floating bases over a step: q is no vector, its neighbourhood is.
+"""Local coordinates about a configuration: q is no vector, its neighbourhood is.
 
     q = q0 (+) xi            xi' = T(xi)^-1 v            T(xi) = d(q0 (+) xi) / d(xi), in the axes that v is given in
 
 xi has the size of v. Of joints whose v is the derivative of their coordinates T is the identity; of planar, spherical and
 floating joints it is the right Jacobian of the group's exponential. An integrator of any order on (xi, v) has the same order on
 (q, v) [MuntheKaas1999], and unit quaternions stay on their sphere, as q0 (+) xi is always on it.
-
-Pinocchio has the velocity of a floating base in the base's axes: that of a body that spins and flies turns with it, and has
-w x v in its accelerations. Integrated directly, the path of a step is an arc, with error O(h^2) from the straight line. With
-`Bases` a step's velocities are those in axes frozen where the step looks at them, at its beginning or in its middle: a free
-body follows its parabola at any step. Other joints are not affected.
 """
 
 from __future__ import annotations
@@ -17,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, max_abs, zeros
+from rbd.arrays import Array, max_abs
 from rbd.model.checked_model import CheckedModel
 
 _NEAR = 1.0
@@ -58,46 +53,3 @@ class Chart:
         out = v.copy()
         out[curved] = np.linalg.solve(T[np.ix_(curved, curved)], v[curved])
         return out
-
-
-class Bases:
-    """The floating bases of a robot, or none."""
-
-    def __init__(self, robot: CheckedModel) -> None:
-        model = robot.model
-        self.model, self.nv = model, robot.nv
-        self.places = [(model.joints[j].idx_q, model.joints[j].idx_v) for j in robot.bases]
-
-    def spin(self, v: Array) -> Array:
-        """W x v of each base in its linear part, zero elsewhere, shape (nv,): a of the frozen axes less a of the base's."""
-        if not self.places:
-            return zeros(self.nv)
-        out = np.zeros(self.nv)
-        for _, i in self.places:
-            x, y, z, a, b, c = v[i : i + 6].tolist()
-            out[i : i + 3] = b * z - c * y, c * x - a * z, a * y - b * x
-        return out
-
-    def moved(self, q: Array, v: Array, h: float) -> Array:
-        """Where v, frozen at q, leads in a time h, shape (nq,)."""
-        out: Array = pin.integrate(self.model, q, h * v)
-        for at, i in self.places:
-            out[at : at + 3] = q[at : at + 3] + h * (_rotation(q, at) @ v[i : i + 3])
-        return out
-
-    def carried(self, vs: tuple[Array, ...], start: Array, end: Array) -> tuple[Array, ...]:
-        """Velocities in the axes of the configuration `start`, in those of `end`."""
-        if not self.places:
-            return vs
-        out = tuple([v.copy() for v in vs])
-        for at, i in self.places:
-            R = _rotation(end, at).T @ _rotation(start, at)
-            for v in out:
-                v[i : i + 3] = R @ v[i : i + 3]
-        return out
-
-
-def _rotation(q: Array, at: int) -> Array:
-    """R_WB of the base whose part of q begins at `at`."""
-    R: Array = pin.Quaternion(q[at + 3 : at + 7]).toRotationMatrix()
-    return R

@@ -87,6 +87,10 @@ class CheckedModel:
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
         pieces = [p for p in self.joints.pieces if p.unit.start < p.unit.stop]
         self._unit_blocks = [(p.q + p.unit.start, p.q + p.unit.stop) for p in pieces]
+        circles = [begin for begin, end in self._unit_blocks if end - begin == 2]
+        #: Circles to normalise together, and the blocks that then remain; of a few circles that would be slower.
+        self._circles = np.array([circles, circles]) + [[0], [1]] if len(circles) >= 4 else None
+        self._spheres = [(begin, end) for begin, end in self._unit_blocks if end - begin != 2]
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
         self.sound = True
@@ -195,7 +199,8 @@ class CheckedModel:
             InputError: wrong size, not finite, or a quaternion off the unit sphere by more than 1e-6.
         """
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
-        for begin, end in self._unit_blocks:
+        blocks = self._unit_blocks if self._circles is None or not self._put_on_circles(q, self._circles) else self._spheres
+        for begin, end in blocks:
             block = q[begin:end]
             norm = math.hypot(*block.tolist())
             if not abs(norm - 1.0) <= UNIT_TOLERANCE:
@@ -207,6 +212,12 @@ class CheckedModel:
             if abs(norm - 1.0) > 4e-16:  # two roundings
                 block /= norm
         return q
+
+    def _has_state(self, q: Array, v: Array) -> bool:
+        """Whether arrays of the right sizes are a checked configuration and velocity, to rounding: a quick test."""
+        if not (q.dot(q) < FARTHEST * FARTHEST and v.dot(v) < FARTHEST * FARTHEST):
+            return False
+        return all([abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= 4e-16 for begin, end in self._unit_blocks])
 
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).
@@ -223,6 +234,17 @@ class CheckedModel:
             InputError: wrong size (the floating base and passive joints have no entry) or not finite.
         """
         return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
+
+    def _put_on_circles(self, q: Array, circles: Array) -> bool:
+        """Normalise all unit circles of a configuration in place; False, and nothing done, if one is far off."""
+        points = q[circles]
+        norms = np.hypot(*points)
+        off = np.abs(norms - 1.0)
+        if not off.max() <= UNIT_TOLERANCE:
+            return False
+        far = off > 4e-16  # two roundings
+        q[circles[:, far]] = points[:, far] / norms[far]
+        return True
 
     def _vector(self, what: str, value: Array, size: int, meaning: str, most: float = math.inf) -> Array:
         out = as_array(f"{what} of {self.name}", value)
@@ -255,12 +277,19 @@ class CheckedModel:
 
 
 class Slot:
-    """One pin.Data and the ticket of the state whose kinematics it contains."""
+    """One pin.Data and the ticket of the state whose kinematics it contains.
 
-    __slots__ = ("data", "ticket")
+    Attributes:
+        data: The Data.
+        ticket: 0 while it contains no state's.
+        placements: X_WJ of each joint: references, which follow the data.
+    """
+
+    __slots__ = ("data", "placements", "ticket")
 
     def __init__(self, data: pin.Data) -> None:
         self.data = data
+        self.placements = [data.oMi[joint] for joint in range(len(data.oMi))]
         self.ticket = 0
 
 

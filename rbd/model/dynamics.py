@@ -6,7 +6,7 @@ equation for each function here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
@@ -71,6 +71,8 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         if pushes:
             raise InputError(f"external mixes ExternalForce with something else; {_WANTED}")
         return _generalised_force(state, external)
+    if not pushes:
+        return np.zeros(robot.nv), np.zeros(6)
     tau_ext, wrench, com = np.zeros(robot.nv), [0.0] * 6, state.com.tolist()
     for push in pushes:
         at = state.frame(push.frame, push.offset)
@@ -170,8 +172,9 @@ def _coriolis_matrices(state: State, velocities: Array) -> Array:
 def constraint_hessian(state: State, constraint: HasRows) -> Array:
     """H(q), shape (m, nv, nv), so that `v @ H @ v` is the constraint's J_dot v [m/s2, rad/s2] of any v.
 
-    Row index first, symmetric in the two velocity indices (the reference text writes n x m x n). By polarising the bias,
-    which is quadratic in v: H_jk = 1/2 (b(e_j + e_k) - b(e_j) - b(e_k)).
+    Row index first, symmetric in the two velocity indices (the reference text writes n x m x n). By the constraint's own
+    `hessian(state)` where it has one, as `rbd.FunctionConstraint` has; else by polarising its bias, which is quadratic in v:
+    H_jk = 1/2 (b(e_j + e_k) - b(e_j) - b(e_k)).
 
     Raises:
         InputError: of a contact with a ground that moves, whose bias is not quadratic in v.
@@ -179,18 +182,39 @@ def constraint_hessian(state: State, constraint: HasRows) -> Array:
     nv = checked(state).robot.nv
     if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
         raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give a contact, e.g. robot.soles()[0].")
-    rest = constraint.rows(state.with_velocity(np.zeros(nv)))
-    if rest.bias.any() or rest.velocity.any():
-        raise InputError(f"what {rest.name!r} touches moves, so its J_dot v is not quadratic in v: it has no Hessian.")
+    own = getattr(constraint, "hessian", None)
+    if callable(own):
+        return np.asarray(own(state))
+
+    def bias(v: Array) -> Array:
+        r = constraint.rows(state.with_velocity(v))
+        if not v.any() and r.velocity.any():
+            raise InputError(_moves(r.name))
+        return np.asarray(r.bias)
+
+    return polarised(bias, nv, constraint.name)
+
+
+def polarised(bias: Callable[[Array], Array], nv: int, name: str) -> Array:
+    """H with v @ H @ v = bias(v), shape (m, nv, nv), of a function quadratic in v.
+
+    Raises:
+        InputError: the bias is not zero at v = 0, with the name of the constraint.
+    """
+    if bias(np.zeros(nv)).any():
+        raise InputError(_moves(name))
     unit = np.eye(nv)
-    single = np.array([constraint.rows(state.with_velocity(e)).bias for e in unit])
+    single = np.array([bias(e) for e in unit])
     H = np.zeros((single.shape[1], nv, nv))
     for j in range(nv):
         H[:, j, j] = single[j]
         for k in range(j):
-            both = constraint.rows(state.with_velocity(unit[j] + unit[k])).bias
-            H[:, j, k] = H[:, k, j] = 0.5 * (both - single[j] - single[k])
+            H[:, j, k] = H[:, k, j] = 0.5 * (bias(unit[j] + unit[k]) - single[j] - single[k])
     return H
+
+
+def _moves(name: str) -> str:
+    return f"what {name!r} touches moves, so its J_dot v is not quadratic in v: it has no Hessian."
 
 
 def free_acceleration(state: State, tau: Array, external: External = None) -> Array:

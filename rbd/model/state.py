@@ -175,9 +175,11 @@ class State:
     def joint_places(self, joints: Sequence[int]) -> tuple[Array, Array]:
         """(R_WJ, p_WJ) of joints by their numbers, shapes (n, 3, 3) and (n, 3) [m]."""
         with self._pool.lock:
-            oMi = self._data().oMi
-            places = [oMi[joint] for joint in joints]
-            return np.array([X.rotation for X in places]), np.array([X.translation for X in places])
+            self._data()
+            assert self._slot is not None
+            placements = self._slot.placements
+            places = np.array([placements[joint].homogeneous for joint in joints])
+            return places[:, :3, :3], places[:, :3, 3]
 
     def joint_motion(self, joints: Sequence[int]) -> tuple[Array, Array, Array]:
         """`joint_places`, and the joints' Jacobian at W's origin over its time derivative, shape (12, nv).
@@ -202,6 +204,19 @@ class State:
             # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the mass.
             rate_bias = pin.computeCentroidalMomentumTimeVariation(self.robot.model, data).vector
             return data.Ag.copy(), rate_bias, data.mass[0]
+
+
+def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
+    """The state at q and v as an integrator computed them: it keeps these arrays, if they are as a state's.
+
+    Raises:
+        InputError: as of `State`.
+    """
+    if robot._has_state(q, v):
+        state = State.__new__(State)
+        state._begin(robot, q, v)
+        return state
+    return State(robot, q, v)
 
 
 def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:

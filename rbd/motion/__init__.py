@@ -1,17 +1,22 @@
-"""Motions over time: measured ones and the contact forces that explain them."""
+"""Motions over time: reference motions, and measured ones with the contact forces that explain them."""
 
 from rbd.modules import submodule as _submodule
+from rbd.motion.derivation import Derivation, derivatives
 from rbd.motion.force_estimate import ForceEstimate, OpenComponents
 from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_along
+from rbd.motion.motion import Motion
 from rbd.motion.observer import MomentumObserver
 from rbd.motion.sensor_noise import SensorNoise
 
 __all__ = [
+    "Derivation",
     "ForceEstimate",
     "ForceHistory",
     "MomentumObserver",
+    "Motion",
     "OpenComponents",
     "SensorNoise",
+    "derivatives",
     "estimate_forces",
     "estimate_forces_along",
 ]

@@ -4,7 +4,8 @@
     r = K (p - p_0 - integral of (S^T tau + C^T v + tau_g + tau_ext + r)),        so that  r_dot = K (J^T f - r)
 
 [DeLuca2005]. r is the generalised contact force through a low-pass of first order, with K = 2 pi times the bandwidth; the
-contact forces follow from it as in `estimate_forces`. No acceleration is needed, and an impact is a finite jump of p.
+contact forces follow from it as in `estimate_forces`, with J through the same low-pass: that of a constant force is exact while
+the robot moves. No acceleration is needed, and an impact is a finite jump of p.
 
 Between two samples, h apart, J^T f has the mean F = (p_1 - p_0) / h - mean of (S^T tau + C^T v + tau_g + tau_ext), and
 r_1 = e^(-K h) r_0 + (1 - e^(-K h)) F is the low-pass to the last digit where J^T f is constant between them: no step is too
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +29,7 @@ from rbd.model.state import State
 from rbd.motion.force_estimate import ForceEstimate
 from rbd.motion.measured import Fitting, ForceHistory, Measured, check_measured, checked_touches, frame_rows
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
+from rbd.problem.rows import Rows
 from rbd.statics.loads import contact_rows
 
 MOST_BANDWIDTH = 1e6
@@ -97,6 +100,7 @@ class MomentumObserver:
         """Forget all samples."""
         self._t, self._r = -math.inf, np.zeros(self.robot.nv)
         self._momentum = self._drive = self._tau = np.zeros(0)
+        self._J: dict[str, tuple[Array, Array]] = {}  # of each contact, its Jacobian at the last sample and its low-pass
 
     def update(
         self,
@@ -131,6 +135,7 @@ class MomentumObserver:
         given = None if tau is None else robot.check_tau(tau)
         rows = contact_rows(state, self.contacts if contacts is None else listed(contacts), stacklevel=3)
         self._advance(now, state, given, external)
+        rows = self._delayed(now, rows)
         covariance = None if self.noise is None else self._covariance(state, self.noise, now)
         self._t = now
         return Fitting(state, rows, self._r, given).estimate(covariance)
@@ -184,6 +189,17 @@ class MomentumObserver:
             kept = math.exp(-self.gain * h)
             self._r = kept * self._r + (1.0 - kept) * mean
         self._momentum, self._drive, self._tau = momentum, drive, torque
+
+    def _delayed(self, t: float, rows: Sequence[Rows]) -> tuple[Rows, ...]:
+        """The same rows with their Jacobians through the low-pass; of a contact that is new, as they are."""
+        kept, known, out = math.exp(-self.gain * (t - self._t)), self._J, list[Rows]()
+        self._J = {}
+        for r in rows:
+            last, slow = known.get(r.name, (r.J, r.J))
+            slow = kept * slow + (0.5 - 0.5 * kept) * (last + r.J) if slow.shape == r.J.shape else r.J
+            self._J[r.name] = r.J, slow
+            out.append(replace(r, J=slow))
+        return tuple(out)
 
     def _covariance(self, state: State, noise: SensorNoise, t: float) -> Array:
         """Covariance of r in the steady state, for samples as far apart as the last two.

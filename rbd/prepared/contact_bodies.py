@@ -29,11 +29,11 @@ from rbd.model.forks import renewed_after_fork
 from rbd.prepared.sites import Site
 from rbd.problem.residuals import SOLVED
 
-_DEPENDENT = 1e-9
+DEPENDENT = 1e-9
 """Pivots of the contact rows below this, over the largest: rows that may be dependent."""
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
-_TURNS = 1e-13
+TURNS = 1e-13
 """Centripetal accelerations up to this are rounding [m/s2]."""
 
 
@@ -107,7 +107,7 @@ class ContactBodies:
         """
         a = pin.constraintDynamics(self._model, self._data, q, v, generalised, self._models, self._datas, self._settings)
         pivots = self._factors.D[: self.m]
-        if not pivots[pivots.argmax()] < _DEPENDENT * pivots[pivots.argmin()]:  # all are negative
+        if not pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()]:  # all are negative
             return None
         forces = self._data.lambda_c.copy()
         if not at_rest:
@@ -124,7 +124,7 @@ class ContactBodies:
             if site.size == 6:
                 x, y, z, p, q, r = velocity.vector.tolist()
                 turn = (r * y - q * z, p * z - r * x, q * x - p * y)
-                if not max(map(abs, turn)) <= _TURNS:
+                if not max(map(abs, turn)) <= TURNS:
                     out[rows.start : rows.start + 3] = turn
                     moves = True
         return out if moves else None

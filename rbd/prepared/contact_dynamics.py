@@ -19,16 +19,16 @@ from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.contact_bodies import ContactBodies
-from rbd.prepared.point_law import law_residual
 from rbd.prepared.sites import Site, covered
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.contact_newton import ContactNewton
+from rbd.solvers.point_law import law_residual
 
-_DOUBTFUL = 1e-6
+DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
 _FEW = 16
 """Points up to which one matrix tells which are inside their cones."""
-_EXACT = 1e-10
+EXACT = 1e-10
 """Scaled merit of Newton's method below which its weights are judged."""
 MOST, MOST_BODIES = 64, 16
 """Sets of contacts, and of bodies in contact, that are kept with a robot."""
@@ -150,9 +150,10 @@ class ContactDynamics:
                 w = self.sticking(forces)
                 if w is None:
                     return self._slipping(q, v, generalised, a, forces, coulomb=coulomb, still=still)
+                forces = self.G.dot(w)  # what is judged are the corner forces
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
-            if not worst <= _DOUBTFUL:
+            if not worst <= DOUBTFUL:
                 return None
             return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
 
@@ -164,15 +165,18 @@ class ContactDynamics:
             return None
         bodies = self.bodies
         mobility = bodies.mobility()
-        found = self._newton.forces(mobility, -mobility.dot(held), self._least_norm.dot(held), coulomb=coulomb)
-        if not found.merit <= _EXACT:
+        free, start = -mobility.dot(held), self._least_norm.dot(held)
+        newton = self._newton
+        found = newton.gauss_first(mobility, free, start) if coulomb else newton.forces(mobility, free, start, coulomb=False)
+        if not found.merit <= EXACT:
             return None
-        forces, w = found.wrench, found.weights
+        w = found.weights
+        forces = self.G.dot(w)
         a += bodies.moved(mobility.dot(forces - held))
         worst = bodies.stationarity(q, v, a, forces, generalised)
         c = bodies.row_accelerations(at_rest=still)
         worst = max(worst, law_residual(self._pull, c, w, self.force_set.mu, coulomb=coulomb))
-        if not worst <= _DOUBTFUL:
+        if not worst <= DOUBTFUL:
             return None
         return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
 
@@ -209,7 +213,7 @@ def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynami
     if covered(robot, contacts):
         own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
         made = ContactDynamics(_bodies(robot, tuple([Site.of(robot, contact) for contact in own])), own)
-    _keep(kept, contacts, made, MOST)
+    keep(kept, contacts, made, MOST)
     return made
 
 
@@ -220,11 +224,12 @@ def _bodies(robot: CheckedModel, sites: tuple[Site, ...]) -> ContactBodies:
     found = kept.get(key)
     if found is None:
         found = ContactBodies(robot, sites)
-        _keep(kept, key, found, MOST_BODIES)
+        keep(kept, key, found, MOST_BODIES)
     return found
 
 
-def _keep(kept: dict, key: object, value: object, most: int) -> None:
+def keep(kept: dict, key: object, value: object, most: int) -> None:
+    """Keep a value under a key, and at most so many of them."""
     while len(kept) >= most:  # the oldest goes; another thread may be faster
         kept.pop(next(iter(kept)), None)
     kept[key] = value

@@ -105,7 +105,15 @@ class Rows:
 
     @classmethod
     def unchecked(
-        cls, name: str, J: Array, bias: Array, cone: Cone, velocity: Array, error: Array | None, resultant: Array, patch: Patch
+        cls,
+        name: str,
+        J: Array,
+        bias: Array,
+        cone: Cone,
+        velocity: Array,
+        error: Array | None,
+        resultant: Array,
+        patch: Patch | None,
     ) -> Rows:
         """The same without the checks, a third of what two contacts cost: for float arrays that fit by construction."""
         self = object.__new__(cls)
@@ -176,6 +184,13 @@ class Rows:
     def stabilised(self) -> bool:
         """Whether a feedback was given."""
         return self.feedback is not zeros(len(self))
+
+    @property
+    def gaps_off_plane(self) -> Array | None:
+        """Heights of corners above the plane that they are off [m]; None if they touch, or feedback pulls them back."""
+        if self.patch is None or self.patch.touches or (self.stabilised and self.error is not None):
+            return None
+        return self.patch.gaps
 
     @property
     def speed(self) -> float:

@@ -9,14 +9,15 @@ the same as that of large ones, scaled.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 
-from rbd.arrays import Array, inertia_factor, max_abs
+from rbd.arrays import Array, inertia_factor, lazy, max_abs
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
 from rbd.mechanism.stage_solver import OWED
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.contact_points import Layout, Points, Snapshot
 from rbd.simulation.motion import Stabilisation
@@ -46,6 +47,16 @@ class GapTolerances:
     tight: Array
     size: Array
 
+    @lazy
+    def least_loose(self) -> float:
+        """The least of `loose`."""
+        return float(self.loose.min(initial=np.inf))
+
+    @lazy
+    def least_size(self) -> float:
+        """The least of `size`."""
+        return float(self.size.min(initial=np.inf))
+
 
 @dataclass(frozen=True, eq=False)
 class BodySizes:
@@ -64,7 +75,7 @@ class BodySizes:
     @classmethod
     def of(cls, start: State) -> BodySizes:
         """The scales of the robot of a state."""
-        return cls(_sizes(start), _prismatic(start), max_abs(start.q))
+        return cls(_sizes(start), _solids_of(start.robot).prismatic, max_abs(start.q))
 
     def tolerances(self, at: Snapshot, known: GapTolerances | None = None) -> GapTolerances:
         """The tolerances of a snapshot's points: `known`, if it has the same layout."""
@@ -86,39 +97,65 @@ def _sizes(start: State) -> Array:
     The size is the largest distance of a body's centre of mass, or its joint if all masses are points, from the centre of
     mass, plus that body's radius of gyration; one metre if that is zero, or larger.
     """
-    model = start.robot.model
-    data = model.createData()
-    pin.forwardKinematics(model, data, start.q)
-    roots = [0] * model.njoints
-    for j in range(1, model.njoints):
-        roots[j] = roots[model.parents[j]] if model.parents[j] else j
-    out = np.ones(model.nv)
-    for root in set(roots[1:]):
-        tree = [j for j in range(1, model.njoints) if roots[j] == root]
-        heavy = [j for j in tree if model.inertias[j].mass > 0.0]
-        if not heavy:
+    solids, out = _solids_of(start.robot), np.ones(start.robot.nv)
+    R, p = start.joint_places(range(1, len(solids.roots) + 1))
+    centres = p + np.matvec(R, solids.levers)
+    for root in np.unique(solids.roots):
+        tree = solids.roots == root
+        heavy = tree & (solids.masses > 0.0)
+        if not heavy.any():
             continue
-        masses = np.array([model.inertias[j].mass for j in heavy])
-        centres = np.array([data.oMi[j].act(model.inertias[j].lever) for j in heavy])
-        moments = np.array([np.trace(model.inertias[j].inertia) for j in heavy])
-        gyration = np.sqrt(np.maximum(moments, 0.0) / (2.0 * masses))
-        middle = masses @ centres / masses.sum()
-        size = float((np.linalg.norm(centres - middle, axis=1) + gyration).max())
+        masses = solids.masses[heavy]
+        middle = masses @ centres[heavy] / masses.sum()
+        size = float((np.linalg.norm(centres[heavy] - middle, axis=1) + solids.gyration[heavy]).max())
         if size <= 1e-12:
-            size = max(float(np.linalg.norm(data.oMi[j].translation - middle)) for j in heavy)
-        for j in tree:
-            out[model.idx_vs[j] : model.idx_vs[j] + model.nvs[j]] = size if 1e-12 < size < 1.0 else 1.0
+            size = float(np.linalg.norm(p[heavy] - middle, axis=1).max())
+        out[tree[solids.joint]] = size if 1e-12 < size < 1.0 else 1.0
     return out
 
 
-def _prismatic(start: State) -> Array:
-    """Which coordinates belong to prismatic joints, shape (nv,)."""
-    model = start.robot.model
-    out = np.zeros(model.nv, bool)
-    for j in range(1, model.njoints):
-        if model.joints[j].shortname().startswith("JointModelP") and model.nvs[j] == 1:
-            out[model.idx_vs[j]] = True
-    return out
+@dataclass(frozen=True, eq=False)
+class _Solids:
+    """The bodies of a robot's n joints, in their axes, and the joints of its coordinates; the world's is left out.
+
+    Attributes:
+        roots: The joint of the world from which each hangs, shape (n,).
+        masses: Shape (n,) [kg].
+        levers: Centres of mass, shape (n, 3) [m].
+        gyration: Radii of gyration, zero without mass, shape (n,) [m].
+        joint: Index of each coordinate's joint, shape (nv,).
+        prismatic: Which coordinates belong to prismatic joints, shape (nv,).
+    """
+
+    roots: Array
+    masses: Array
+    levers: Array
+    gyration: Array
+    joint: Array
+    prismatic: Array
+
+
+_SOLIDS: WeakKeyDictionary[CheckedModel, _Solids] = WeakKeyDictionary()
+
+
+def _solids_of(robot: CheckedModel) -> _Solids:
+    """The bodies of a robot, computed once."""
+    found = _SOLIDS.get(robot)
+    if found is not None:
+        return found
+    model = robot.model
+    joints = range(1, model.njoints)
+    roots = [0] * model.njoints
+    for j in joints:
+        roots[j] = roots[model.parents[j]] if model.parents[j] else j
+    solids = [model.inertias[j] for j in joints]
+    masses, moments = (np.array(x) for x in ([s.mass for s in solids], [np.trace(s.inertia) for s in solids]))
+    gyration = np.sqrt(np.maximum(moments, 0.0) / (2.0 * np.where(masses > 0.0, masses, 1.0)))
+    slides = [model.joints[j].shortname().startswith("JointModelP") and model.nvs[j] == 1 for j in joints]
+    joint = np.repeat(np.arange(len(roots) - 1), list(model.nvs)[1:])
+    levers = np.array([s.lever for s in solids]).reshape(-1, 3)
+    found = _SOLIDS[robot] = _Solids(np.array(roots[1:]), masses, levers, gyration, joint, np.array(slides, bool)[joint])
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +179,10 @@ class Correction:
         """From a motion's `stabilisation`."""
         projected, feedback = isinstance(given, Projection), given if isinstance(given, Baumgarte) else None
         return cls(points, given if isinstance(given, Projection) else Projection(), projected, feedback)
+
+    def in_place(self, at: Snapshot, gaps: GapTolerances) -> bool:
+        """Whether no position needs a correction, whichever points are closed; a quick test."""
+        return not at.layout.bilateral and max_abs(at.gap) <= CLOSED * gaps.least_size
 
     def positions(self, at: Snapshot, t: float, closed: Array, size: Array) -> Snapshot:
         """The snapshot with its position projected.

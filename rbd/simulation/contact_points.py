@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import lru_cache
+from itertools import chain, repeat
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.constraints.contact_points import Measured, Source, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone
@@ -61,27 +63,43 @@ class Layout:
     boxed: bool
     computed: dict[object, Any] = field(default_factory=dict, repr=False)
 
+    @lazy
+    def bilateral(self) -> bool:
+        """Whether some row is bilateral."""
+        return bool(self.held.any())
+
+    @lazy
+    def everything(self) -> Array:
+        """All points: the same array for every set of all, so that it is known without a comparison, shape (k,)."""
+        return _constant(len(self.owners), True)
+
+    @lazy
+    def nothing(self) -> Array:
+        """No point, likewise."""
+        return _constant(len(self.owners), False)
+
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> Layout:
         """The stack of several sources' points."""
-        owners = tuple(o for s in structures for o in s.owners)
-        cones = tuple(c for s in structures for c in s.cones)
-        widths = np.array([c.dim for c in cones], int)
+        widths = np.concatenate([np.zeros(0, int), *[s.widths for s in structures]])
         spans, point, row = [], 0, 0
         for s in structures:
             k, m = len(s.owners), int(s.widths.sum())
             spans.append((slice(point, point + k), slice(row, row + m)))
             point, row = point + k, row + m
         normals = np.cumsum(widths) - 1
-        rubs, boxes, free = (np.array([isinstance(c, kind) for c in cones], bool) for kind in (FrictionCone, Box, Free))
+        rubs = _each(structures, lambda c: isinstance(c, FrictionCone), bool)
+        boxes = _each(structures, lambda c: isinstance(c, Box), bool)
+        free = _each(structures, lambda c: isinstance(c, Free), bool)
+        mu = _each(structures, lambda c: c.mu if isinstance(c, FrictionCone) else 0.0, float)
         slides = rubs | boxes
         rows = normals[slides][:, None] - np.where(rubs[slides][:, None], [2, 1], 0)
         kept = np.where(rubs[slides][:, None], 1.0, [1.0, 0.0]).reshape(-1, 2)
         return cls(
             structures,
-            owners,
-            tuple(i for s in structures for i in s.numbers),
-            cones,
+            tuple(chain.from_iterable([s.owners for s in structures])),
+            tuple(chain.from_iterable([s.numbers for s in structures])),
+            tuple(chain.from_iterable([s.cones for s in structures])),
             widths,
             normals,
             ~(free | boxes),
@@ -91,35 +109,77 @@ class Layout:
             kept,
             normals[rubs][:, None] - np.array([2, 1]),
             np.repeat(free, widths),
-            np.array([c.mu if isinstance(c, FrictionCone) else 0.0 for c in cones]),
+            mu,
             tuple(spans),
             bool(boxes.any()),
         )
 
 
+def _constant(k: int, value: bool) -> Array:
+    out = np.full(k, value)
+    out.flags.writeable = False
+    return out
+
+
+class Places(NamedTuple):
+    """Where the points of a source are, and what their forces come to: attributes as of `Measured`."""
+
+    structure: Structure
+    points: Array | None
+    axes: Array | None
+    arms: Array | None
+    to_world: Array | None
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All points at one state, stacked.
+    """All points at one state, stacked; Jacobians and J_dot v are computed when first asked.
 
     Attributes:
         state: The state.
         layout: The points.
-        sources: The points of each source.
-        J: Shape (p, nv).
         velocity: Shape (p,).
-        bias: Shape (p,).
         gap: Shape (k,).
         error: Position errors of bilateral rows, shape (p,).
+        measure: Gives the points of each source.
+        locate: Gives where they are, if that is cheaper.
     """
 
     state: State
     layout: Layout
-    sources: tuple[Measured, ...]
-    J: Array
     velocity: Array
-    bias: Array
     gap: Array
     error: Array
+    measure: Callable[[], Sequence[Measured]] = field(repr=False)
+    locate: Callable[[], Sequence[Places]] | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, state: State, layout: Layout, measured: Sequence[Measured]) -> Snapshot:
+        """The stack of the points of all sources."""
+        velocity, gap, error = (_stacked(measured, what) for what in ("velocity", "gap", "error"))
+        return cls(state, layout, velocity, gap, error, lambda: measured)
+
+    @lazy
+    def sources(self) -> tuple[Measured, ...]:
+        """The points of each source."""
+        return tuple(self.measure())
+
+    @property
+    def places(self) -> Sequence[Places]:
+        """Where the points of each source are."""
+        if self.locate is not None:
+            return self.locate()
+        return [Places(m.structure, m.points, m.axes, m.arms, m.to_world) for m in self.sources]
+
+    @lazy
+    def J(self) -> Array:
+        """Jacobian of all rows, shape (p, nv)."""
+        return _stacked(self.sources, "J") if self.sources else np.zeros((0, self.state.robot.nv))
+
+    @lazy
+    def bias(self) -> Array:
+        """J_dot v of all rows, shape (p,)."""
+        return _stacked(self.sources, "bias")
 
     @property
     def approach(self) -> Array:
@@ -153,23 +213,23 @@ class Points:
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state and a time [s]."""
         measured = [s.at(state, t) for s in self.sources]
-        structures = tuple([m.structure for m in measured])
+        return Snapshot.of(state, self.layout(tuple([m.structure for m in measured])), measured)
+
+    def layout(self, structures: tuple[Structure, ...]) -> Layout:
+        """The stack of the points of all sources: the same object for the same points."""
         layout = self._layouts.get(structures)
         if layout is None:
             if len(self._layouts) >= _MOST_LAYOUTS:
                 self._layouts.clear()
             layout = self._layouts[structures] = Layout.of(structures)
-        nv = state.robot.nv
-        if len(measured) == 1:
-            m = measured[0]
-            return Snapshot(state, layout, (m,), m.J, m.velocity, m.bias, m.gap, m.error)
-        if not measured:
-            none = np.zeros(0)
-            return Snapshot(state, layout, (), np.zeros((0, nv)), none, none, none, none)
-        J, velocity, bias, gap, error = (
-            np.concatenate([getattr(m, what) for m in measured]) for what in ("J", "velocity", "bias", "gap", "error")
-        )
-        return Snapshot(state, layout, tuple(measured), J, velocity, bias, gap, error)
+        return layout
+
+
+def _stacked(measured: Sequence[Measured], what: str) -> Array:
+    """One of the arrays of several sources' points, of all of them."""
+    if len(measured) == 1:
+        return np.asarray(getattr(measured[0], what))
+    return np.concatenate([getattr(m, what) for m in measured]) if measured else np.zeros(0)
 
 
 class PointMatching:
@@ -184,13 +244,8 @@ class PointMatching:
     """
 
     def __init__(self, old: Layout, new: Layout) -> None:
-        at = {key: i for i, key in enumerate(zip(old.owners, old.numbers, strict=True))}
         self.same = old is new
-        self._from = np.array([at.get(key, -1) for key in zip(new.owners, new.numbers, strict=True)], int)
-        self.known = self._from >= 0
-        firsts, widths = old.normals + 1 - old.widths, new.widths
-        rows = [firsts[i] + np.arange(w) if i >= 0 else np.full(w, -1) for i, w in zip(self._from, widths, strict=True)]
-        self._rows = np.concatenate([np.zeros(0, int), *rows])
+        self._from, self._rows, self.known = _matched(old, new)
 
     def points(self, values: Array, otherwise: object) -> Array:
         """One value a point, shape (k,)."""
@@ -208,6 +263,29 @@ class PointMatching:
         out = np.zeros(len(self._rows))
         out[known] = values[self._rows[known]]
         return out
+
+
+def _each(structures: Sequence[Structure], value: Callable[[Cone], object], kind: type) -> Array:
+    """A value of each point's set, shape (k,)."""
+    parts: list[Array] = [np.array([value(c) for c in s.sets], kind)[s.which] for s in structures]
+    return np.concatenate([np.zeros(0, kind), *parts])
+
+
+@lru_cache(maxsize=16)
+def _matched(old: Layout, new: Layout) -> tuple[Array, Array, Array]:
+    """(old point of each new one, old row of each new row, both -1 where there is none, which points are known).
+
+    A step asks for the same two layouts several times.
+    """
+    at = dict(zip(zip(old.owners, old.numbers, strict=True), range(len(old.owners)), strict=True))
+    points = np.array([*map(at.get, zip(new.owners, new.numbers, strict=True), repeat(-1))], int)
+    known = points >= 0
+    before = (old.normals + 1 - old.widths)[points[known]]
+    rows = np.full(int(new.widths.sum()), -1)
+    widths = new.widths[known]
+    starts = np.cumsum(widths) - widths
+    rows[np.repeat(known, new.widths)] = np.repeat(before - starts, widths) + np.arange(int(widths.sum()))
+    return points, rows, known
 
 
 def slide(layout: Layout, velocity: Array) -> Array:

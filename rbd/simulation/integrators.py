@@ -18,10 +18,11 @@ from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
+from rbd.simulation.instant import HalfStep
 from rbd.simulation.motion import Event, EventDetection, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
-from rbd.simulation.time_step import HalfStep, StepSystem
+from rbd.simulation.time_step import StepSystem
 
 TILTS = 1e-9
 """A ground that rotates more slowly than this about an axis in its plane [rad/s] has a constant normal: rounding."""
@@ -240,8 +241,7 @@ class TimeStepping:
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    a = (half.answer.v - state.v) * (2.0 / half.h) - system.bases.spin(state.v)
-    return Sample.of(half.start.t, state, a, zeros(state.robot.nu), dict, events=events)
+    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
@@ -273,14 +273,13 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
     answer, h, active = half.answer, 0.5 * half.h, half.active
     assert half.tau is not None
     speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)
-    a = (answer.v - at.state.v) / h - system.bases.spin(at.state.v)
     return Sample.of(
         t,
         at.state,
-        a,
+        half.a,
         half.tau,
         lambda: constraint_forces(at, least_forces(at, active, answer, h, motion.law), speed, names),
-        law=answer.law,
+        law=system.law_residual(half),
         drift=at.drift,
         drift_rate=at.drift_rate,
         penetration=at.penetration,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, free_force
-from rbd.model.state import State
+from rbd.model.dynamics import External, generalised
+from rbd.model.state import State, state_at
 from rbd.simulation.contact_points import SLIDES, Layout, slide
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
@@ -61,23 +61,33 @@ class Motion:
             NoSolution: it is beyond the bounds of a `State`.
         """
         try:
-            return State(self.robot, q, v)
+            return state_at(self.robot, q, v)
         except InputError as error:
             raise NoSolution(
                 f"the motion of {self.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller step, and "
                 "check what drives it."
             ) from error
 
-    def forces(self, state: State, t: float) -> tuple[Array, Array]:
-        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time.
+    def applied(self, state: State, t: float) -> tuple[Array, Array]:
+        """(tau (nu,), S^T tau + tau_ext (nv,)) at a state and a time.
 
         Raises:
             InputError: torques or forces of the wrong size, or not finite.
         """
-        tau = zeros(self.robot.nu) if self.controller is None else asked("controller", self.controller, state, t)
-        external = asked("external", self.external, state, t) if callable(self.external) else self.external
-        tau = self.robot.check_tau(tau)
-        return tau, free_force(state, tau, external)[0]
+        robot, external = self.robot, self.external
+        if callable(external):
+            external = asked("external", external, state, t)
+        applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
+        if self.controller is None:
+            return zeros(robot.nu), applied
+        tau = robot.check_tau(asked("controller", self.controller, state, t))
+        applied[robot.motors] += tau
+        return tau, applied
+
+    def forces(self, state: State, t: float) -> tuple[Array, Array]:
+        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time; errors as of `applied`."""
+        tau, applied = self.applied(state, t)
+        return tau, applied - state.h
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,8 +218,7 @@ class Integrator(Protocol):
         """One sample at each of the times, the first at `state`."""
 
 
-@dataclass(frozen=True, eq=False)
-class StepRecord:
+class StepRecord(NamedTuple):
     """The data of a step for event detection.
 
     Attributes:
@@ -274,12 +283,17 @@ class EventDetection:
 
     def taken(self) -> tuple[Event, ...]:
         """The events since the last call, in order of time."""
+        if not self._events:
+            return ()
         out = tuple(sorted(self._events, key=lambda e: e.t))
         self._events.clear()
         return out
 
     def _step(self, now: StepRecord) -> None:
-        layout, closed = now.layout, now.closed
+        layout, closed, known = now.layout, now.closed, self._past[-1] if self._past else None
+        if known is not None and closed is known.closed and now.velocity_end is known.velocity_end and layout is self._layout:
+            self._past = [known, now]  # the same arrays: all points stick as before
+            return
         is_new = self._is_new(layout)
         slides = closed & (slide(layout, now.velocity_end) > SLIDES)
         if not is_new and not (np.array_equal(closed, self._closed) and np.array_equal(slides, self._slides)):

@@ -11,6 +11,7 @@ If the shortest f with J^T f = g is in the cones, it is the answer. Else `Soluti
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
@@ -18,15 +19,15 @@ from typing import Any
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.contact_points import Measured, Structure
+from rbd.arrays import Array, cross_rows, is_finite, max_abs
+from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
-from rbd.problem.cones import Free
+from rbd.problem.cones import Box, Free
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
-from rbd.simulation.contact_points import SLIDES, Snapshot, slide
+from rbd.simulation.contact_points import SLIDES, Places, Snapshot, slide
 from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
@@ -261,14 +262,15 @@ def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Seq
     """
     out: dict[str, ConstraintForce] = {}
     layout = snapshot.layout
-    for measured, (points, rows) in zip(snapshot.sources, layout.spans, strict=True):
+    for measured, (points, rows) in zip(snapshot.places, layout.spans, strict=True):
         f, u = force[rows], speed[points]
         for owner, at, row in _groups(measured.structure):
             out[owner] = _force_of(measured, f[row], u[at], at, row)
     return {name: out.get(name, ConstraintForce(np.zeros(0), OPEN)) for name in names}
 
 
-def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
+@lru_cache(maxsize=256)
+def _groups(structure: Structure) -> tuple[tuple[str, slice, slice], ...]:
     """(constraint, its points, its rows) of a source's points; those of one constraint are adjacent."""
     out: list[tuple[str, slice, slice]] = []
     point = row = 0
@@ -276,21 +278,28 @@ def _groups(structure: Structure) -> list[tuple[str, slice, slice]]:
         widths = [width for _, width in members]
         out.append((owner, slice(point, point + len(widths)), slice(row, row + sum(widths))))
         point, row = point + len(widths), row + sum(widths)
-    return out
+    return tuple(out)
 
 
-def _force_of(measured: Measured, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
+@lru_cache(maxsize=1024)
+def _kind_of(structure: Structure, first: int, last: int) -> tuple[str, Array]:
+    """(mode of one constraint's points where they are loaded and do not slide, their normals among its rows)."""
+    widths = structure.widths[first:last]
+    rubs = widths[0] == 3 or isinstance(structure.cones[first], Box)
+    return STICKS if rubs else PUSHES, np.cumsum(widths) - 1
+
+
+def _force_of(measured: Places, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
     structure = measured.structure
     cones = structure.cones[at]
     if isinstance(cones[0], Free):
         mode = HOLDS
     else:
-        widths = structure.widths[at]
-        normals = np.cumsum(widths) - 1
-        loaded = np.abs(force[normals]) > _CARRIES
-        slides = loaded & (speed > SLIDES)
-        rubs = widths[0] == 3 or type(cones[0]).__name__ == "Box"
-        mode = OPEN if not loaded.any() else SLIPS if slides.any() else STICKS if rubs else PUSHES
+        kind, normals = _kind_of(structure, at.start, at.stop)
+        mode, pushes, speeds = OPEN, force[normals].tolist(), speed.tolist()
+        for push, slides in zip(pushes, speeds, strict=True):
+            if abs(push) > _CARRIES:
+                mode = SLIPS if slides > SLIDES else kind if mode == OPEN else mode
     whole = len(structure.owners) == len(cones)
     resultant = measured.to_world @ force if measured.to_world is not None and whole else force
     if measured.points is None or measured.axes is None:
@@ -306,5 +315,5 @@ def _force_of(measured: Measured, force: Array, speed: Array, at: slice, row: sl
     if measured.to_world is None:
         resultant = pushed.sum(axis=0)
         if measured.arms is not None:
-            resultant = np.concatenate([resultant, np.cross(measured.arms[at], pushed).sum(axis=0)])
+            resultant = np.concatenate([resultant, cross_rows(measured.arms[at], pushed).sum(axis=0)])
     return ConstraintForce(resultant, mode, points, pushed)

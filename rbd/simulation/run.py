@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import as_float, max_abs
+from rbd.arrays import as_float, is_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import Controller, ExternalAt
@@ -177,7 +177,7 @@ def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Tra
 
 def _check(sample: Sample) -> None:
     """Refuse an acceleration that is not finite; q and v were checked by their State."""
-    if not math.isfinite(max_abs(sample.a)) or np.isnan(sample.a).any():
+    if not is_finite(sample.a):
         raise NoSolution(f"the acceleration at t = {sample.t:.6g} s is not finite.")
 
 
@@ -256,7 +256,7 @@ def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integ
 
 
 @contextmanager
-def progress_of(times: Sequence[float], *, shown: bool = True) -> Iterator[Callable[[float], None]]:
+def progress_of(times: Sequence[float], *, shown: bool = True, doing: str = "simulating") -> Iterator[Callable[[float], None]]:
     """A function to call with each time reached; after a second it draws a bar on stderr.
 
     The bar appears only if stderr is a terminal, and is removed at the end, after Ctrl-C and errors too. No thread draws it. A
@@ -265,11 +265,12 @@ def progress_of(times: Sequence[float], *, shown: bool = True) -> Iterator[Calla
     Args:
         times: From the first to the last [s].
         shown: False for no bar at all.
+        doing: What takes so long; the pace of other work than a simulation is not told.
     """
     if not shown or len(times) < 2 or not _can_show():
         yield _nothing
         return
-    bar = _Bar(float(times[0]), float(times[-1]))
+    bar = _Bar(float(times[0]), float(times[-1]), doing)
     try:
         yield bar
     finally:
@@ -291,8 +292,8 @@ def _can_show() -> bool:
 class _Bar:
     """The progress bar, created only after a delay."""
 
-    def __init__(self, start: float, end: float) -> None:
-        self._start, self._end = start, end
+    def __init__(self, start: float, end: float, doing: str) -> None:
+        self._start, self._end, self._doing = start, end, doing
         self._began = time.perf_counter()
         self._next = self._began + PATIENCE
         self._progress: Any = None
@@ -319,10 +320,11 @@ class _Bar:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+        pace = "{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"
         self._progress = Progress(
-            TextColumn("simulating"),
+            TextColumn(self._doing),
             BarColumn(),
-            TextColumn("{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"),
+            TextColumn(pace if self._doing == "simulating" else "{task.percentage:.0f} %, left"),
             TimeRemainingColumn(),
             console=Console(stderr=True),
             auto_refresh=False,

@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, is_finite, max_abs
-from rbd.constraints.constraint import Constraint, anchored, ground_of, is_carried, rows_of
+from rbd.constraints.constraint import OPEN, Constraint, anchored, ground_of, is_carried, rows_of
+from rbd.constraints.loop_stack import LoopRows
 from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
-from rbd.least_constraint import OPEN
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
@@ -189,17 +189,21 @@ class SmoothMotion:
         if not held.rows:
             return {}
         f, unique = self._solver.forces(held, stage.a, stage.rhs)
-        P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
-        found = Solution(P, stage.a, f, None, BILATERAL, "smooth", 1, 0.0)
-        if not unique:
-            found = found.settled()  # of all equivalent forces, those of `rbd.solve`
-        out = {}
+        if unique and isinstance(held.rows, LoopRows):  # without the rows of each loop
+            return {name: ConstraintForce(force, HOLDS) for name, force in held.rows.forces(f).items()}
+        found = None
+        if not unique:  # of all equivalent forces, those of `rbd.solve`
+            P = GaussProblem(stage.state.M, stage.rhs, held.rows, from_state=True)
+            found = Solution(P, stage.a, f, None, BILATERAL, "smooth", 1, 0.0).settled()
+        out, at = {}, 0
         for r in held.rows:
+            part, at = f[at : at + len(r)], at + len(r)
+            force = found.forces[r.name] if found is not None else part.copy() if r.resultant is None else r.resultant @ part
             points = pushes = None
             if r.patch is not None and r.resultant is not None:
                 points = r.patch.point + r.patch.corners @ r.patch.axes.T
-                pushes = corner_split(r, f[P.slices[r.name]]) if unique else found.corner_forces[r.name]
-            out[r.name] = ConstraintForce(found.forces[r.name], HOLDS, points, pushes)
+                pushes = corner_split(r, part) if found is None else found.corner_forces[r.name]
+            out[r.name] = ConstraintForce(force, HOLDS, points, pushes)
         return out
 
     def _stage(self, held: StackedRows, t: float) -> Stage:

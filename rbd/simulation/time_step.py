@@ -25,141 +25,23 @@ and the law is Coulomb's between impulses and u+. Points already closed may lift
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from dataclasses import replace
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.contact_points import sources_of
-from rbd.model.chart import Bases
 from rbd.model.state import State
-from rbd.simulation.contact_gaps import BodySizes, Correction, GapTolerances, first_crossing
-from rbd.simulation.contact_points import SLIDES, Layout, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.bases import Bases
+from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
+from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.ground_dynamics import GroundDynamics
+from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
 from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
 _AT_REST = 1e-7
 """A point that arrives more slowly than this [m/s, rad/s] needs no impulse."""
-Passed: TypeAlias = list[StepRecord | ImpactRecord]
-"""Steps and impacts, in order of time."""
-
-
-class PreviousStep(NamedTuple):
-    """The step before: points at its beginning, which of them were active, length and impulses."""
-
-    at: Snapshot
-    active: Array
-    h: float
-    impulse: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Instant:
-    """The beginning of a step, with data from earlier steps.
-
-    Attributes:
-        t: Time [s].
-        at: State and contact points.
-        gaps: Tolerances of the points' gaps.
-        closed: Which points were in contact in the step before, shape (k,).
-        leaves: Which points touch and separate, after an impact or at the start: inactive in this step, shape (k,).
-        force: Row forces to start from, shape (p,).
-        norms: Norms of bilateral rows; see `VelocityAnswer`.
-        velocity: The points' velocities by the contact law of the step before, shape (p,); None: J v.
-        previous: The step before; None where contact or friction has changed.
-    """
-
-    t: float
-    at: Snapshot
-    gaps: GapTolerances
-    closed: Array
-    leaves: Array
-    force: Array
-    norms: Array | None = None
-    velocity: Array | None = None
-    previous: PreviousStep | None = None
-
-    @property
-    def touching(self) -> Array:
-        """Which points are in contact, shape (k,): those without a gap, and closed ones with a small gap.
-
-        Not those that leave after an impact: the step would hold down points that approach again by its end.
-        """
-        gap = self.at.gap
-        touching: Array = ((gap <= self.gaps.tight) | (self.closed & (gap <= self.gaps.loose))) & ~self.leaves
-        return touching
-
-    def rates(self, active: Array) -> Array:
-        """Velocities of the points, shape (p,): for active ones by the law of the step before.
-
-        By that law closed points are at rest; J v is zero only to O(h^2), an error O(h) of the force over half a step.
-        """
-        at, known = self.at, self.velocity
-        return at.velocity if known is None else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
-
-    def change(self, h: float) -> Array | None:
-        """Change of the points' velocities in a time h, extrapolated from the step before; None if unknown."""
-        before = self.previous
-        if before is None or before.at.layout is not self.at.layout:
-            return None
-        change: Array = (self.at.velocity - before.at.velocity) * (h / before.h)
-        return change
-
-
-@dataclass(frozen=True, eq=False)
-class HalfStep:
-    """The first half of a step.
-
-    Attributes:
-        start: The beginning of the step.
-        active: Which of its points are active.
-        tau: Motor torques; None where the half step was extrapolated.
-        answer: Velocity and impulses.
-        h: Length of the whole step [s].
-        u: The points' velocities at its beginning.
-    """
-
-    start: Instant
-    active: Array
-    tau: Array | None
-    answer: VelocityAnswer
-    h: float
-    u: Array
-
-    def points_in(self, layout: Layout) -> PointsAtStart:
-        """The same data for the points of another layout."""
-        at = self.start.at
-        if layout is at.layout:
-            return PointsAtStart(self.active, self.u, at.error, self.answer)
-        match, answer = PointMatching(at.layout, layout), self.answer
-        answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
-        return PointsAtStart(match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer)
-
-
-class PointsAtStart(NamedTuple):
-    """Points at a step's beginning: the active ones, velocities and position errors, and the answer of the half step."""
-
-    active: Array
-    velocity: Array
-    error: Array
-    answer: VelocityAnswer
-
-
-class WholeStep(NamedTuple):
-    """A step before positions are corrected: its length, its end, its answer, its middle."""
-
-    h: float
-    end: Snapshot
-    answer: VelocityAnswer
-    middle: Snapshot
-
-
-class Step(NamedTuple):
-    """The end of a step, and the steps and impacts into which it was divided."""
-
-    end: Instant
-    passed: Passed
 
 
 class StepSystem:
@@ -172,10 +54,19 @@ class StepSystem:
         self.bases, self.sizes = Bases(start.robot), BodySizes.of(start)
         self.correction = Correction.of(self.points, motion.stabilisation)
         self.restitution: Mapping[str, float] = dict(motion.restitution or {})
+        self.ground = GroundDynamics.of(self.points, start)
+
+    def snapshot(self, state: State, t: float) -> Snapshot:
+        """All points at a state and a time [s]."""
+        return self.points.at(state, t) if self.ground is None else self.ground.at(state, t)
+
+    def _still(self, velocity: Array) -> bool:
+        """Whether velocities of points are those of an answer in which all stick."""
+        return self.ground is not None and velocity is self.ground.at_rest
 
     def begin(self, start: State, t: float) -> Step:
         """The first instant; points that approach where they touch have an impact."""
-        at = self.points.at(start, t)
+        at = self.snapshot(start, t)
         gaps, passed = self.sizes.tolerances(at), Passed()
         now = Instant(t, at, gaps, at.gap <= gaps.loose, np.zeros(len(at.gap), bool), np.zeros(len(at.velocity)))
         return Step(self._after_impact(now, passed, first=True), passed)
@@ -187,31 +78,69 @@ class StepSystem:
             return self.solved(start, h)
         part = 0.5 * h / before.h
         v, u = at.state.v, start.rates(before.active)
-        v_h = v + part * (v - before.at.state.v) + 0.5 * h * self.bases.spin(v)
+        turned = self.bases.turned(v, v, 0.5 * h)
+        v_h = turned + part * (v - before.at.state.v)
         u_h = u + part * (at.velocity - before.at.velocity)
         answer = VelocityAnswer(v_h, part * before.impulse, u_h, 0.0, norms=start.norms)
-        return HalfStep(start, before.active, None, answer, h, u)
+        return HalfStep(start, before.active, None, answer, h, u, turned)
 
     def solved(self, start: Instant, h: float, more: Array | None = None) -> HalfStep:
         """The first half of a step, solved; points in `more` are active in addition to touching ones."""
         at, half = start.at, 0.5 * h
         active = start.touching if more is None else start.touching | more
-        tau, force = self.motion.forces(at.state, start.t)
-        v, spin = at.state.v, self.bases.spin(at.state.v)
-        u = start.rates(active)
-        turned = v + half * spin
-        offset = u - at.J @ turned + half * at.bias
-        rhs = at.state.M @ turned + half * force
-        change, guess, wanted = start.change(half), half * start.force, self.correction.wanted(at.layout, u, at.error, half)
-        offset, law = offset - wanted, self.motion.law
+        tau, applied = self.motion.applied(at.state, start.t)
+        v, u, guess = at.state.v, start.rates(active), half * start.force
+        turned = self.bases.turned(v, v, half)
+
+        def found(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
+            if self.ground is not None:
+                answer = self.ground.answer(
+                    at.state.q, v, applied, turned, half, active, guess, law=self.motion.law, shift=shift, u=u
+                )
+                if answer is not None:
+                    return answer
+            return self._general(at, active, applied, turned, half, guess, u, at.error, shift, norms, u, 1.0)
+
+        if self._still(u):
+            return HalfStep(start, active, tau, found(None, guess, start.norms), h, u, turned, applied)
+        change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
-        answer = solve_velocity(at, active, rhs, offset, half, guess, law=law, shift=shift, norms=start.norms)
+        answer = found(shift, guess, start.norms)
         if change is None:
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
-                guess = answer.impulse
-                answer = solve_velocity(at, active, rhs, offset, half, guess, law=law, shift=shift, norms=answer.norms)
-        return HalfStep(start, active, tau, replace(answer, velocity=answer.velocity + wanted), h, u)
+                answer = found(shift, answer.impulse, answer.norms)
+        return HalfStep(start, active, tau, answer, h, u, turned, applied)
+
+    def _general(
+        self,
+        at: Snapshot,
+        active: Array,
+        applied: Array,
+        start: Array,
+        h: float,
+        guess: Array,
+        u: Array,
+        error: Array,
+        shift: Array | None,
+        norms: Array | None,
+        begins: Array,
+        share: float,
+    ) -> VelocityAnswer:
+        """The step from `start`, with u+ = begins + J (v+ - start) + share h J_dot v, by M, h and J."""
+        state = at.state
+        offset = begins - at.J @ start + share * h * at.bias
+        rhs = state.M @ start + h * (applied - state.h)
+        wanted = self.correction.wanted(at.layout, u, error, h)
+        answer = solve_velocity(at, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=norms)
+        return answer if self.correction.feedback is None else answer._replace(velocity=answer.velocity + wanted)
+
+    def law_residual(self, half: HalfStep) -> float:
+        """Residual of the equations of motion and the contact law of a solved half step, scaled."""
+        at, answer, h = half.start.at, half.answer, 0.5 * half.h
+        if self.ground is None or half.applied is None:
+            return answer.law
+        return max(answer.law, self.ground.residual(at.state.q, at.state.v, half.applied, half.a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
@@ -227,7 +156,7 @@ class StepSystem:
             whole = self._finish(half, h)
             through = self._through(half, whole.end).any()
             stop = 0.0
-            if not through and whole.middle.layout is half.start.at.layout:
+            if not through and whole.layout is half.start.at.layout:
                 stop = self._sliding_end(half, whole.answer, h)
             if stop:
                 h = stop
@@ -247,27 +176,30 @@ class StepSystem:
 
     def _finish(self, half: HalfStep, h: float) -> WholeStep:
         """The step of length h before positions are corrected."""
-        bases, start = self.bases, half.start
+        bases, start, ground = self.bases, half.start, self.ground
         t, q, v = start.t, start.at.state.q, start.at.state.v
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
-        q_m = bases.moved(q, v, 0.5 * h)
-        v, v_h = bases.carried((v, v_h), q, q_m)
-        spin = bases.spin(v_h)
-        middle = self.points.at(self.motion.reached(q_m, v_h, t + 0.5 * h), t + 0.5 * h)
-        _, force = self.motion.forces(middle.state, t + 0.5 * h)
-        offset = middle.velocity - middle.J @ (v_h + 0.5 * h * spin) + 0.5 * h * middle.bias
-        rhs = middle.state.M @ (v + h * spin) + h * force
-        active, u0, error, before = half.points_in(middle.layout)
+        q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
+        state = self.motion.reached(q_m, v_h, t + 0.5 * h)
+        _, applied = self.motion.applied(state, t + 0.5 * h)
+        middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
+        layout = start.at.layout if middle is None else middle.layout
+        active, u0, error, before = half.points_in(layout)
         guess = before.impulse * (2.0 * h / half.h)
-        shift = turned_back(middle.layout, active, u0, before.velocity - u0, guess)
-        wanted = self.correction.wanted(middle.layout, u0, error, h)
-        answer = solve_velocity(
-            middle, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=before.norms
-        )
-        answer = replace(answer, velocity=answer.velocity + wanted)
-        q_end = bases.moved(q_m, answer.v, 0.5 * h)
-        (v_end,) = bases.carried((answer.v,), q_m, q_end)
-        return WholeStep(h, self.points.at(self.motion.reached(q_end, v_end, t + h), t + h), answer, middle)
+        still = self._still(u0) and self._still(before.velocity)
+        shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
+        answer = None
+        if ground is not None:
+            answer = ground.answer(
+                state.q, state.v, applied, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean
+            )
+        if answer is None:
+            middle = middle or self.points.at(state, t + 0.5 * h)
+            begins = middle.velocity + middle.J @ (mean - v_h)
+            answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5)
+        q_end, v_end = bases.moved(state.q, answer.v, 0.5 * h)
+        end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
+        return WholeStep(h, end, answer, layout)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
@@ -287,6 +219,8 @@ class StepSystem:
         A point that enters the contact set below the surface and separates (e.g. another corner of a hull) does not count.
         """
         start = half.start
+        if half.active is end.layout.everything:
+            return end.layout.nothing
         deep: Array = ~half.points_in(end.layout).active & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
         if end.layout is not start.at.layout and deep.any():
             deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
@@ -295,7 +229,7 @@ class StepSystem:
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
         """Time within the step at which a sliding point stops, or turns back, and friction jumps; zero if none does."""
         layout = half.start.at.layout
-        stops = stopping(layout, half.u, answer.velocity, half.answer.impulse)
+        stops = None if self._still(half.u) else stopping(layout, half.u, answer.velocity, half.answer.impulse)
         if stops is None:
             return 0.0
         rows, kept = layout.sliding_rows[stops], layout.sliding_kept[stops]
@@ -338,19 +272,23 @@ class StepSystem:
         start, (h, end, answer, middle) = half.start, whole
         t, layout = start.t + h, end.layout
         active, velocity, _, _ = half.points_in(layout)
-        if middle.layout is not layout:
-            match = PointMatching(middle.layout, layout)
-            answer = replace(answer, impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+        if middle is not layout:
+            match = PointMatching(middle, layout)
+            answer = answer._replace(impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
             # A redundant corner without load that does not move has not left.
-            closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
+            if active is layout.everything and self._still(answer.velocity):
+                closed = active
+            else:
+                closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
-            end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
+            if not self.correction.in_place(end, gaps):
+                end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
             if answer.redundant and self.correction.bilateral:
                 end = self.correction.velocities(end, t)
                 if end.layout is layout:
-                    answer = replace(answer, velocity=np.where(layout.held, end.velocity, answer.velocity))
+                    answer = answer._replace(velocity=np.where(layout.held, end.velocity, answer.velocity))
         norms, by_law, previous = answer.norms, answer.velocity, None
         if end.layout is not layout:
             match, norms = PointMatching(layout, end.layout), None
@@ -358,8 +296,7 @@ class StepSystem:
             force, active, gaps = match.rows(force), match.points(active, False), self.sizes.tolerances(end)
         if start.at.layout is end.layout:
             previous = PreviousStep(start.at, half.active, h, answer.impulse)
-        none = np.zeros(len(end.gap), bool)
-        return self._after_impact(Instant(t, end, gaps, active, none, force, norms, by_law, previous), passed)
+        return self._after_impact(Instant(t, end, gaps, active, end.layout.nothing, force, norms, by_law, previous), passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
         """The instant after the impact of points that touch and approach: at any speed if they were not closed before.
@@ -370,8 +307,9 @@ class StepSystem:
             first: At the start of a motion all points count as not closed, and those that move away leave.
         """
         at, layout = now.at, now.at.layout
-        touches, approach = now.touching, at.approach
-        slow = -self.impact_speed
+        touches, approach, slow = now.touching, at.approach, -self.impact_speed
+        if len(approach) and now.closed is layout.everything and not first and approach[approach.argmin()] >= slow:
+            return now
         limit = -_AT_REST if first else np.where(now.closed, slow, -_AT_REST)
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
@@ -385,7 +323,7 @@ class StepSystem:
         offset[n] += np.where(approach[arrives] < slow, e * approach[arrives], 0.0)
         M, guess = at.state.M, np.zeros(len(offset))
         answer = solve_velocity(at, touches, M @ at.state.v, offset, 0.0, guess, law=self.motion.law, norms=now.norms)
-        after = self.points.at(at.state.with_velocity(answer.v), now.t)
+        after = self.snapshot(at.state.with_velocity(answer.v), now.t)
         leaves = self._leaves(after)
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)

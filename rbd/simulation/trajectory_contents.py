@@ -22,12 +22,13 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
+from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot, load_robot
 from rbd.simulation.motion import Event
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
-from rbd.simulation.trajectory_file import checksum, listed_in, words_in, xarray_or_error
+from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
     import xarray

@@ -25,13 +25,13 @@ from numpy.lib import format as npy
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.output_files import write_file
+from rbd.modules import xarray_or_error
 
 if TYPE_CHECKING:
     import xarray
 
 FORMAT, VERSION = "rbd trajectory", 1
 HEADER = "header"
-EXTRA = "Install the extra: pip install 'rbd-contact[study]'"
 FREE, TIMES = 16_000_000, 64
 """Limit of the unpacked bytes: a constant, and a multiple of the file's size; real motions do not compress further."""
 OBJECTS = 100_000
@@ -39,6 +39,20 @@ OBJECTS = 100_000
 _TYPES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8}
 """Bytes of the types of netCDF 3: byte, char, short, int, float, double."""
 _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
+INVALID_BYTES = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ValueError,
+    KeyError,
+    EOFError,
+    OSError,
+    MemoryError,
+    NotImplementedError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+)
+"""Exceptions of zipfile and NumPy on invalid bytes."""
 
 
 def a_trajectory_path(path: object) -> Path:
@@ -79,23 +93,27 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
                 raise InputError(_foreign(path, f"it holds {', '.join(sorted(members))[:200] or 'nothing'}"))
             header = _header(path, str(_array(archive, members.pop(HEADER))), len(data))
             arrays = {name: _array(archive, member) for name, member in members.items()}
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        ValueError,
-        KeyError,
-        EOFError,
-        OSError,
-        MemoryError,
-        NotImplementedError,
-        RuntimeError,
-        SyntaxError,
-        TypeError,
-    ) as error:  # exceptions of zipfile and NumPy on invalid bytes
+    except INVALID_BYTES as error:
         if isinstance(error, InputError):
             raise
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
     return header, arrays
+
+
+def npz_arrays(path: Path) -> dict[str, Array]:
+    """{name: array} of any .npz with numbers and text; pickles are not read.
+
+    Raises:
+        InputError: no such file, no .npz, cut short, or with arrays of objects.
+    """
+    data = _bytes(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = npz_members(archive, len(data), kinds="fiuU")
+            return {name: _array(archive, member) for name, member in members.items()}
+    except INVALID_BYTES as error:
+        why = str(error)[:200] or type(error).__name__
+        raise InputError(f"{path.name} is no .npz with arrays of numbers: {why}") from error
 
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
@@ -120,19 +138,6 @@ def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:
     if not isinstance(text, str):
         raise InputError(_foreign(path, f"it holds {', '.join(sorted(map(str, dataset.variables)))[:200]}"))
     return _header(path, text, len(data)), dataset
-
-
-def xarray_or_error() -> Any:
-    """The module xarray.
-
-    Raises:
-        InputError: if it is not installed; names the extra.
-    """
-    try:
-        import xarray
-    except ImportError as error:
-        raise InputError(f"xarray is not installed here, and this needs it. {EXTRA}") from error
-    return xarray
 
 
 def as_json(header: Mapping[str, Any]) -> str:
@@ -205,7 +210,7 @@ class Member:
     size: int
 
 
-def npz_members(archive: zipfile.ZipFile, file_size: int) -> dict[str, Member]:
+def npz_members(archive: zipfile.ZipFile, file_size: int, kinds: str = "fU") -> dict[str, Member]:
     """{array: its description}; only the first bytes of each member are unpacked.
 
     Raises:
@@ -213,13 +218,13 @@ def npz_members(archive: zipfile.ZipFile, file_size: int) -> dict[str, Member]:
     """
     infos = archive.infolist()
     _check_total(sum(info.file_size for info in infos), file_size)
-    members = {info.filename.removesuffix(".npy"): _member(archive, info) for info in infos}
+    members = {info.filename.removesuffix(".npy"): _member(archive, info, kinds) for info in infos}
     if len(members) != len(infos):
         raise ValueError("two of its arrays have one name")
     return members
 
 
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> Member:
     with archive.open(info) as file:
         version = npy.read_magic(file)
         read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
@@ -228,7 +233,7 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
         shape, by_columns, kind = read(file)
         start = file.tell()
     size = math.prod(shape) * kind.itemsize
-    if kind.hasobject or kind.kind not in "fU" or any(k < 0 for k in shape) or start + size != info.file_size:
+    if kind.hasobject or kind.kind not in kinds or any(k < 0 for k in shape) or start + size != info.file_size:
         raise ValueError(f"{info.filename!r:.80} says that it is {kind} of shape {shape}, which it is not")
     return Member(info, shape, by_columns, kind, start, size)
 

@@ -5,12 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
-
 from rbd.arrays import Array
-from rbd.solvers.small_systems import independent, inverse
-
-_compiled = numba.njit(cache=True, error_model="numpy")
+from rbd.solvers.small_systems import compiled, independent, inverse
 
 
 class Bodies(NamedTuple):
@@ -33,7 +29,7 @@ class Bodies(NamedTuple):
     mu: Array
 
 
-@_compiled
+@compiled
 def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> bool:
     """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not only of weights.
 
@@ -64,8 +60,10 @@ def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> boo
         return False  # independent normals determine their shares
     squares = memory[n + 2 * n * nw : n + 2 * n * nw + 2 * nw * nw].reshape(2, nw, nw)
     H, inverse_factor = squares[0], squares[1]
-    H[:, :] = L
     found = 0
+    for r in range(nw):
+        for s in range(nw):
+            H[r, s] = L[r, s]
     for i in range(n // 3):
         j, at, normal = 3 * i, first[i], p[3 * i + 2]
         if touching[i] > 0.0:
@@ -75,8 +73,8 @@ def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> boo
         t = math.hypot(p[j], p[j + 1])
         slips = t > mu[i] * normal
         for e in range(j + 2 if slips else j, j + 3):
-            rows[found, :] = 0.0
-            conditions[found, :] = 0.0
+            for r in range(nw):
+                rows[found, r] = conditions[found, r] = 0.0
             for r in range(d):
                 conditions[found, at + r] = rows[found, at + r] = columns[e, r]
                 if slips:
@@ -108,7 +106,7 @@ def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> boo
     return independent(answers, rank, 1e-8) < rank
 
 
-@_compiled
+@compiled
 def _normals_are_independent(bodies: Bodies, touching: Array, R: Array, felt: Array) -> bool:
     """Whether the normals of the touching points are independent: by the factor R of their block of Q' D Q, row by row."""
     columns, first, D = bodies.columns, bodies.first, bodies.D

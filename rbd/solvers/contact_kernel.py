@@ -13,10 +13,16 @@ import numba
 
 from rbd.arrays import Array
 from rbd.solvers.contact_families import Bodies, leaves_motion_open
-from rbd.solvers.small_systems import eliminate, inverse
+from rbd.solvers.small_systems import COUNT, FLAG, NUMBER, array, compiled, eliminate, inverse
 
-_compiled = numba.njit(cache=True, error_model="numpy")
 _SMALL = 1e-200
+_MOST_STEPS = 50
+_FOUND = 1e-10
+"""Merit of an answer."""
+_EXACT = 1e-14
+"""Newton stops at this merit."""
+_NEARLY = 1e-12
+"""Merit at which no further points are taken into account."""
 OPEN, STICKS, SLIPS = 0.0, 1.0, 2.0
 
 
@@ -43,25 +49,27 @@ class Room(NamedTuple):
     A: Array
 
 
-@_compiled
+@compiled
 def project(x: float, y: float, z: float, mu: float, coulomb: bool) -> tuple[float, float, float]:
     """(normal weight, factor of the tangential ones, their length) of the weights in a cone that a position maps to."""
-    t = max(math.sqrt(x * x + y * y), _SMALL)
+    t = math.sqrt(x * x + y * y)
     if coulomb:
         normal = max(z, 0.0)
     elif t <= mu * z:
         normal = z
     else:
         normal = max((mu * t + z) / (1.0 + mu * mu), 0.0)
+    t = max(t, _SMALL)
     return normal, min(mu * normal / t, 1.0), t
 
 
-@_compiled
+@compiled
 def evaluate(bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, room: Room) -> tuple[float, float]:
     """(largest entry, sum of squares) of gap = P(p) - w at p = w - y."""
     columns, c, f, a, p, gap, modes = bodies.columns, bodies.c, room.f, room.a, room.p, room.gap, room.modes
     nw, d = len(c), columns.shape[1]
-    f[:] = 0.0
+    for r in range(nw):
+        f[r] = 0.0
     for i in points:
         at = bodies.first[i]
         for j in range(3 * i, 3 * i + 3):
@@ -91,10 +99,10 @@ def evaluate(bodies: Bodies, points: Array, w: Array, compliance: Compliance, co
         for e in range(j, j + 3):
             top = max(top, abs(gap[e]))
             square += gap[e] * gap[e]
-    return top, square if square < math.inf else math.inf  # NaN is infinite
+    return (top, square) if square < math.inf else (math.inf, math.inf)  # NaN is infinite
 
 
-@_compiled
+@compiled
 def newton_step(bodies: Bodies, points: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
     """Newton's step in `room.move`, by a linear system of the bodies' rows; False where that is singular.
 
@@ -103,8 +111,10 @@ def newton_step(bodies: Bodies, points: Array, compliance: Compliance, coulomb: 
     """
     columns, gap, modes, move, A, z = bodies.columns, room.gap, room.modes, room.move, room.A, room.z
     nw, d = len(z), columns.shape[1]
-    z[:] = 0.0
-    A[:, :] = bodies.L
+    for r in range(nw):
+        z[r] = 0.0
+        for s in range(nw):
+            A[r, s] = bodies.L[r, s]
     for i in points:
         at, j, mode, factor, ex, ey = bodies.first[i], 3 * i, modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
         g0, g1, g2 = gap[j], gap[j + 1], gap[j + 2]
@@ -164,16 +174,17 @@ def newton_step(bodies: Bodies, points: Array, compliance: Compliance, coulomb: 
     return math.isfinite(square)
 
 
-@_compiled
+@compiled
 def steps_from(
-    bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, iterations: int, exact: float, room: Room
+    bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, exact: float, room: Room
 ) -> tuple[float, int]:
     """Damped semismooth Newton steps from w, which becomes the best weights found: (merit, steps)."""
     new, best, move = room.new, room.best, room.move
     merit, square = evaluate(bodies, points, w, compliance, coulomb, room)
     least, step = merit, 0
-    best[:] = w
-    while step < iterations and least > exact and square < math.inf:
+    for j in range(len(w)):
+        best[j] = w[j]
+    while step < _MOST_STEPS and least > exact and square < math.inf:
         if not newton_step(bodies, points, compliance, coulomb, room):
             break
         before, t = square, 1.0
@@ -191,14 +202,17 @@ def steps_from(
         step += 1
         if merit < least:
             least = merit
-            best[:] = w
+            for i in points:
+                for j in range(3 * i, 3 * i + 3):
+                    best[j] = w[j]
         if before < 1e-22 and square > 0.1 * before:  # rounding
             break
-    w[:] = best
+    for j in range(len(w)):
+        w[j] = best[j]
     return least, step
 
 
-@_compiled
+@compiled
 def scale(bodies: Bodies, P: Array, c: Array, unit: Array) -> float:
     """Fill columns and c of the scaled problem, and the points' `unit`: the rate by which c was divided."""
     most, d = 0.0, P.shape[1]
@@ -230,8 +244,7 @@ def scale(bodies: Bodies, P: Array, c: Array, unit: Array) -> float:
     return rate
 
 
-@_compiled
-def body_forces(
+def _body_forces(
     D: Array, c: Array, start: Array, coulomb: bool,
     P: Array, first: Array, mu: Array, seeds: Array, memory: Array, points: Array, out: Array,
 ) -> tuple[float, int, bool]:  # fmt: skip
@@ -247,11 +260,10 @@ def body_forces(
         mu: Frictions.
         seeds: The points with which the search begins.
         memory: Working memory, as `ContactNewton` makes it.
-        points: Working memory, shape (k,).
+        points: Working memory, shape (2, k).
         out: Weights, then the wrench.
     """
     n, d, nw, k = P.shape[0], P.shape[1], len(c), len(mu)
-    out[:] = 0.0
     m, s = memory[: 9 * n].reshape(9, n), memory[9 * n : 9 * n + 4 * nw].reshape(4, nw)
     at = 9 * n + 4 * nw
     squares = memory[at : at + 2 * nw * nw].reshape(2, nw, nw)
@@ -261,35 +273,51 @@ def body_forces(
     w, zero, kept, unit, soft = m[5], m[6], m[7], units[:k], units[k : 2 * k]
     room = Room(m[0], m[1], m[2], m[3], m[4], s[0], s[1], s[2], modes, squares[0])
     bodies = Bodies(D, squares[1], s[3], columns, first, mu)
+    for j in range(n + nw):
+        out[j] = 0.0
     if not inverse(D, bodies.L, room.A):
         return math.inf, 0, False
     rate = scale(bodies, P, c, unit)
     if not rate < math.inf:
         return math.inf, 0, False
-    zero[:] = 0.0
-    soft[:] = 0.0
-    firm = Compliance(soft, zero, 1e-7)
+    for j in range(n):
+        zero[j] = w[j] = 0.0
     for i in range(k):
-        points[i] = i
-    w[:] = 0.0
-    for j in range(0, n, 3):
-        size = 1.0 / (unit[j // 3] * rate)
-        x, y = start[j] * size, start[j + 1] * size
-        normal, factor, _ = project(x, y, start[j + 2] * size, mu[j // 3], coulomb)
-        w[j], w[j + 1], w[j + 2] = factor * x, factor * y, normal
-    merit, steps = steps_from(bodies, points, w, firm, coulomb, 50, 1e-14, room)
-    if merit > 1e-10:  # from all contacts open
-        w[:] = 0.0
-        merit, more = steps_from(bodies, points, w, firm, coulomb, 50, 1e-14, room)
-        steps += more
-    opened = False
-    if coulomb and merit < 1e-10:
-        evaluate(bodies, points, w, firm, coulomb, room)
+        soft[i] = 0.0
+        points[0, i] = i
+    firm = Compliance(soft, zero, 1e-7)
+    count = len(seeds)
+    for e in range(count):
+        i = points[1, e] = seeds[e]
+        j, size = 3 * i, 1.0 / (unit[i] * rate)
+        x, y, z = start[j] * size, start[j + 1] * size, start[j + 2] * size
+        if math.isfinite(x + y + z):
+            normal, factor, _ = project(x, y, z, mu[i], coulomb)
+            w[j], w[j + 1], w[j + 2] = factor * x, factor * y, normal
+    merit, steps, opened = math.inf, 0, False
+    for attempt in range(2):
+        if attempt > 0:  # from all contacts open
+            for j in range(n):
+                w[j] = 0.0
+        while True:
+            merit, more = steps_from(bodies, points[1, :count], w, firm, coulomb, _EXACT, room)
+            steps += more
+            if not merit <= _FOUND or count == k:
+                break
+            merit, _ = evaluate(bodies, points[0], w, firm, coulomb, room)
+            if merit <= _NEARLY:
+                break
+            count = enlarge(points, count, first, room.gap, room.z)
+        if merit <= _FOUND:
+            break
+    if coulomb and merit <= _FOUND:
+        evaluate(bodies, points[0], w, firm, coulomb, room)
         opened = leaves_motion_open(bodies, w, room.p, memory[at:])
-    if opened:
-        kept[:] = w
-        merit, more = settle(bodies, points, w, kept, unit, merit, firm, room)
-        steps += more
+        if opened:
+            for j in range(n):
+                kept[j] = w[j]
+            merit, more = settle(bodies, points[0], w, kept, unit, merit, coulomb, firm, room)
+            steps += more
     for i in range(k):
         size, j = unit[i] * rate, 3 * i
         x, y, normal = w[j] * size, w[j + 1] * size, max(w[j + 2] * size, 0.0)
@@ -302,29 +330,61 @@ def body_forces(
     return merit, steps, opened
 
 
-@_compiled
+@compiled
+def enlarge(points: Array, count: int, first: Array, gap: Array, worst: Array) -> int:
+    """Append to the points in use, `points[1]`, the one of each body that violates the law most: their new number."""
+    for r in range(len(worst)):
+        worst[r] = 0.0
+    for i in range(len(first)):
+        worst[first[i]] = max(worst[first[i]], abs(gap[3 * i]), abs(gap[3 * i + 1]), abs(gap[3 * i + 2]))
+    for i in range(len(first)):
+        size = max(abs(gap[3 * i]), abs(gap[3 * i + 1]), abs(gap[3 * i + 2]))
+        used = False
+        for e in range(count):
+            used = used or points[1, e] == i
+        if not used and size > 1e-13 and size == worst[first[i]]:
+            points[1, count] = i
+            count += 1
+            worst[first[i]] = -1.0
+    return count
+
+
+@compiled
 def settle(
-    bodies: Bodies, points: Array, w: Array, kept: Array, unit: Array, merit: float, firm: Compliance, room: Room
+    bodies: Bodies, points: Array, w: Array, kept: Array, unit: Array, merit: float, coulomb: bool, firm: Compliance, room: Room
 ) -> tuple[float, int]:
     """The limit of the answers of equally compliant points near w: (merit, steps); w stays where it is not reached."""
-    most, steps, soft = unit.max(), 0, firm.soft
+    most, steps, soft = 0.0, 0, firm.soft
+    for i in range(len(soft)):
+        most = max(most, unit[i])
     reached, compliance, found = math.inf, 1e-2, False
     while compliance > 1e-5:
-        room.z[:] = 0.0
         for i in range(len(soft)):
             soft[i] = compliance * max((unit[i] / most) ** 2, 1e-3)
-        yields = Compliance(soft, firm.about, 0.0)
-        reached, more = steps_from(bodies, points, w, yields, True, 40, 1e-8 * compliance, room)
+        reached, more = steps_from(bodies, points, w, Compliance(soft, firm.about, 0.0), coulomb, 1e-8 * compliance, room)
         steps += more
+        # A merit m leaves the shares uncertain by m / compliance.
         if not reached <= 1e-5 * compliance:
             break
         found = True
         compliance *= 1e-2
-    soft[:] = 0.0
+    for i in range(len(soft)):
+        soft[i] = 0.0
     if found:
-        reached, more = steps_from(bodies, points, w, firm, True, 50, 1e-14, room)
+        reached, more = steps_from(bodies, points, w, firm, coulomb, _EXACT, room)
         steps += more
-        if reached < 1e-10:
+        if reached <= _FOUND:
             return reached, steps
-    w[:] = kept
+    for j in range(len(w)):
+        w[j] = kept[j]
     return merit, steps
+
+
+body_forces = compiled(
+    _body_forces,
+    numba.types.Tuple((NUMBER, COUNT, FLAG))(
+        array(2), array(1), array(1), FLAG,
+        array(2), array(1, COUNT), array(1), array(1, COUNT), array(1, written=True), array(2, COUNT, written=True),
+        array(1, written=True),
+    ),
+)  # fmt: skip

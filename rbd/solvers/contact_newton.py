@@ -16,11 +16,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, is_finite
-from rbd.problem.cones import FrictionCone, Product
-from rbd.problem.force_set import at_rest
+from rbd.arrays import Array, is_finite, max_abs, zeros
 from rbd.solvers import compiled as _compiled_code
-from rbd.solvers.newton import FOUND, leaves_motion_open, scaled, settled, steps_from
+from rbd.solvers.newton import FOUND, Order, Scaled, leaves_motion_open, plain_steps_from, settled
+from rbd.solvers.pinocchio_admm import admm
+from rbd.solvers.point_law import law_residual
+
+_ALL = 12
+"""Up to this number of points, all are taken into account from the start."""
+
+
+_ITERATIONS = 100
+"""Of Pinocchio's ADMM: 65 mostly do."""
+_NEAR = 1e-11
+"""Its tolerance: the motion is then mostly right to 1e-11."""
+_STEP = 0.3
+"""Its step size, for a scaled D."""
+_SMALL = 1e-200
+_STILL, _NEARLY = 1e-12, 1e-6
+"""Accelerations of loaded points that count as zero, over the largest of the bodies without forces; in between: undecided.
+
+Near the last forces that hold a body Newton's method leaves 1e-9 m/s2 of nothing; beyond them the body may slide at 1 m/s2.
+"""
 
 
 class ContactForces(NamedTuple):
@@ -54,7 +71,9 @@ class ContactNewton:
 
     def __init__(self, P: Array, mu: Array) -> None:
         self.P, self.mu = np.array(P, dtype=float), np.array(mu, dtype=float)
-        self.sets = at_rest(Product([FrictionCone(m) for m in self.mu.tolist()]))
+        self._pull = np.ascontiguousarray(self.P.T)
+        k = len(self.mu)
+        self._order = Order(None, 0, zeros(0), zeros(0), self.mu, 1 / (1 + self.mu**2), 3 * np.arange(k), np.full(k, 3))
         self._compiled: _Compiled | None = None
 
     def forces(self, D: Array, c: Array, start: Array, *, coulomb: bool, compiled: bool | None = None) -> ContactForces:
@@ -63,31 +82,99 @@ class ContactNewton:
         Args:
             D: Inverse operational-space inertia of the bodies' rows, symmetric positive definite, shape (nw, nw).
             c: Acceleration of the rows without the points' forces, shape (nw,); or velocity, and then forces are impulses.
-            start: Weights to start from, shape (3 k,), in the cones or not.
+            start: Weights to start from, shape (3 k,), in the cones or not, finite or not.
             coulomb: Coulomb's law; else the convex one.
             compiled: Whether compiled code is used; None: where it is installed, see `rbd.solvers.compiled`.
         """
+        run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
         if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():
             if self._compiled is None:
                 self._compiled = _Compiled(self.P, self.mu)
-            return self._compiled.forces(D, c, start, coulomb)
-        return self._plain(D, c, start, coulomb)
+            run = self._compiled.forces
+        return run(D, c, start, coulomb)
+
+    def gauss_first(self, D: Array, c: Array, start: Array) -> ContactForces:
+        """Forces of Coulomb's law: those of the convex law where they obey Coulomb's too.
+
+        Loaded points then keep still, though some could slip as well. Where it cannot be decided, the merit is infinite.
+
+        Args:
+            D: As in `forces`.
+            c: As in `forces`.
+            start: As in `forces`.
+        """
+        gauss = self.forces(D, c, start, coulomb=False)
+        far = self._from_coulomb(D, c, gauss)
+        if far <= _STILL:
+            return gauss
+        if far <= _NEARLY:
+            return gauss._replace(merit=math.inf)
+        found = self.forces(D, c, gauss.weights, coulomb=True)
+        if not found.merit <= FOUND:
+            found = self.forces(D, c, start, coulomb=True)
+        return found._replace(steps=found.steps + gauss.steps)
+
+    def _from_coulomb(self, D: Array, c: Array, gauss: ContactForces) -> float:
+        """How far forces of the convex law are from Coulomb's: loaded points that do not keep still."""
+        if not gauss.merit <= FOUND:
+            return math.inf
+        rate, push = max_abs(c), max_abs(gauss.weights)
+        if not rate > 0.0 or not push > 0.0:
+            return 0.0
+        y = (D @ gauss.wrench + c) / rate
+        return law_residual(self._pull, y, gauss.weights / push, self.mu, coulomb=True)
 
     def _plain(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
-        P, T = self.P, self.sets
-        if not (is_finite(D) and is_finite(c) and is_finite(start)):
+        P = self.P
+        size, rate = self._sizes(D, c)
+        if not rate < math.inf:
             return ContactForces(np.zeros(P.shape[1]), np.zeros(len(P)), math.inf, 0, False)
-        S = scaled(P.T @ D @ P, P.T @ c, T)
-        w, merit, steps = steps_from(S, S.guess(T.project(start)), coulomb=coulomb)
-        if merit > FOUND:
-            w, merit, more = steps_from(S, np.zeros(len(w)), coulomb=coulomb)
-            steps += more
-        opened = coulomb and merit < FOUND and leaves_motion_open(S, w)
+        unit = rate / size
+        S = Scaled(P.T @ (D @ P) / size, c @ P / rate, self._order, zeros(0), zeros(0), np.full(P.shape[1], unit), rate)
+        first = start / unit
+        if not is_finite(first):
+            first = np.zeros(len(start))
+        # Pinocchio's ADMM takes as long as three of NumPy's Newton steps, and mostly replaces seven.
+        w, steps = admm(S, first, coulomb=coulomb, iterations=_ITERATIONS, tolerance=_NEAR, step=_STEP)
+        merit = self._merit(w, S.D @ w + S.q, coulomb)
+        if merit > 10.0 * _NEAR:
+            for guess in (w, first, np.zeros(len(w))):
+                w, merit, more = plain_steps_from(S, guess, coulomb=coulomb)
+                steps += more
+                if merit <= FOUND:
+                    break
+        opened = coulomb and merit <= FOUND and leaves_motion_open(S, w)
         if opened:
             w, more = settled(S, w)
             steps += more
-        weights = T.project(S.weights(w))
+        weights = self._inside(unit * w)
         return ContactForces(weights, P @ weights, merit, steps, opened)
+
+    def _sizes(self, D: Array, c: Array) -> tuple[float, float]:
+        """Mobility of the least mobile point, and the largest acceleration of one: infinite if they are no numbers."""
+        if not (is_finite(D) and is_finite(c)):
+            return 1.0, math.inf
+        size = float((self.P * (D @ self.P)).sum(axis=0).reshape(-1, 3).max(axis=1).min())
+        return (size if size > 0.0 else 1.0), max_abs(c @ self.P) or 1.0
+
+    def _merit(self, w: Array, y: Array, coulomb: bool) -> float:
+        """Largest entry of |w - P(w - y)|."""
+        x, y, z = (w - y).reshape(-1, 3).T
+        t = np.hypot(x, y)
+        if coulomb:
+            normal = np.maximum(z, 0.0)
+        else:
+            normal = np.where(t <= self.mu * z, z, np.maximum((self.mu * t + z) * self._order.share, 0.0))
+        factor = np.minimum(self.mu * normal / np.maximum(t, _SMALL), 1.0)
+        wx, wy, wz = w.reshape(-1, 3).T
+        return max(max_abs(factor * x - wx), max_abs(factor * y - wy), max_abs(normal - wz))
+
+    def _inside(self, w: Array) -> Array:
+        """Weights with tangential ones cut to the friction that the normal ones allow."""
+        x, y, z = w.reshape(-1, 3).T
+        normal = np.maximum(z, 0.0)
+        factor = np.minimum(self.mu * normal / np.maximum(np.hypot(x, y), _SMALL), 1.0)
+        return np.column_stack([factor * x, factor * y, normal]).ravel()
 
 
 def contact_forces(
@@ -110,7 +197,7 @@ class _Compiled:
         self.n, self.size = n, n + nw
         vectors, squares, rows = 10 * n + 4 * nw + n * d + 4 * k, 4 * nw * nw, 2 * n * nw
         memory = np.zeros(vectors + squares + rows + nw * n)
-        self.fixed = (columns, first, mu, np.arange(k), memory, np.zeros(k, dtype=np.int64))
+        self.fixed = (columns, first, mu, seeds(columns, first), memory, np.zeros((2, k), dtype=np.int64))
         self.run = _kernel()
 
     def forces(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
@@ -118,6 +205,23 @@ class _Compiled:
         D = D if D.flags.c_contiguous else D.T  # symmetric
         merit, steps, opened = self.run(D, c, start, coulomb, *self.fixed, out)
         return ContactForces(out[: self.n], out[self.n :], merit, steps, opened)
+
+
+def seeds(columns: Array, first: Array) -> Array:
+    """The points with which the search begins: all of a few, else four of each body, far from each other."""
+    if len(first) <= _ALL:
+        return np.arange(len(first))
+    out: list[int] = []
+    for row in np.unique(first):
+        here = np.flatnonzero(first == row)
+        places = columns.reshape(len(first), -1)[here]
+        far = np.linalg.norm(places - places.mean(axis=0), axis=1)
+        for _ in range(min(4, len(here))):
+            new = int(far.argmax())
+            out.append(int(here[new]))
+            away = np.linalg.norm(places - places[new], axis=1)
+            far = away if len(out) % 4 == 1 else np.minimum(far, away)
+    return np.array(out)
 
 
 @cache

@@ -12,8 +12,9 @@ Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on semism
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +22,7 @@ from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
 from rbd.problem.force_set import ForceSet
+from rbd.solvers.compiled import in_use
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
@@ -64,12 +66,12 @@ def order_of(parts: ForceSet) -> Order:
     """The order of a problem's columns."""
     in_cones = parts.cone_columns.ravel()
     alone = np.setdiff1d(np.arange(parts.size), in_cones)
-    mu = parts.mu
+    mu, lower, upper = (np.asarray(x, dtype=float) for x in (parts.mu, parts.lower[alone], parts.upper[alone]))
     columns = np.concatenate([alone, in_cones]).astype(int)
     widths = np.r_[np.ones(len(alone), int), np.full(len(parts.mu), 3)]
     starts = np.cumsum(widths) - widths
     moved = None if np.array_equal(columns, np.arange(parts.size)) else columns
-    return Order(moved, len(alone), parts.lower[alone], parts.upper[alone], mu, 1.0 / (1.0 + mu * mu), starts, widths)
+    return Order(moved, len(alone), lower, upper, mu, 1.0 / (1.0 + mu * mu), starts, widths)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +156,21 @@ def solve_newton(
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
 ) -> tuple[Array, float, int]:
-    """`solve_newton` in the problem's units and order."""
+    """`solve_newton` in the problem's units and order; compiled where Numba is installed, see `rbd.solvers.compiled`."""
+    if in_use() and len(w) <= _MOST_COMPILED:
+        order, best = problem.order, np.empty(len(w))
+        merit, step = _compiled_steps()(
+            np.ascontiguousarray(problem.D), np.ascontiguousarray(problem.q), problem.lower, problem.upper, order.mu,
+            np.array(w), coulomb, iterations, proximal, exact, best,
+        )  # fmt: skip
+        return best, merit, step
+    return plain_steps_from(problem, w, coulomb=coulomb, iterations=iterations, proximal=proximal, exact=exact)
+
+
+def plain_steps_from(
+    problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
+) -> tuple[Array, float, int]:
+    """`steps_from` in NumPy."""
     D, q = problem.D, problem.q
     shifted = D + (proximal - 1.0) * identity(len(w))  # Newton's matrix I - V + V D is I + V (D - I)
     gap, edges = _gap(problem, w, D @ w + q, coulomb)
@@ -179,6 +195,13 @@ def steps_from(
         if before < 1e-22 and square > 0.1 * before:  # rounding
             break
     return best, least, step
+
+
+@cache
+def _compiled_steps() -> Callable[..., tuple[float, int]]:
+    from rbd.solvers.newton_kernel import newton_steps  # imports Numba
+
+    return newton_steps
 
 
 def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, iterations: int = 15) -> tuple[Array, float]:
@@ -274,6 +297,8 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
     return np.asarray(found)
 
 
+_MOST_COMPILED = 75
+"""Most weights for which elimination in loops is no slower than LAPACK's."""
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
 _OPEN = 1e-8

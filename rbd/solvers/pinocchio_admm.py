@@ -17,7 +17,9 @@ from rbd.arrays import Array
 from rbd.solvers.newton import Scaled
 
 
-def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, tolerance: float) -> tuple[Array, int]:
+def admm(
+    problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, tolerance: float, step: float | None = None
+) -> tuple[Array, int]:
     """(weights, iterations) of one run, in the problem's units and order; its own status is not used.
 
     Args:
@@ -26,6 +28,7 @@ def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, toler
         coulomb: Coulomb's law (`solve_ncp`); else its convex relaxation.
         iterations: Largest number.
         tolerance: Absolute, on feasibility and complementarity.
+        step: A constant step size; None: one from the spectrum of D, adapted while it runs, at half as much again an iteration.
     """
     order = problem.order
     models, datas = _stand_ins(order.singles, tuple(order.mu.tolist()), problem.lower.tobytes(), problem.upper.tobytes())
@@ -35,6 +38,8 @@ def admm(problem: Scaled, guess: Array, *, coulomb: bool, iterations: int, toler
     settings.max_iterations = iterations
     settings.solve_ncp = coulomb
     settings.anderson_capacity = 5  # a third of the iterations
+    if step is not None:
+        settings.rho_init, settings.admm_update_rule = step, pin.ADMMUpdateRule.CONSTANT
     result = pin.ADMMSolverResult()
     result.setConstraintImpulseGuess(guess)
     delassus = pin.DelassusOperatorDense(np.asfortranarray(problem.D))  # a new one: the solver stores its damping in it

@@ -3,15 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numba
 
 from rbd.arrays import Array
 
-_compiled = numba.njit(cache=True, error_model="numpy")
+NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
 
 
-@_compiled
+def array(dim: int, kind: Any = NUMBER, *, written: bool = False) -> Any:
+    """Numba's type of a C-contiguous array; one that is only read may be read-only."""
+    return numba.types.Array(kind, dim, "C", readonly=not written)
+
+
+def compiled(function: Callable[..., Any], signature: Any = None) -> Callable[..., Any]:
+    """A function compiled when it is first called, and kept on disk; with a signature, compiled for these types alone.
+
+    Where neither the package's folder nor the user's cache can be written, it is compiled anew in each process.
+    """
+    try:
+        return numba.njit(signature, cache=True, error_model="numpy")(function)
+    except RuntimeError as error:
+        if "cannot cache" not in str(error):
+            raise
+        return numba.njit(signature, error_model="numpy")(function)
+
+
+@compiled
 def eliminate(A: Array, b: Array, n: int) -> bool:
     """Solve A x = b in place by Gauss's elimination with row pivots, x in b; False where A is singular or not finite."""
     for k in range(n):
@@ -40,7 +60,7 @@ def eliminate(A: Array, b: Array, n: int) -> bool:
     return True
 
 
-@_compiled
+@compiled
 def inverse(D: Array, out: Array, R: Array) -> bool:
     """The inverse of a symmetric matrix in `out`; False where it is not positive definite. R: room of the same shape."""
     n = len(D)
@@ -70,7 +90,7 @@ def inverse(D: Array, out: Array, R: Array) -> bool:
     return True
 
 
-@_compiled
+@compiled
 def independent(rows: Array, count: int, tolerance: float) -> int:
     """Number of linearly independent rows; an orthonormal basis of them comes first (Gram and Schmidt, with pivots)."""
     dim, greatest = rows.shape[1], 0.0

@@ -2,8 +2,9 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.statics.actuation import Actuation, ActuationUniqueness, Margins
+from rbd.statics.actuations import Actuations
 from rbd.statics.effort import Effort
-from rbd.statics.equilibrium import hold
+from rbd.statics.equilibrium import hold, hold_many
 from rbd.statics.limits import Limit
 from rbd.statics.pushes import PushLimits, push_limits
 from rbd.statics.regions import SupportRegion, support_region
@@ -14,6 +15,7 @@ from rbd.statics.zero_moment_point import ZmpRegion, zmp, zmp_region
 __all__ = [
     "Actuation",
     "ActuationUniqueness",
+    "Actuations",
     "ContactWrenchCone",
     "Effort",
     "Limit",
@@ -23,6 +25,7 @@ __all__ = [
     "SupportRegion",
     "ZmpRegion",
     "hold",
+    "hold_many",
     "push_limits",
     "support_region",
     "wrench_cone",

@@ -1,14 +1,18 @@
-"""`hold`: the motor torques and contact forces that hold a robot still."""
+"""`hold` and `hold_many`: the motor torques and contact forces that hold a robot still, at one pose or at many."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rbd.arrays import zeros
+from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import Constraint
+from rbd.many.states import Friction, ManyExternal, ManyStates
+from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, checked
 from rbd.model.state import State
+from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
+from rbd.statics.actuations import Actuations, Asked, actuations_of
 from rbd.statics.effort import Effort
 from rbd.statics.loads import refuse_motion
 from rbd.statics.wanted_motion import MARGIN, WantedMotion, checked_margin
@@ -54,3 +58,40 @@ def hold(
         return wanted.actuation(checked_margin(margin), stacklevel=3)
     preferred = wanted.possible(MARGIN, stacklevel=3)
     return wanted.actuation(0.0, stacklevel=3) if preferred is None else preferred
+
+
+def hold_many(
+    robot: CheckedModel,
+    q: Array,
+    contacts: Sequence[Constraint],
+    *,
+    external: ManyExternal = None,
+    coefficients: Friction = None,
+    friction: str = "cone",
+    objective: Effort | None = None,
+    margin: float | None = None,
+) -> Actuations:
+    """Motor torques and contact forces that hold a robot still at n poses: what `hold` answers at each, as arrays.
+
+    A pose that cannot be held is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises
+    `hold`'s error, with the limits in the way and the proof. Other errors and warnings as of `rbd.solve_many`.
+
+    Args:
+        robot: The robot.
+        q: Configurations, shape (n, nq), or (nq,).
+        contacts: As of `hold`.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s that act at every pose.
+        coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
+            {contact: a number or (n,)}.
+        friction: As of `hold`.
+        objective: As of `hold`.
+        margin: As of `hold`.
+
+    Raises:
+        InputError: what concerns all poses: wrong sizes, numbers of states that differ, an objective that is none.
+        UnknownName: unknown frames, or coefficients of a contact that is not there.
+        DuplicateName: two contacts of one name.
+    """
+    asked = Asked.of(objective, friction, margin, REST_SPEED, holds=True)
+    states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients)
+    return actuations_of(states, asked, stacklevel=2)

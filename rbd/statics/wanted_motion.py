@@ -17,6 +17,7 @@ from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution
 from rbd.least_constraint import warn_of_opening
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
+from rbd.problem.conic import ConicAnswer
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
@@ -85,13 +86,8 @@ class WantedMotion:
         """
         given = listed(contacts)
         rows = contact_rows(state, given, stacklevel=stacklevel + 1)
-        if not isinstance(friction, str) or friction not in FRICTIONS:
-            raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
         effort = DEFAULT if effort is None else effort
-        if not isinstance(effort, Effort):
-            raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
-        if not 0.0 <= as_float(rest_speed) < 1e100:
-            raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
+        check_choice(effort, friction, rest_speed)
         tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
         return cls(state, a, given, rows, tau_ext, external, effort, friction, rest_speed, holds)
 
@@ -124,7 +120,23 @@ class WantedMotion:
         still, y = self._accelerations(sets)
         return self._found(sets, y, still, margin, stacklevel + 1)
 
+    def sought(self, margin: float) -> tuple[Actuation | None, bool]:
+        """(what `actuation` finds, or None where it would search the reason; whether points leave), without warnings.
+
+        Raises:
+            ContactMoves: as `actuation`.
+            CannotMove: the acceleration is none that the contacts allow.
+        """
+        sets = self._sets()
+        still, y = self._accelerations(sets)
+        found = self._least(sets, y, still, margin)
+        return found if isinstance(found, Actuation) else None, bool(sets.openings)
+
     def _found(self, sets: ForceSet, y: Array, still: Array, margin: float, stacklevel: int) -> Actuation | None:
+        found = self._least(sets, y, still, margin)
+        return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None
+
+    def _least(self, sets: ForceSet, y: Array, still: Array, margin: float) -> Actuation | ConicAnswer:
         allowed, refused = self._allowed(sets, y, still, margin)
         if refused:
             name = self.state.robot.name
@@ -134,8 +146,7 @@ class WantedMotion:
                 "opens.",
                 nearest=partial(WantedMotion.nearest, self, sets, margin),
             )
-        found = least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
-        return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None
+        return least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
 
     def _loads(self, sets: ForceSet) -> Loads:
         state = self.state
@@ -230,6 +241,20 @@ class WantedMotion:
                 f"{out.residuals.worst:.1e}."
             )
         return checked
+
+
+def check_choice(effort: Effort, friction: str, rest_speed: float) -> None:
+    """Refuse what torques and forces cannot be chosen by.
+
+    Raises:
+        InputError: no effort, no kind of friction, no speed.
+    """
+    if not isinstance(friction, str) or friction not in FRICTIONS:
+        raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
+    if not isinstance(effort, Effort):
+        raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
+    if not 0.0 <= as_float(rest_speed) < 1e100:
+        raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
 
 
 def checked_margin(margin: float) -> float:

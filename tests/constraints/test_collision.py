@@ -12,7 +12,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.collision import CollisionContacts, CollisionShapes
+from rbd.constraints.collision import CollisionContacts
+from rbd.constraints.collision_shapes import CollisionShapes
 from rbd.constraints.convex.polygons import convex_hull
 from rbd.constraints.convex.solids import convex_shape
 from rbd.testing import check_constraint

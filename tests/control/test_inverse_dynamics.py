@@ -69,7 +69,7 @@ def test_motions_that_slip_and_open_have_torques(name: str, exhaustive: bool) ->
     """
     one, rng = robot(name), np.random.default_rng(11)
     modes, count, back = set(), 0, 0
-    while count < (300 if exhaustive else 12):
+    while count < (300 if exhaustive else 20):
         moving = drawn(one, rng, friction=0.3)
         state = moving.state
         try:

@@ -8,8 +8,10 @@ import pinocchio as pin
 import pytest
 
 from rbd.constraints.convex.closest_points import meeting
+from rbd.constraints.convex.few_points import MOST_POINTS, across, spread
 from rbd.constraints.convex.polygons import convex_hull, inside, on_edge, outline, overlap
-from rbd.constraints.convex.solids import MOST_POINTS, Ball, ConvexShape, Oval, Rim, across, convex_shape, spread
+from rbd.constraints.convex.rounds import Ball, Oval, Rim
+from rbd.constraints.convex.solids import ConvexShape, convex_shape
 from rbd.errors import ModelError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -63,7 +65,7 @@ def test_inside_and_on_the_edge():
     "part",
     [
         Ball(np.array([0.1, 0.2, 0.3]), 0.4),
-        Rim(np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]), 0.4, slice(0, 0)),
+        Rim(np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]), 0.4, 0),
         Oval(np.array([0.1, 0.2, 0.3]), np.diag([0.01, 0.04, 0.09])),
     ],
 )
@@ -122,9 +124,9 @@ def test_shapes_far_apart_do_not_meet():
 
 def test_a_coin_that_lies_flat_has_no_lowest_point_that_wanders():
     """All of its rim is equally low."""
-    rim = Rim(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, slice(0, 0))
+    rim = Rim(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, 0)
     up, rate = np.array([0.0, 0.0, 1.0]), np.array([0.1, 0.2, 0.0])
-    assert rim.lowest(up) is None and rim.wander(up, rate).tolist() == [0.0, 0.0, 0.0] and not rim.stands(up)
+    assert np.isnan(rim.lowest(up)).all() and rim.wander(up, rate).tolist() == [0.0, 0.0, 0.0] and not rim.stands(up)
 
 
 SOLIDS = [coal.Box(0.2, 0.3, 0.1), coal.Cylinder(0.1, 0.4), coal.Cone(0.1, 0.4), coal.Capsule(0.1, 0.4)]

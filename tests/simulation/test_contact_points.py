@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rbd.simulation.contact_points import PointMatching
 
 
-def layout(**points: int) -> SimpleNamespace:
+@dataclass(frozen=True, eq=False)
+class Numbered:
+    """What is asked of a layout here."""
+
+    owners: tuple[str, ...]
+    numbers: tuple[int, ...]
+    widths: np.ndarray
+    normals: np.ndarray
+
+
+def layout(**points: int) -> Numbered:
     """Points by name, with their numbers of rows; the normal is the last row of each."""
     widths = np.array(list(points.values()), int)
     owners, numbers = tuple(name[0] for name in points), tuple(int(name[1]) for name in points)
-    return SimpleNamespace(owners=owners, numbers=numbers, widths=widths, normals=np.cumsum(widths) - 1)
+    return Numbered(owners, numbers, widths, np.cumsum(widths) - 1)
 
 
 def test_each_point_keeps_its_value_and_its_rows():

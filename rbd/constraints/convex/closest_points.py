@@ -19,8 +19,9 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.convex.few_points import across, spread
 from rbd.constraints.convex.polygons import SAME_M, Point, inside, on_edge, outline, overlap, same
-from rbd.constraints.convex.solids import ConvexShape, across, spread
+from rbd.constraints.convex.solids import ConvexShape
 
 NEARLY_ACROSS = 0.99995
 """A face's normal is tried where its cosine with the nearest direction is above this: 0.6 degrees."""

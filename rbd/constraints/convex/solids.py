@@ -3,51 +3,30 @@
 A shape is its corners, its round parts, and its flat faces, all in the axes of its joint. A mesh counts as its
 convex hull.
 
-A round part (ball, rim of a cylinder, ellipsoid) gives its lowest point. `up` is the unit normal of the surface below, in the
-body's axes; as the body turns, `up` turns the other way at a rate that the caller gives, and the lowest point moves over
-the body at
-
-    ball:       p = c - r up                                   p' = -r up'
-    rim:        p = c - r e,  e = u / |u|,  u = up - (up . a) a    p' = -r e'
-    ellipsoid:  p = c - Q up / s,  s = sqrt(up . Q up)         p' = -Q up' / s + Q up (up . Q up') / s^3
-
-Many points are reduced to a few: the loaded ones, and those over which the body would tip.
+A round part (ball, rim of a cylinder, ellipsoid) gives its lowest point. Many points are reduced to a few.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Protocol
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.convex.few_points import DIRECTIONS, MOST_POINTS, across, farthest, spread
+from rbd.constraints.convex.rounds import Ball, Oval, Rim, Round
 from rbd.errors import ModelError
 
 RIM_CORNERS = 8
 """Corners that replace a flat rim: a regular polygon in it, its edges up to 8 % of the radius inside."""
 FLAT_M = 1e-5
 """Corners of a mesh this near to a face are on the face; of more than eight, eight are used."""
-_LEVEL_M = 1e-7
-"""A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
-STEEP = 0.1
-"""A rim inclined by more than this (sine) touches only at its lowest point."""
-LOWEST = 8
-"""When contact points are reduced to a few, this many of the lowest are always included, so that none in contact is dropped."""
-DIRECTIONS = 8
-"""Seen from above, the farthest point in each of so many directions is chosen too."""
-MOST_POINTS = LOWEST + DIRECTIONS
-TIPS = 0.1
-"""A point at height h counts as nearer by h over this [rad]: points that touch only after a large tilt."""
 _BLOCK = 64
 """Faces whose distances to all corners are computed at once: for thousands the matrix would have 200 MB."""
-_angles = 2.0 * np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-_TOWARDS = np.vstack([np.cos(_angles), np.sin(_angles)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +59,8 @@ class ConvexShape:
 
     def __post_init__(self) -> None:
         directions = np.vstack([np.eye(3), -np.eye(3)])
-        ends = [p for d in directions for r in self.rounds if (p := r.lowest(d)) is not None]
-        points = np.vstack([self.vertices, *(end[None] for end in ends)])
+        ends = np.array([r.lowest(d) for d in directions for r in self.rounds]).reshape(-1, 3)
+        points = np.vstack([self.vertices, ends[~np.isnan(ends[:, 0])]])
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
         balls = [float(np.linalg.norm(r.centre - centre)) + r.radius for r in self.rounds if isinstance(r, Ball | Rim)]
         ovals = [
@@ -106,21 +85,21 @@ class ConvexShape:
             height = points.dot(up)
             for r in self.rounds:
                 if isinstance(r, Rim) and r.stands(up):
-                    height[r.corners] = np.inf
+                    height[r.first : r.first + RIM_CORNERS] = np.inf
             at = (height <= limit).nonzero()[0]
             if len(at) > MOST_POINTS:
                 at = at[spread(points[at], height[at], up)]
             numbers, points = at.tolist(), points[at]
         lowest = [(len(self.vertices) + i, r.lowest(up)) for i, r in enumerate(self.rounds)]
-        more = [(i, p) for i, p in lowest if p is not None and p.dot(up) <= limit]
+        more = [(i, p) for i, p in lowest if p.dot(up) <= limit]
         if not more:
             return numbers, points
         return numbers + [i for i, _ in more], np.array([*points, *(p for _, p in more)])
 
     def lowest(self, up: Array) -> float:
         """The smallest p . up of its points [m]."""
-        rounds = [float(p @ up) for r in self.rounds if (p := r.lowest(up)) is not None]
-        return min([float((self.vertices @ up).min(initial=np.inf)), *rounds])
+        rounds = np.array([r.lowest(up) @ up for r in self.rounds])
+        return float(np.fmin.reduce(rounds, initial=(self.vertices @ up).min(initial=np.inf)))
 
     def wander(self, number: int, up: Array, rate: Array) -> Array:
         """How fast a point moves over the body while `up` changes at `rate` [1/s]: zero for a vertex, shape (3,) [m/s]."""
@@ -181,8 +160,7 @@ def _polygon(radius: float, z: float) -> Array:
 
 
 def _rim(X: pin.SE3, radius: float, z: float, i: int) -> Rim:
-    corners = slice(i * RIM_CORNERS, (i + 1) * RIM_CORNERS)
-    return Rim(X.act(np.array([0.0, 0.0, z])), X.rotation[:, 2].copy(), radius, corners)
+    return Rim(X.act(np.array([0.0, 0.0, z])), X.rotation[:, 2].copy(), radius, i * RIM_CORNERS)
 
 
 def _hull(name: str, joint: int, points: Array) -> ConvexShape:
@@ -232,8 +210,8 @@ def _few(corners: Array, faces: Array) -> Array:
         on_face = np.abs(corners @ block[:, :3].T - block[:, 3]) < FLAT_M
         for i in np.flatnonzero(np.count_nonzero(on_face, axis=0) > DIRECTIONS):
             own = np.flatnonzero(on_face[:, i])
-            flat = corners[own] @ across(block[i, :3]).T
-            few = own[farthest(flat - flat.mean(axis=0), np.zeros(len(own)))]
+            flat = across(block[i, :3]) @ corners[own].T
+            few = own[farthest(flat - flat.mean(axis=1)[:, None], np.zeros(len(own)))]
             kept.update(few.tolist())
             dropped.update(own.tolist())
     return np.array([i for i in range(len(corners)) if i in kept or i not in dropped], int)
@@ -249,134 +227,3 @@ def _triangles(triangles: Array) -> coal.StdVec_Triangle:
     out = coal.StdVec_Triangle()
     out.extend([coal.Triangle(int(i), int(j), int(k)) for i, j, k in triangles])
     return out
-
-
-class Round(Protocol):
-    """A part of a shape that has one lowest point."""
-
-    def lowest(self, up: Array) -> Array | None:
-        """The lowest point, shape (3,) [m]; None where many are equally low."""
-
-    def wander(self, up: Array, rate: Array) -> Array:
-        """How fast the lowest point moves over the body while `up` changes at `rate` [1/s], shape (3,) [m/s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ball:
-    """A ball.
-
-    Attributes:
-        centre: Shape (3,) [m].
-        radius: [m].
-    """
-
-    centre: Array
-    radius: float
-
-    def lowest(self, up: Array) -> Array | None:
-        """Straight below the centre."""
-        return self.centre - self.radius * up
-
-    def wander(self, up: Array, rate: Array) -> Array:
-        """Opposite to the rate of `up`."""
-        return -self.radius * rate
-
-
-@dataclass(frozen=True, eq=False)
-class Rim:
-    """The edge of a cylinder's or cone's flat end.
-
-    Attributes:
-        centre: Shape (3,) [m].
-        axis: Unit vector, shape (3,).
-        radius: [m].
-        corners: Which of the shape's vertices are on it.
-    """
-
-    centre: Array
-    axis: Array
-    radius: float
-    corners: slice
-
-    def lowest(self, up: Array) -> Array | None:
-        """The lowest point in the rim's plane; None where the rim is flat."""
-        u = up - float(up @ self.axis) * self.axis
-        length = float(np.linalg.norm(u))
-        return None if self.radius * length < _LEVEL_M else self.centre - (self.radius / length) * u
-
-    def wander(self, up: Array, rate: Array) -> Array:
-        """Along the rim; fast where it is nearly flat, as for a coin that comes to rest."""
-        u = up - float(up @ self.axis) * self.axis
-        length = float(np.linalg.norm(u))
-        if self.radius * length < _LEVEL_M:
-            return np.zeros(3)
-        du = rate - float(rate @ self.axis) * self.axis
-        e = u / length
-        return -self.radius * (du - e * float(e @ du)) / length
-
-    def stands(self, up: Array) -> bool:
-        """Whether it is inclined so much that only its lowest point can touch."""
-        return 1.0 - float(up @ self.axis) ** 2 > STEEP**2
-
-
-@dataclass(frozen=True, eq=False)
-class Oval:
-    """An ellipsoid.
-
-    Attributes:
-        centre: Shape (3,) [m].
-        Q: R diag(radii)^2 R^T, shape (3, 3) [m2].
-    """
-
-    centre: Array
-    Q: Array
-
-    def lowest(self, up: Array) -> Array | None:
-        """The point with a horizontal tangent plane."""
-        down = self.Q @ up
-        return self.centre - down / np.sqrt(up @ down)
-
-    def wander(self, up: Array, rate: Array) -> Array:
-        """The derivative of `lowest`."""
-        down, s = self.Q @ up, float(np.sqrt(up @ self.Q @ up))
-        return -(self.Q @ rate) / s + down * float(down @ rate) / s**3
-
-
-def spread(points: Array, height: Array, up: Array) -> Array:
-    """Indices of the points chosen among many, in ascending order; at most `MOST_POINTS`.
-
-    The choice depends only on the present positions, not on earlier choices, and changes only far from where the
-    body touches.
-
-    Args:
-        points: Shape (n, 3) [m].
-        height: Height above the surface, shape (n,) [m].
-        up: Unit vector away from the surface, shape (3,).
-    """
-    if len(points) <= MOST_POINTS:
-        return np.arange(len(points))
-    lowest = np.argsort(height, kind="stable")[:LOWEST]
-    around = farthest(points.dot(across(up).T), height - height[lowest[0]])
-    return np.array(sorted({*lowest.tolist(), *around.tolist()}))  # a third of the time of np.union1d
-
-
-def farthest(flat: Array, height: Array) -> Array:
-    """Index of the farthest point in each direction, less its height over `TIPS`, shape (DIRECTIONS,).
-
-    Args:
-        flat: Points as seen from above, shape (n, 2) [m].
-        height: Shape (n,) [m].
-    """
-    return np.asarray((flat @ _TOWARDS - height[:, None] / TIPS).argmax(axis=0))
-
-
-def across(n: Array) -> Array:
-    """Two unit vectors across n, shape (2, 3), in a right-handed order."""
-    x, y, z = n.tolist()
-    if abs(z) > 0.7:
-        s = math.hypot(z, x)
-        a, b, c = z / s, 0.0, -x / s
-    else:
-        s = math.hypot(x, y)
-        a, b, c = -y / s, x / s, 0.0
-    return np.array([[a, b, c], [y * c - z * b, z * a - x * c, x * b - y * a]])

@@ -1,4 +1,4 @@
-"""The compiled twin of `rbd.prepared.point_law.plain`: imported only where Numba is installed and asked for."""
+"""The compiled twin of `rbd.solvers.point_law.plain`: imported only where Numba is installed and asked for."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import math
 import numba
 
 from rbd.arrays import Array
-from rbd.prepared.point_law import LEAST_PUSH
 
 
 @numba.njit(cache=True, error_model="numpy")
-def law_residual(y: Array, w: Array, mu: Array, coulomb: bool) -> float:
-    """The largest residual of all points."""
+def law_residual(y: Array, w: Array, mu: Array, least: float, coulomb: bool) -> float:
+    """The largest residual of all points; `least` is the lower bound of the scale of their forces [N]."""
     worst = 0.0
     for i in range(len(mu)):
         a, b, c, m = w[3 * i], w[3 * i + 1], w[3 * i + 2], mu[i]
@@ -20,7 +19,7 @@ def law_residual(y: Array, w: Array, mu: Array, coulomb: bool) -> float:
         worst = max(worst, -sinks)
         if not coulomb:
             worst = max(worst, (m * math.hypot(u, v) - max(sinks, 0.0)) / (1.0 + m))
-        push = max(math.sqrt(a * a + b * b + c * c), LEAST_PUSH)
+        push = max(math.sqrt(a * a + b * b + c * c), least)
         p, q, n = a - push * u, b - push * v, c - push * sinks
         t = math.hypot(p, q)
         if coulomb or t <= m * n:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.prepared.point_law import law_residual, plain
 from rbd.problem.residuals import residuals_of
 from rbd.solvers import compiled
+from rbd.solvers.point_law import law_residual, plain
 
 
 def draws(n=200):

@@ -30,7 +30,7 @@ def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -
         mu: Friction coefficients, shape (k,).
         coulomb: Coulomb's law; else the convex one.
     """
-    return _kernel()(pull.dot(c), w, mu, coulomb) if in_use() else plain(pull.dot(c), w, mu, coulomb)
+    return _kernel()(pull.dot(c), w, mu, LEAST_PUSH, coulomb) if in_use() else plain(pull.dot(c), w, mu, coulomb)
 
 
 def plain(accelerations: Array, w: Array, mu: Array, coulomb: bool) -> float:
@@ -56,7 +56,7 @@ def plain(accelerations: Array, w: Array, mu: Array, coulomb: bool) -> float:
 
 
 @cache
-def _kernel() -> Callable[[Array, Array, Array, bool], float]:
-    from rbd.prepared.point_law_kernel import law_residual as compiled  # imports Numba
+def _kernel() -> Callable[[Array, Array, Array, float, bool], float]:
+    from rbd.solvers.point_law_kernel import law_residual as compiled  # imports Numba
 
     return compiled

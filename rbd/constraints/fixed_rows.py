@@ -1,0 +1,69 @@
+"""Constraints whose rows are constant, or those of a pose fixed to a body: their derivatives need no differences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.contact import Contact, PointContact, SurfaceContact
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
+from rbd.constraints.surface import UP, contact_axes
+from rbd.model.pose_derivatives import FixedPose
+from rbd.problem.ground import Ground
+from rbd.problem.rows import Rows
+
+_FIXED = (Contact, PointContact, SurfaceContact)
+_CONSTANT = (JointCoupling, JointFriction, JointLimit, JointLock)
+
+
+@dataclass(frozen=True, eq=False)
+class FixedRows:
+    """The rows of a constraint among the six of a pose, linear then angular.
+
+    Attributes:
+        pose: The pose and its axes.
+        rows: Which of the six.
+    """
+
+    pose: FixedPose
+    rows: slice
+
+    def wrench(self, f: Array) -> Array:
+        """(force, moment) at the pose, in its axes, of row forces, shape (6,)."""
+        out = np.zeros(6)
+        out[self.rows] = f
+        return out
+
+
+def fixed_rows_of(constraint: object) -> FixedRows | None:
+    """The rows of a point or of a patch on ground at rest, as those of a pose; None for other constraints.
+
+    An edge is not among them: two of its rows are the turn of a line. Neither are constraints with feedback.
+    """
+    return _of_contact(constraint) if isinstance(constraint, Contact) and type(constraint) in _FIXED else None
+
+
+@lru_cache(maxsize=256)
+def _of_contact(contact: Contact) -> FixedRows | None:
+    k, on = len(contact.corners), contact.on
+    if k == 2 or (on is not None and (not isinstance(on, Ground) or on.moves)):
+        return None
+    if k > 2:
+        return FixedRows(FixedPose(contact.frame, contact.placement, None), slice(6))
+    axes = contact_axes(UP if contact.normal is None else contact.normal)
+    rows = slice(2, 3) if contact.friction == 0.0 else slice(3)
+    return FixedRows(FixedPose(contact.frame, contact.placement, axes), rows)
+
+
+def are_constant(constraint: object, rows: Rows) -> bool:
+    """Whether J is the same in all states, and J_dot v zero: of joints with one degree of freedom, without feedback.
+
+    Args:
+        constraint: The constraint.
+        rows: Its rows at a state; a limit has them at its bound alone, and is taken from its side.
+    """
+    kind = type(constraint)
+    return kind in _CONSTANT and (kind is not JointLock or len(rows) == 1)

@@ -1,0 +1,32 @@
+"""The answer at one of many states, by `rbd.solve`'s way for all kinds of constraints."""
+
+from __future__ import annotations
+
+from rbd.least_constraint import posed, refuse_moving
+from rbd.many.states import ManyStates
+from rbd.many.warned import OPENED, SEVERAL, of_rows
+from rbd.problem.problem import Law
+from rbd.solution import Solution, solution_of
+from rbd.solvers.default import solver_of
+
+
+def answer_at(states: ManyStates, i: int, law: Law, rest_speed: float) -> Solution:
+    """What `rbd.solve(state, ..., check=False)` returns at state i, without its warnings.
+
+    Raises:
+        InputError: state i is no input.
+        ContactMoves: a contact moves as the law does not cover.
+        Unsupported: the solver of the law cannot take the problem.
+    """
+    problem = posed(states.state(i), states.vectors["tau"][i], states.constraints_at(i), states.external_at(i), rest_speed)
+    solver = solver_of(law, None)
+    refuse_moving(problem, solver)
+    return solution_of(problem, solver)
+
+
+def warnings_of(states: ManyStates, solution: Solution) -> list[str]:
+    """Of what `rbd.solve` would have warned; torques are looked at for all states at once."""
+    told = of_rows(states.constraints, solution.problem.rows)
+    if solution.problem.openings:
+        told.append(OPENED)
+    return [*told, SEVERAL] if solution.others else told

@@ -1,0 +1,54 @@
+"""`Solutions`: what `solve_many` returns, arrays over states; each state's whole `Solution` on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rbd.arrays import Array
+from rbd.many.answers import ManyAnswers
+from rbd.many.blocks import of_row
+from rbd.many.one_state import answer_at
+from rbd.problem.problem import Law
+from rbd.solution import Solution
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solutions(ManyAnswers):
+    """Accelerations and contact forces at n states, each with its residuals; see `ManyAnswers` for the arrays.
+
+    `solutions[i]` is the whole `Solution` of state i, with everything that can be asked of one.
+
+    Attributes:
+        law: The law of all answers.
+        rest_speed: As of `rbd.solve`.
+    """
+
+    law: Law
+    rest_speed: float
+
+    @property
+    def tau(self) -> Array:
+        """The motor torques that were given, shape (n, nu) [N, N m]."""
+        return self.states.vectors["tau"]
+
+    def __getitem__(self, i: int) -> Solution:
+        """The whole `Solution` of state i: of its row, or solved again if it was answered one by one.
+
+        Where there is no answer, the best that was found.
+
+        Raises:
+            InputError: state i is no input; i is no whole number.
+            ContactMoves: a contact moves as the law does not cover.
+            IndexError: there is no such state.
+        """
+        at = self.index(i)
+        if self.one_by_one[at] or not self.answered[at]:
+            return answer_at(self.states, at, self.law, self.rest_speed)
+        forces = {name: values[at] for name, values in self.forces.items()}
+        corners = {name: values[at] for name, values in self.corner_forces.items()}
+        method = self.methods[self.method_codes[at]]
+        return of_row(self.states, at, self.a[at], forces, corners, method, self.law, self.rest_speed)
+
+    def __iter__(self) -> Iterator[Solution]:
+        return (self[i] for i in range(len(self)))

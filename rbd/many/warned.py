@@ -1,0 +1,61 @@
+"""Of what a single answer would warn, counted over many states: one warning a kind."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+from rbd.constraints.constraint import Constraint, is_open
+from rbd.errors import (
+    DistantContactWarning,
+    EffortLimitWarning,
+    InaccurateWarning,
+    LoopNotClosedWarning,
+    NonUniqueMotionWarning,
+    OpeningContactWarning,
+    RbdWarning,
+)
+from rbd.many.answers import ManyAnswers
+from rbd.problem.rows import Rows
+
+TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE = (
+    "a torque is beyond its effort limit",
+    "a contact is off its plane",
+    "a contact separates and carries no force",
+    "a loop is open",
+    "more than one motion satisfies the law",
+    "inaccurate",
+)
+WARNINGS: dict[str, type[RbdWarning]] = {
+    TORQUE: EffortLimitWarning,
+    DISTANT: DistantContactWarning,
+    OPENED: OpeningContactWarning,
+    LOOP: LoopNotClosedWarning,
+    SEVERAL: NonUniqueMotionWarning,
+    INACCURATE: InaccurateWarning,
+}
+"""The warning of each kind."""
+
+
+def of_rows(constraints: Sequence[Constraint], rows: Sequence[Rows]) -> list[str]:
+    """Kinds that the rows of one state give."""
+    told = [DISTANT] if any(r.gaps_off_plane is not None for r in rows) else []
+    if any(is_open(constraint, r) for constraint, r in zip(constraints, rows, strict=True)):
+        told.append(LOOP)
+    return told
+
+
+def warn(found: ManyAnswers, *, stacklevel: int) -> None:
+    """One warning for each kind that occurred.
+
+    Args:
+        found: The answers.
+        stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
+    """
+    for what, some in found.warned.items():
+        warnings.warn(
+            f"{what} at {int(some.sum())} of {len(found)} states of {found.states.robot.name}, the first of them state "
+            f"{int(some.argmax())}; `.warned[{what!r}]` says which, and the answer of one state says more.",
+            WARNINGS[what],
+            stacklevel=stacklevel + 1,
+        )

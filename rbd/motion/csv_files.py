@@ -1,0 +1,216 @@
+"""Tables of numbers in text: read block by block into one array, whatever is wrong with them named by line and column."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.simulation.run import progress_of
+
+BLOCK = 4_000_000
+"""Bytes read at once; what a file holds beyond its numbers is never in memory as a whole."""
+LONGEST = 100_000
+"""Characters of a line."""
+SAMPLE = 200
+"""Lines whose decimals are counted."""
+MOST = 4_000_000_000
+"""Bytes of a file."""
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:[eE]([+-]?\d+))?$")
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table of a file.
+
+    Attributes:
+        names: The words of its header; None without one.
+        numbers: Shape (n, k).
+        steps: What one of the last decimals is worth in each column, shape (k,); 0 where nothing can be told.
+        first_line: Where its numbers begin in the file, from 1.
+    """
+
+    names: tuple[str, ...] | None
+    numbers: Array
+    steps: Array
+    first_line: int
+
+
+def read_table(path: Path, *, progress: bool = True) -> Table:
+    """The numbers of a text file, a row a line, separated by commas, semicolons, tabs or blanks.
+
+    Raises:
+        InputError: no such file, an empty or a binary one, lines of different length, words, NaN, infinity.
+    """
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > MOST:
+                raise InputError(f"{path.name} has {size:,} bytes; at most {MOST:,} are read. Cut it into pieces.")
+            with progress_of((0.0, float(max(1, size))), shown=progress and size > BLOCK, doing=f"reading {path.name}") as told:
+                return _Reader(path.name, file, told).table()
+    except OSError as error:
+        raise InputError(f"{str(path)!r:.200} cannot be read: {error.strerror or error}.") from error
+    except MemoryError:
+        raise InputError(f"{path.name} is larger than the memory.") from None
+
+
+class _Reader:
+    """Reads one file."""
+
+    def __init__(self, name: str, file: BinaryIO, told: object) -> None:
+        self.name, self.file, self.told = name, file, told
+        self.rest, self.read, self.line = b"", 0, 1
+
+    def table(self) -> Table:
+        """All of it."""
+        block = self._block()
+        names, first_line = None, 0
+        while block is not None and not first_line:  # comments and one header
+            line, _, after = block.partition("\n")
+            word = line.strip().lstrip("#").strip()
+            if not word or (line.lstrip().startswith("#") and not _cells(word)[1:]):
+                self.line += 1
+                block = after if after else self._block()
+                continue
+            if any(_is_word(cell) for cell in _cells(word)) and names is None and _looks_like_header(_cells(word)):
+                names = tuple(cell.strip().strip("\"'") for cell in _cells(word))
+                self.line += 1
+                block = after if after else self._block()
+                continue
+            first_line = self.line
+        if block is None:
+            what = "only a header" if names else "nothing"
+            raise InputError(f"{self.name} holds {what}; expected a line of numbers a frame.")
+        separator = _separator(block.partition("\n")[0])
+        width = len(_cells(block.partition("\n")[0]))
+        if names is not None and len(names) != width:
+            raise InputError(
+                f"{self.name}: its header names {len(names)} columns, line {first_line} has {width}. Each needs a name."
+            )
+        steps = _steps([_cells(line) for line in block.split("\n", SAMPLE)[:SAMPLE] if line.strip()], width)
+        out, n = np.empty((0, width)), 0
+        while block is not None:
+            found = self._numbers(block, separator, width)
+            if n + len(found) > len(out):
+                out.resize((max(n + len(found), int(1.4 * n)), width), refcheck=False)
+            out[n : n + len(found)] = found
+            n += len(found)
+            self.told(float(self.read))  # type: ignore[operator]
+            block = self._block()
+        out.resize((n, width), refcheck=False)
+        return Table(names, out, steps, first_line)
+
+    def _block(self) -> str | None:
+        """The next whole lines, None at the end."""
+        while True:
+            data = self.file.read(BLOCK)
+            self.read += len(data)
+            data = self.rest + data
+            if not data:
+                return None
+            ended = self.file.peek(1) == b"" if isinstance(self.file, io.BufferedReader) else False
+            cut = len(data) if ended else (data.rfind(b"\n") + 1 or data.rfind(b"\r") + 1)
+            if not cut and len(data) > LONGEST:
+                raise InputError(f"{self.name}: line {self.line} has more than {LONGEST:,} characters; expected a table.")
+            whole, self.rest = data[:cut], data[cut:]
+            if not whole and not ended:
+                continue
+            if b"\0" in whole:
+                raise InputError(f"{self.name} is no text, but binary; expected a table of numbers (.csv), or an .npz.")
+            try:
+                text = whole.decode("utf-8-sig" if self.line == 1 else "utf-8")
+            except UnicodeDecodeError as error:
+                raise InputError(f"{self.name} is no text in UTF-8: byte 0x{whole[error.start]:02x}. {_TRY}") from None
+            return text.replace("\r\n", "\n").replace("\r", "\n")
+
+    def _numbers(self, block: str, separator: str | None, width: int) -> Array:
+        if not block.strip():
+            self.line += block.count("\n")
+            return np.empty((0, width))
+        try:
+            found = np.loadtxt(io.StringIO(block), delimiter=separator, comments=None, ndmin=2, dtype=float)
+        except (ValueError, OverflowError, IndexError):
+            found = None
+        if found is None or found.shape[1] != width or not np.isfinite(found).all():
+            self._refuse(block, width)
+        self.line += block.count("\n")
+        return np.asarray(found)
+
+    def _refuse(self, block: str, width: int) -> None:
+        """Name the first line and column that is wrong."""
+        for i, line in enumerate(block.split("\n")):
+            if not line.strip():
+                continue
+            cells, where = _cells(line), f"{self.name}, line {self.line + i}"
+            if len(cells) != width:
+                raise InputError(
+                    f"{where} has {len(cells)} columns, those before it {width}. "
+                    "Every frame needs as many; is the file cut short?"
+                )
+            for k, cell in enumerate(cells):
+                try:
+                    value = float(cell)
+                except ValueError:
+                    what = repr(cell.strip()[:40]) if cell.strip() else "empty"
+                    raise InputError(f"{where}, column {k + 1} is {what}; expected a number.") from None
+                if not math.isfinite(value):
+                    raise InputError(f"{where}, column {k + 1} is {cell.strip()!r:.40}; expected a finite number.")
+        raise InputError(f"{self.name}: the lines from {self.line} on hold no table of numbers. {_TRY}")
+
+
+_TRY = "Expected numbers in text, a line a frame, separated by commas."
+
+
+def _separator(line: str) -> str | None:
+    for mark in ",;\t":
+        if mark in line:
+            return mark
+    return None
+
+
+def _cells(line: str) -> list[str]:
+    mark = _separator(line)
+    return line.strip().split() if mark is None else line.strip("\n").split(mark)
+
+
+def _is_word(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return True
+    return False
+
+
+def _looks_like_header(cells: Sequence[str]) -> bool:
+    """Names in most cells: one bad number in the first line is no header."""
+    return sum(_is_word(cell) and bool(re.search(r"[A-Za-z]", cell)) for cell in cells) > 0.5 * len(cells)
+
+
+def _steps(lines: list[list[str]], width: int) -> Array:
+    """What the last decimal is worth in each column: the finest of plain numbers, the coarsest of those with exponents."""
+    out = np.zeros(width)
+    for k in range(width):
+        plain, powers = math.inf, 0.0
+        column = {cells[k].strip() for cells in lines if len(cells) == width}
+        for cell in column:
+            found = _NUMBER.match(cell)
+            if found is None:
+                continue
+            digits = len(found[1] or found[2] or "")
+            if found[3] is None:
+                plain = min(plain, 10.0**-digits)
+            else:
+                powers = max(powers, 10.0 ** min(300, int(found[3]) - digits) if float(cell) else 0.0)
+        if len(column) > 1:
+            out[k] = max(powers, plain if math.isfinite(plain) else 0.0)
+    return out

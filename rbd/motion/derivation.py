@@ -1,0 +1,315 @@
+"""Velocities and accelerations of sampled configurations, on the manifold, with what the noise of the samples leaves in them.
+
+Positions and angles are differentiated as numbers, a free base's position in world axes, so that a flight is exact; rotations
+by the logarithms of the rotations within a window relative to its frame, so that a constant spin is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from rbd.arrays import Array, as_array, as_float, check_finite, check_positive
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.rotations import conjugate, logarithm, product, rotated
+
+Method: TypeAlias = Literal["local polynomial", "low-pass"]
+NEARLY_UNIT = 1e-3
+"""Quaternions off the unit sphere by up to this are normalised, as rounded decimals leave them; beyond it, refused."""
+UNIFORM = 1e-6
+"""Time steps count as equal within this share of them."""
+CHUNK = 4096
+"""Frames differentiated at once: windows of a million would not fit into memory."""
+SMOOTHED = 5
+"""Frames of the window, of order 4, that differentiates what a low-pass has smoothed."""
+LOWEST = 0.005
+"""Least cut-off over the rate: below it the smoother's matrix is singular to rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Derivation:
+    """How v and a came from q, and the noise in them.
+
+    Attributes:
+        method: "local polynomial", a least-squares fit in a window around each frame (Savitzky-Golay), or "low-pass", q
+            smoothed without delay first.
+        window: From the first frame of a window to its last [s].
+        order: Order of the polynomial.
+        cutoff: Frequency at which half of an acceleration's amplitude is left [Hz].
+        noise_q: Standard deviation of q along each velocity, shape (nv,) [m, rad]: of rounded decimals, or as given.
+        noise_v: What it leaves in v, shape (nv,) [m/s, rad/s], half a window from the ends and more.
+        noise_a: What it leaves in a, shape (nv,) [m/s2, rad/s2], likewise.
+    """
+
+    method: Method
+    window: float
+    order: int
+    cutoff: float
+    noise_q: Array
+    noise_v: Array
+    noise_a: Array
+
+    def __str__(self) -> str:
+        how = f"a polynomial of order {self.order} over {self.window:.3g} s"
+        if self.method == "low-pass":
+            how = f"a low-pass without delay, then {how}"
+        return f"{how}; half of an acceleration at {self.cutoff:.3g} Hz is left"
+
+
+def derivatives(
+    robot: CheckedModel,
+    t: Array,
+    q: Array,
+    *,
+    window: float = 0.2,
+    order: int = 3,
+    method: Method = "local polynomial",
+    cutoff: float | None = None,
+    noise: float | Array = 0.0,
+) -> tuple[Array, Array, Derivation]:
+    """(v, a, how they came from q): velocities and accelerations of sampled configurations, each of shape (n, nv).
+
+    Windows at the ends are one-sided, and less exact. Times may be unequal for a local polynomial; a low-pass needs equal ones.
+
+    Args:
+        robot: The robot.
+        t: Times, shape (n,) [s], increasing; two frames or more.
+        q: Configurations, shape (n, nq).
+        window: Length of the windows [s]; at least `order + 2` frames, where there are as many.
+        order: Order of the polynomials, 2 to 8.
+        method: "local polynomial" or "low-pass".
+        cutoff: Of a low-pass, where half of an amplitude is left [Hz]; window and order are then not used.
+        noise: Standard deviation of q along each velocity, a number or shape (nv,) [m, rad].
+
+    Raises:
+        InputError: sizes that do not fit, times that do not increase, numbers that are not finite, or settings out of range.
+    """
+    t, q = checked_times(t), as_array("q", q)
+    if q.shape != (len(t), robot.nq):
+        raise InputError(f"q has shape {q.shape}; expected ({len(t)}, {robot.nq}): a row a time, a column a coordinate.")
+    check_finite("q", q)
+    if method not in get_args(Method):
+        raise InputError(f"method is {method!r:.80}; expected 'local polynomial' or 'low-pass'.")
+    if len(t) < 2:
+        raise InputError(f"{len(t)} frame has no velocity; expected two frames or more, or v and a with q.")
+    sigma = np.broadcast_to(as_array("noise", noise), robot.nv).copy()
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    smoother = None
+    if method == "low-pass":
+        if cutoff is None:
+            raise InputError("a low-pass needs its cut-off: cutoff=6.0 [Hz].")
+        smoother = check_cutoff(cutoff, t)
+        q, frames, order = low_passed(robot, q, smoother), SMOOTHED, 4
+    else:
+        order = _check_order(order)
+        half = round(0.5 * check_positive("window", window, 1e6) / dt)
+        frames = max(2 * min(half, len(t)) + 1, order + 2 + order % 2)
+    frames = min(frames, len(t))
+    order = min(order, frames - 1)
+    v, a = np.empty((len(t), robot.nv)), np.zeros((len(t), robot.nv))
+    for begin in range(0, len(t), CHUNK):
+        end = min(begin + CHUNK, len(t))
+        v[begin:end], a[begin:end] = _derived(robot, t, q, begin, end, frames, order)
+    gain_v, gain_a, half_left = _response(dt, frames, order, smoother)
+    how = Derivation(method, (frames - 1) * dt, order, half_left, sigma, gain_v * sigma, gain_a * sigma)
+    return v, a, how
+
+
+def derivative(t: Array, x: Array, *, window: float = 0.2, order: int = 3) -> Array:
+    """The derivative of sampled numbers, shape (n, k), by local polynomials; arguments as `derivatives`."""
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    frames = min(max(2 * round(0.5 * window / dt) + 1, order + 2 + order % 2), len(t))
+    out = np.empty(x.shape)
+    for begin in range(0, len(t), CHUNK):
+        end = min(begin + CHUNK, len(t))
+        first, weights = _weights(t, begin, end, frames, min(order, frames - 1))
+        out[begin:end] = np.einsum("iw,iwk->ik", weights[0], x[first[:, None] + np.arange(frames)])
+    return out
+
+
+def checked_times(t: Array) -> Array:
+    """Times as an array that increases.
+
+    Raises:
+        InputError: naming the first two that do not.
+    """
+    t = as_array("t", t)
+    if t.ndim != 1 or not len(t):
+        raise InputError(f"t has shape {t.shape}; expected (n,), a time for each frame.")
+    check_finite("t", t)
+    bad = np.flatnonzero(~(np.diff(t) > 0.0))
+    if len(bad):
+        i = int(bad[0])
+        raise InputError(
+            f"times do not increase: t[{i}] = {t[i]:.9g} s, t[{i + 1}] = {t[i + 1]:.9g} s. Sort the frames, leave out "
+            "repeated ones."
+        )
+    return t
+
+
+def is_uniform(t: Array, tolerance: float = UNIFORM) -> bool:
+    """Whether all time steps are equal, to a share of them."""
+    if len(t) < 3:
+        return True
+    even = np.linspace(t[0], t[-1], len(t))
+    return bool(np.abs(t - even).max() <= tolerance * (t[-1] - t[0]) / (len(t) - 1))
+
+
+def check_cutoff(cutoff: float, t: Array) -> float:
+    """The cut-off over the rate.
+
+    Raises:
+        InputError: no number that this rate can have, or unequal times.
+    """
+    if not is_uniform(t):
+        raise InputError("a low-pass needs equal time steps; resample the motion first: motion.resample(rate).")
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    share = as_float(cutoff) / rate
+    if not LOWEST <= share <= 0.5:
+        raise InputError(
+            f"cutoff is {cutoff!r:.80}; expected {LOWEST * rate:.3g} to {0.5 * rate:.3g} Hz at a rate of {rate:.6g} Hz."
+        )
+    return share
+
+
+def low_passed(robot: CheckedModel, q: Array, share: float) -> Array:
+    """Configurations smoothed without delay: half of an amplitude is left at `share` of the rate, shape (n, nq).
+
+    Whittaker's smoother of third differences, whose response 1 / (1 + (f / cutoff)^6) is that of Butterworth's filter run
+    forwards and backwards, and which needs nothing beyond the ends. Quaternions, and circles, are smoothed as numbers of
+    continuous sign and divided by their norm: a constant spin remains as it is.
+    """
+    x = q.copy()
+    units = unit_blocks(robot)
+    for block in units:
+        if block.stop - block.start == 4:
+            x[:, block] = continuous(x[:, block])
+    x = _smoothed(x, share)
+    for block in units:
+        x[:, block] /= np.linalg.norm(x[:, block], axis=1)[:, None]
+    return x
+
+
+def unit_blocks(robot: CheckedModel) -> list[slice]:
+    """Which parts of q must have norm one: quaternions and unit circles."""
+    units = [(p, p.unit) for p in robot.joints.pieces]
+    return [slice(p.q + u.start, p.q + u.stop) for p, u in units if u.start < u.stop]
+
+
+def continuous(x: Array) -> Array:
+    """Quaternions with the signs that make each nearest to the one before, shape (n, 4)."""
+    turns = np.where((x[1:] * x[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return x * np.concatenate([[1.0], np.cumprod(turns)])[:, None]
+
+
+def _smoothed(x: Array, share: float) -> Array:
+    n = len(x)
+    if n < 4:
+        return x
+    weight = (2.0 * math.sin(math.pi * share)) ** -6
+    bands = np.zeros((4, n))
+    difference = np.array([-1.0, 3.0, -3.0, 1.0])
+    for lag in range(4):
+        for k in range(4 - lag):  # D^T D for D with a third difference a row
+            bands[lag, k : k + n - 3] += difference[k] * difference[k + lag]
+    bands *= weight
+    bands[0] += 1.0
+    return np.asarray(solveh_banded(bands, x, lower=True))
+
+
+def _check_order(order: int) -> int:
+    if isinstance(order, bool) or not isinstance(order, int) or not 2 <= order <= 8:
+        raise InputError(f"order is {order!r:.80}; expected a whole number from 2 to 8.")
+    return order
+
+
+def _derived(robot: CheckedModel, t: Array, q: Array, begin: int, end: int, frames: int, order: int) -> tuple[Array, Array]:
+    first, (once, twice) = _weights(t, begin, end, frames, order)
+    windows = first[:, None] + np.arange(frames)
+    v, a = np.empty((end - begin, robot.nv)), np.empty((end - begin, robot.nv))
+
+    def fitted(x: Array) -> tuple[Array, Array]:
+        """First and second derivatives of values in the windows, (i, w, k)."""
+        return np.einsum("iw,iwk->ik", once, x), np.einsum("iw,iwk->ik", twice, x)
+
+    numbers = [(p.q, p.v) for p in robot.joints.pieces if p.kind == "number"]
+    if numbers:
+        at_q, at_v = (list(x) for x in zip(*numbers, strict=True))
+        v[:, at_v], a[:, at_v] = fitted(q[:, at_q][windows])
+    for p in robot.joints.pieces:
+        if p.kind == "number":
+            continue
+        own, out = q[:, p.q : p.q + p.nq], slice(p.v, p.v + p.nv)
+        if p.kind in ("circle", "plane"):
+            angle = np.unwrap(np.arctan2(own[:, -1], own[:, -2]))
+            turn = fitted(angle[windows][:, :, None])
+            if p.kind == "circle":
+                v[:, out], a[:, out] = turn
+                continue
+            c, s = own[begin:end, 2], own[begin:end, 3]
+            speed, rise = fitted(own[:, :2][windows])
+            for x, given, w in ((v, speed, turn[0]), (a, rise, turn[1])):
+                x[:, p.v] = c * given[:, 0] + s * given[:, 1]
+                x[:, p.v + 1] = c * given[:, 1] - s * given[:, 0]
+                x[:, p.v + 2] = w[:, 0]
+            a[:, p.v] += v[:, p.v + 2] * v[:, p.v + 1]  # components along turning axes: less w x v
+            a[:, p.v + 1] -= v[:, p.v + 2] * v[:, p.v]
+            continue
+        turned = own[:, -4:]
+        inverse = conjugate(turned[begin:end])
+        spin, turning = fitted(logarithm(product(inverse[:, None], turned[windows])))
+        v[:, p.v + p.nv - 3 : p.v + p.nv], a[:, p.v + p.nv - 3 : p.v + p.nv] = spin, turning
+        if p.kind == "space":
+            speed, rise = fitted(own[:, :3][windows])
+            v[:, p.v : p.v + 3] = speed = rotated(inverse, speed)
+            a[:, p.v : p.v + 3] = rotated(inverse, rise) - np.cross(spin, speed)
+    return v, a
+
+
+def _weights(t: Array, begin: int, end: int, frames: int, order: int) -> tuple[Array, tuple[Array, Array]]:
+    """(first frame of each window, weights of its frames in the first and second derivative) for frames begin to end."""
+    at = np.arange(begin, end)
+    first = np.clip(at - frames // 2, 0, len(t) - frames)
+    times = t[first[:, None] + np.arange(frames)] - t[at][:, None]
+    if is_uniform(t):
+        dt = (t[-1] - t[0]) / (len(t) - 1)
+        offsets, same = np.unique(first - at, return_inverse=True)
+        once, twice = _fit((offsets[:, None] + np.arange(frames)) * dt, order)
+        return first, (once[same], twice[same])
+    return first, _fit(times, order)
+
+
+def _fit(times: Array, order: int) -> tuple[Array, Array]:
+    """Weights of the first and second derivative at zero of the polynomial fitted to values at these times, (i, w) each."""
+    scale = np.abs(times).max(axis=1)
+    powers = (times / scale[:, None])[:, :, None] ** np.arange(order + 1)
+    inverse = np.linalg.pinv(powers)
+    twice = 2.0 * inverse[:, 2] / scale[:, None] ** 2 if order >= 2 else np.zeros(times.shape)
+    return inverse[:, 1] / scale[:, None], twice
+
+
+def _response(dt: float, frames: int, order: int, smoother: float | None) -> tuple[float, float, float]:
+    """(noise of v over that of q, noise of a over it, frequency at which half of a is left [Hz]), away from the ends."""
+    times = (np.arange(frames) - frames // 2) * dt
+    once, twice = (x[0] for x in _fit(times[None], order))
+    if smoother is not None:
+        n = 2 * max(64, math.ceil(4.0 / smoother)) + 1
+        impulse = np.zeros((n, 1))
+        impulse[n // 2] = 1.0
+        answer = _smoothed(impulse, smoother)[:, 0]
+        once, twice = np.convolve(answer, once), np.convolve(answer, twice)
+        times = (np.arange(len(twice)) - (len(twice) // 2)) * dt
+    f = np.linspace(0.0, 0.5 / dt, 2001)[1:]
+    left = -(np.cos(2.0 * math.pi * f[:, None] * times) @ twice) / (2.0 * math.pi * f) ** 2
+    below = np.flatnonzero(left < 0.5)
+    return math.sqrt(once @ once), math.sqrt(twice @ twice), float(f[below[0]] if len(below) else f[-1])
+
+
+def method_of(cutoff: float | None) -> Method:
+    """The method that a cut-off, or none, chooses."""
+    return "local polynomial" if cutoff is None else "low-pass"

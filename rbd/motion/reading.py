@@ -1,0 +1,191 @@
+"""Motions from files: tables of text, .npz with bodies or with q, and trajectories of `rbd`; what is guessed is said."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.columns import BASE, Columns, columns_by_number, columns_of_header
+from rbd.motion.csv_files import Table, read_table
+from rbd.motion.derivation import NEARLY_UNIT
+from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
+from rbd.motion.joint_orders import left_still, standing_q
+from rbd.motion.npz_files import of_npz
+from rbd.motion.quaternion_order import chosen_order
+from rbd.robots.robot import load_robot
+from rbd.simulation.trajectory import Trajectory
+
+ROUNDING = 1.0 / np.sqrt(12.0)
+"""Standard deviation of rounding, over what the last decimal is worth."""
+_RATE = re.compile(r"(?<![\d.])(\d{1,4}(?:\.\d+)?)[ _-]?(?:hz|fps)", re.IGNORECASE)
+
+
+def read_frames(
+    path: str | os.PathLike[str],
+    robot: CheckedModel | str | os.PathLike[str] | None,
+    *,
+    rate: float | None = None,
+    quaternion: str | None = None,
+    joints: Sequence[str] | None = None,
+    units: str | None = None,
+    progress: bool = True,
+) -> Frames:
+    """The frames of a file; arguments and errors as `Motion.read`."""
+    where = _a_path(path)
+    if quaternion not in (None, "xyzw", "wxyz"):
+        raise InputError(f"quaternion is {quaternion!r:.80}; expected 'xyzw' or 'wxyz'.")
+    if units not in (None, "rad", "deg"):
+        raise InputError(f"units is {units!r:.80}; expected 'rad' or 'deg'.")
+    rate = None if rate is None else check_rate(rate)
+    if robot is not None and not isinstance(robot, CheckedModel):
+        robot = load_robot(robot)
+    if where.suffix.lower() in (".pkl", ".pickle", ".pt", ".pth", ".joblib", ".p"):
+        raise InputError(
+            f"{where.name} is a pickle, which can run any program when read; save q and t as .npz or .csv instead."
+        )
+    if where.suffix.lower() in (".npz", ".nc"):
+        return _of_arrays_in(where, robot, rate, quaternion, joints, units)
+    if where.suffix.lower() == ".npy":
+        raise InputError(f"{where.name} holds one array without times; give it to Motion.of_arrays(robot, t, q).")
+    if robot is None:
+        raise InputError(f"{where.name} does not name its robot; give it: robot='g1'.")
+    with _opened(where) as begin:
+        if begin[:2] in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05") or begin[:6] == b"\x93NUMPY":
+            raise InputError(
+                f"{where.name} is no text; expected a table of numbers, or an archive named .npz. Pickles are not read."
+            )
+    table = read_table(where, progress=progress)
+    by_name = table.names is not None and joints is None
+    if by_name:
+        assert table.names is not None
+        columns = columns_of_header(robot, table.names, where)
+    else:
+        columns = columns_by_number(robot, table.numbers, joints, where)
+    notes = list(columns.notes)
+    x = table.numbers
+    t = _times(where, table, columns, rate, notes)
+    q = np.tile(standing_q(robot), (len(x), 1))
+    noise = np.zeros(robot.nv)
+    if columns.place:
+        q[:, :3] = x[:, columns.place]
+        turn, told = chosen_order(robot, x[:, columns.turn], "xyzw" if columns.named else quaternion, where.name)
+        _check_norms(where, turn, columns, table)
+        q[:, 3:BASE] = turn
+        notes += told
+        noise[:3] = ROUNDING * table.steps[list(columns.place)].max()
+        noise[3:6] = 2.0 * ROUNDING * table.steps[list(columns.turn)].max()
+    names, at = list(columns.joints), list(columns.joints.values())
+    scale = unit_of(robot, names, x[:, at], units, where.name)
+    joint_positions(robot, q, names, x[:, at] * scale)
+    for name, unit in zip(names, scale, strict=True):
+        noise[robot.joints[name].v] = ROUNDING * unit * table.steps[at].max()
+    notes += left_still(robot, columns.joints)
+    if (noise > 0.0).any():
+        notes.append(_decimals(table.steps, columns, len(at)))
+    return Frames(robot, t, q, notes=tuple(notes), noise=noise)
+
+
+def _of_arrays_in(
+    path: Path,
+    robot: CheckedModel | None,
+    rate: float | None,
+    quaternion: str | None,
+    joints: Sequence[str] | None,
+    units: str | None,
+) -> Frames:
+    with _opened(path) as begin:
+        if not begin:
+            raise InputError(f"{path.name} is empty.")
+    if path.suffix == ".nc" or _is_trajectory(path):
+        motion = Trajectory.load(path, robot)
+        notes = ("v and a are those of the trajectory.",)
+        return Frames(motion.robot, motion.t, motion.q, motion.v, motion.a, notes=notes)
+    found = of_npz(path, robot, rate, quaternion, joints, units)
+    return found
+
+
+def _is_trajectory(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return {"header.npy", "tau.npy"} <= set(archive.namelist())
+    except (BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError):
+        return False
+
+
+def _times(path: Path, table: Table, columns: Columns, rate: float | None, notes: list[str]) -> Array:
+    """Times of its column, or of the rate; even ones where the column is even to its decimals."""
+    n = len(table.numbers)
+    if columns.time is not None:
+        t = table.numbers[:, columns.time]
+        bad = np.flatnonzero(~(np.diff(t) > 0.0))
+        if len(bad):
+            i = int(bad[0])
+            raise InputError(
+                f"{path.name}, line {table.first_line + i + 1}: time {t[i + 1]:.9g} s does not follow {t[i]:.9g} s. "
+                "Sort the frames, leave out repeated ones."
+            )
+        if n > 1:
+            own = check_rate((n - 1) / (t[-1] - t[0]), f"the rate of the times in {path.name}")
+            if rate is not None and abs(rate / own - 1.0) > 0.01:
+                raise InputError(f"rate is {rate:g}, but the times in {path.name} have {own:.6g} Hz. Leave out rate.")
+            even = np.linspace(t[0], t[-1], n)
+            if 0.0 < np.abs(t - even).max() <= 1.01 * table.steps[columns.time]:
+                notes.append(f"times are even to their decimals, and were taken for even: {own:.6g} Hz.")
+                t = even
+        return np.asarray(t)
+    if rate is None:
+        found = _RATE.search(path.stem)
+        if found is None:
+            raise InputError(f"{path.name} has no times; give rate=30 [Hz], or whatever it is: most such files have 30 or 60.")
+        rate = check_rate(float(found[1]), f"the rate in the name of {path.name}")
+        notes.append(f"the rate, {rate:g} Hz, was taken from the file's name.")
+    return np.asarray(np.arange(n) / rate)
+
+
+def _check_norms(path: Path, turn: Array, columns: Columns, table: Table) -> None:
+    norm = np.linalg.norm(turn, axis=1)
+    bad = np.flatnonzero(~(np.abs(norm - 1.0) <= NEARLY_UNIT))
+    if len(bad):
+        i, first = int(bad[0]), min(columns.turn) + 1
+        raise InputError(
+            f"{path.name}, line {table.first_line + i}: the quaternion in columns {first} to {first + 3} has norm "
+            f"{norm[i]:.6g}; expected 1 to {NEARLY_UNIT:g}. Are these its columns?"
+        )
+
+
+def _decimals(steps: Array, columns: Columns, joints: int) -> str:
+    parts = {"base": columns.place, "quaternion": columns.turn, "joints": tuple(columns.joints.values())}
+    told = [f"{what} {max(steps[list(at)]):.1g}" for what, at in parts.items() if at]
+    return f"the last decimals are worth: {', '.join(told)}; their rounding is counted as noise of q."
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[bytes]:
+    """The first bytes of a regular file."""
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{str(path)!r:.200} is no file; expected one with a motion.")
+        with path.open("rb") as file:
+            yield file.read(8)
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{str(path)!r:.200} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+
+
+def _a_path(path: object) -> Path:
+    text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise InputError(f"path is {path!r:.80}; expected the path of a file with a motion, e.g. 'dance.csv'.")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # "~nobody"
+        return Path(text)

@@ -1,0 +1,320 @@
+"""Time steps on ground at rest by Pinocchio's contact dynamics, without M, J and J_dot v as arrays.
+
+`pin.constraintDynamics` gives the acceleration a_0 that holds the contact bodies still, and the forces F_0 on them. From its
+factors, for any acceleration s of the bodies,
+
+    F = F_0 + L s,        a = a_0 + M^-1 J^T L s,        L = (J M^-1 J^T)^-1            J: of the bodies, not of their points
+
+Points are fixed to their bodies: P^T V are their velocities, and P p is what point impulses p do to the bodies. Over a time h
+
+    u+ = u_0 + h P^T s + ...        sticking: u+ = 0, which one s gives for all points of a body
+
+If the corner forces of least norm for that F are in their cones, they are the answer. Else it is the velocity problem of
+`rbd.simulation.velocity_problem` with D = P^T L^-1 P. What is not covered has no `GroundDynamics`, and steps the general way:
+other constraints than contacts with friction on ground at rest, bodies that touch along an edge only, dependent rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, cross_rows, is_finite, max_abs, rank_of, zeros
+from rbd.constraints.ground_points import Grounds, OnGround
+from rbd.model.state import State
+from rbd.simulation.bases import compiled_steps
+from rbd.simulation.contact_points import Places, Points, Snapshot
+from rbd.simulation.ground_bodies import INDEPENDENT, MOST_SPARE, TouchingBodies, TurnedMap
+from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
+
+_SETTINGS = (1e-10, 1e-10, 0.0, 1)
+"""Of Pinocchio's proximal iterations: one, without regularisation, is exact where rows are independent."""
+_DEPENDENT = 1e-9
+"""Pivots of the bodies' rows below this, over the largest: rows that may be dependent go the general way."""
+_AGREES = 1e-9
+"""Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
+_STANDS = 1e-15
+"""Squares of the contact bodies' velocities up to this: w x v is rounding beside other accelerations [m/s2]."""
+_TURNS = 1e-16
+"""Centripetal changes of velocity in a step up to this are rounding [m/s]."""
+_NOTHING = zeros(0)
+
+
+class GroundDynamics:
+    """The constant data of one robot's contacts with ground at rest, for the steps of one motion.
+
+    It has one pin.Data of its own, overwritten by every call: results do not depend on earlier calls.
+
+    Attributes:
+        layout: The points.
+        at_rest: Velocities of points at rest, shape (p,): the array of every answer in which all stick.
+        size: Number of the bodies' rows.
+    """
+
+    def __init__(self, points: Points, grounds: Sequence[OnGround], bodies: TouchingBodies, start: State) -> None:
+        model = start.robot.model
+        self._points, self._model, self._bodies, self._kernel = points, model, bodies, compiled_steps()
+        self.layout = points.layout(tuple([s.structure for s in points.sources]))  # type: ignore[attr-defined]
+        self._workspace = space = bodies.workspace(model)
+        self._data, self._models, self._datas = space.data, space.models, space.contacts
+        self._places, self._rates, self._accelerations = space.places, space.rates, space.accelerations
+        self._settings, self._factors = pin.ProximalSettings(*_SETTINGS), self._data.constraint_chol
+        self._joints, self.size, self._row_velocity = bodies.joints, bodies.size, bodies.row_velocity
+        self._target = np.zeros(self.size + model.nv)
+        k = len(bodies.of)
+        self._axes = axes = np.concatenate([np.tile(ground.R, (len(ground.local), 1, 1)) for ground in grounds])
+        self._height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
+        gaps = np.zeros((k, len(bodies.bodies), 12))
+        gaps[np.arange(k), bodies.of, :9] = (bodies.arms[:, :, None] * axes[:, None, :, 2]).reshape(k, 9)
+        gaps[np.arange(k), bodies.of, 9:] = axes[:, :, 2]
+        self._gaps = gaps.reshape(k, -1)
+        self._velocity = TurnedMap(axes, bodies.of, bodies.spread)
+        self._forces = TurnedMap(axes, bodies.of, bodies.shares)
+        self._mu, self.at_rest = self.layout.mu, zeros(3 * k)
+
+    def __del__(self) -> None:
+        space = self.__dict__.get("_workspace")
+        if space is not None and len(self._bodies.spare) < MOST_SPARE:
+            self._bodies.spare.append(space)
+
+    @classmethod
+    def of(cls, points: Points, start: State) -> GroundDynamics | None:
+        """The prepared form of a motion's contacts, or None where they, or the robot, are not covered."""
+        robot, grounds = start.robot, list[OnGround]()
+        for source in points.sources:
+            if not isinstance(source, OnGround | Grounds):
+                return None
+            grounds += source.members
+        if not grounds or not robot.sound or any(g.surface is not None or not g.contact.friction for g in grounds):
+            return None
+        bodies = TouchingBodies.prepared(robot, grounds)
+        if not bodies.covered or bodies.agrees is False:
+            return None
+        found = cls(points, grounds, bodies, start)
+        return found if found._agrees(start) else None
+
+    def at(self, state: State, t: float) -> Snapshot:
+        """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
+        pin.forwardKinematics(self._model, self._data, state.q, state.v)
+        if self._kernel is not None:
+            gap, velocity = self._kernel.points(
+                self._places, self._rates, self._joints, self._gaps, self._height, *self._velocity.parts
+            )
+        else:
+            X, V = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
+            gap, velocity = self._gaps.dot(X) - self._height, self._velocity(X, V)
+        return Snapshot(
+            state, self.layout, velocity, gap, self.at_rest,
+            lambda: [source.at(state, t) for source in self._points.sources], lambda: self._located(state),
+        )  # fmt: skip
+
+    def _located(self, state: State) -> list[Places]:
+        """Where the points of each source are."""
+        pin.forwardKinematics(self._model, self._data, state.q)
+        X, of = self._places.take(self._joints, axis=0), self._bodies.of
+        R = self._rotations(X)[of]
+        arms = np.matvec(R, self._bodies.centred)
+        points = X[of, 9:] + np.matvec(R, self._bodies.arms)
+        out = []
+        for source, (at, _) in zip(self._points.sources, self.layout.spans, strict=True):
+            assert isinstance(source, OnGround | Grounds)
+            out.append(Places(source.structure, points[at], source.R, None if source.point_alone else arms[at], None))
+        return out
+
+    def answer(
+        self,
+        q: Array,
+        v: Array,
+        applied: Array,
+        start: Array,
+        h: float,
+        active: Array,
+        guess: Array,
+        *,
+        law: str,
+        shift: Array | None,
+        u: Array | None = None,
+        mean: Array | None = None,
+    ) -> VelocityAnswer | None:
+        """Velocity start + h a and impulses of a step of length h; None where the general way is to answer.
+
+        Args:
+            q: Configuration at which forces are computed, shape (nq,).
+            v: Velocity at which they are, shape (nv,).
+            applied: S^T tau + tau_ext, shape (nv,).
+            start: Velocity to which h a is added, shape (nv,).
+            h: Length of the step [s].
+            active: Which points are active, shape (k,).
+            guess: Impulses to start from, shape (p,).
+            law: "coulomb" or "convex".
+            shift: Added to u+ only in the contact law, shape (p,).
+            u: The points' velocities at the step's beginning, for u+ = u + h (J a + J_dot v).
+            mean: Velocity w for u+ = J w + h J a + h/2 J_dot v, in place of u.
+        """
+        everything = active is self.layout.everything
+        if not everything and not active.any():
+            return self._free(q, v, applied, start, h)
+        a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
+        pivots = self._factors.D[: self.size]  # all are negative
+        if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < _DEPENDENT * pivots[pivots.argmin()]):
+            return None
+        if mean is not None:
+            pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
+        may_stick = shift is None and (mean is not None or u is self.at_rest) and (everything or active.all())
+        if may_stick and self._straight(h):
+            answer = self._sticking(a, start, h, whole=mean is not None)
+            if answer is not None:
+                return answer
+        return self._by_points(q, v, a, start, h, active, guess, law, shift, u)
+
+    def _sticking(self, a: Array, start: Array, h: float, *, whole: bool) -> VelocityAnswer | None:
+        """The step if all points stick, by their forces of least norm; None if these are not in their cones."""
+        F, kernel, change = self._data.lambda_c, self._kernel, _NOTHING
+        if whole:
+            if kernel is not None:
+                kernel.target(self._rates, self._joints, self._row_velocity, h, self._target)
+            else:
+                W = self._rates.take(self._joints, axis=0).ravel()
+                self._target[: self.size] = self._row_velocity.dot(W) * (-1.0 / h)
+            change = self._factors.solve(self._target)
+        if kernel is not None:
+            inside, impulse, v = kernel.sticking(
+                self._places, self._joints, F, change, a, start, h, self._mu, *self._forces.parts
+            )
+            return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
+        if whole:
+            F, a = F - change[: self.size], a + change[self.size :]
+        f = self._forces(self._places.take(self._joints, axis=0).ravel(), F)
+        return VelocityAnswer(start + h * a, h * f, self.at_rest, 0.0, True) if self._inside(f) else None
+
+    def _by_points(
+        self,
+        q: Array,
+        v: Array,
+        a: Array,
+        start: Array,
+        h: float,
+        active: Array,
+        guess: Array,
+        law: str,
+        shift: Array | None,
+        u: Array | None,
+    ) -> VelocityAnswer | None:
+        """The velocity problem of the active points, from the factors of the bodies."""
+        X, W = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
+        P = self._points_of_rows(X)
+        F, L = self._data.lambda_c, self._factors.getInverseOperationalSpaceInertiaMatrix()
+        before, part = (P @ self._row_velocity.dot(W), 0.5) if u is None else (u, 1.0)
+        pin.forwardKinematics(self._model, self._data, q, v)  # `pin.constraintDynamics` does not write the joints' velocities
+        V, P_L = self._rates.take(self._joints, axis=0).ravel(), P @ L
+        free = before - h * (P_L @ F) + (part * h) * self._centripetal(X, V)
+        rows = active_rows(self.layout, active, h)
+        index, D = rows.index, P_L @ P.T
+        try:
+            own = D[index][:, index]
+            f, merit, least = point_impulses(
+                rows, own, free[index], guess[index], None if shift is None else shift[index], h, law
+            )
+        except Undecided:
+            return None
+        impulse = np.zeros(len(free))
+        impulse[index] = f
+        self._target[: self.size] = L @ (P.T @ impulse / h - F)
+        change = self._factors.solve(self._target)
+        return VelocityAnswer(start + h * (a + change[self.size :]), impulse, D @ impulse + free, merit, least)
+
+    def _free(self, q: Array, v: Array, applied: Array, start: Array, h: float) -> VelocityAnswer | None:
+        """The step without any contact; the points' velocities are J v, of the velocity after it."""
+        end = start + h * pin.aba(self._model, self._data, q, v, applied)
+        if not is_finite(end):
+            return None
+        pin.forwardKinematics(self._model, self._data, q, end)
+        X, V = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
+        return VelocityAnswer(end, np.zeros(len(self.at_rest)), self._velocity(X, V), 0.0, True)
+
+    def residual(self, q: Array, v: Array, applied: Array, a: Array, u: Array, h: float, answer: VelocityAnswer) -> float:
+        """Residual of a half step by another route than its answer's: inverse dynamics and the bodies' accelerations, scaled.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            applied: S^T tau + tau_ext, shape (nv,).
+            a: Acceleration of the answer, shape (nv,).
+            u: The points' velocities at the step's beginning, shape (p,).
+            h: Length of the half step [s].
+            answer: The answer.
+        """
+        model, data = self._model, self._data
+        pin.forwardKinematics(model, data, q, v, a)
+        X, V, A = (x.take(self._joints, axis=0) for x in (self._places, self._rates, self._accelerations))
+        Q, (of, arms) = self._turns_of(X), (self._bodies.of, self._bodies.arms)
+        P, w, forces = (Q @ self._bodies.spread).reshape(len(u), -1), V[:, 3:], answer.impulse / h
+        for slot, wrench in zip(self._workspace.pushed, (P.T @ forces).reshape(-1, 6), strict=True):
+            slot.vector = wrench
+        unbalanced = pin.rnea(model, data, q, v, a, self._workspace.forces) - applied
+        moved = (P @ A.ravel()) * h + u - answer.velocity
+        if np.vdot(V, V) > _STANDS:  # spatial accelerations are not classical
+            inwards = cross_rows(w[of], V[of, :3] + cross_rows(w[of], arms))
+            moved += h * np.matvec(Q, inwards).ravel()
+        f, size = forces.reshape(-1, 3), max(1.0, max_abs(applied), max_abs(forces))
+        moved[~np.repeat(f.any(axis=1), 3)] = 0.0
+        outside = float((np.hypot(f[:, 0], f[:, 1]) - self._mu * f[:, 2]).max(initial=0.0)) / max(1.0, max_abs(forces))
+        return max(max_abs(unbalanced) / size, max_abs(moved) / (h * max(1.0, max_abs(a))), outside)
+
+    def _straight(self, h: float) -> bool:
+        """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
+        rates = self._workspace.patch_rates
+        return not len(rates) or bool(np.vdot(rates, rates) * h <= _TURNS)
+
+    def _inside(self, f: Array) -> bool:
+        """Whether forces of points are in their cones; false where a force pulls."""
+        x, y, n = f.reshape(-1, 3).T
+        return bool((np.hypot(x, y) <= self._mu * n).all())
+
+    def _rotations(self, X: Array) -> Array:
+        """R_WJ of the bodies' joints, shape (n, 3, 3)."""
+        return X.reshape(-1, 12)[:, :9].reshape(-1, 3, 3).swapaxes(1, 2)
+
+    def _turns_of(self, X: Array) -> Array:
+        """Rotations from the joints' axes to those of each point, shape (k, 3, 3)."""
+        return np.asarray(self._axes.swapaxes(1, 2) @ self._rotations(X)[self._bodies.of])
+
+    def _points_of_rows(self, X: Array) -> Array:
+        """Velocities of the points for unit velocities of the bodies' rows, shape (p, rows)."""
+        return (self._turns_of(X) @ self._bodies.of_rows).reshape(len(self.at_rest), self.size)
+
+    def _centripetal(self, X: Array, V: Array) -> Array:
+        """Classical accelerations of the points less those by the rows' spatial ones, w x (v + w x r), shape (p,).
+
+        The rows of a single point are classical already.
+        """
+        motion = (V.reshape(-1, 6) * self._bodies.patches[:, None])[self._bodies.of]
+        w = motion[:, 3:]
+        acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._bodies.arms))
+        return np.matvec(self._turns_of(X), acceleration).ravel()
+
+    def _agrees(self, start: State) -> bool:
+        """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""
+        rng = np.random.default_rng(0)
+        q, v, applied = start.q, rng.normal(size=start.robot.nv), rng.normal(size=start.robot.nv)
+        data = self._data
+        a = pin.constraintDynamics(self._model, data, q, v, applied, self._models, self._datas, self._settings)
+        if not is_finite(a):
+            return False
+        L = self._factors.getInverseOperationalSpaceInertiaMatrix()
+        size = np.sqrt(L.diagonal())
+        if not (size > 0.0).all() or rank_of(L / size / size[:, None], INDEPENDENT**2) < self.size:
+            return False
+        if self._bodies.agrees is not None:
+            return self._bodies.agrees
+        P = self._points_of_rows(self._places.take(self._joints, axis=0).ravel())
+        moving = State(start.robot, q, v)
+        snapshot = self.at(moving, 0.0)
+        rows = np.linalg.lstsq(P, snapshot.J, rcond=None)[0]
+        off = moving.M @ a + moving.h - applied - rows.T @ data.lambda_c
+        size = max(1.0, max_abs(moving.h), max_abs(data.lambda_c))
+        self._bodies.agrees = max_abs(off) <= _AGREES * size and max_abs((P @ rows - snapshot.J).ravel()) <= _AGREES
+        return self._bodies.agrees

@@ -1,0 +1,147 @@
+"""Where a time step begins, what its halves gave, and where it ends: records that are handed from step to step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, lazy
+from rbd.simulation.contact_gaps import GapTolerances
+from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
+from rbd.simulation.motion import ImpactRecord, StepRecord
+from rbd.simulation.velocity_problem import VelocityAnswer
+
+Passed: TypeAlias = list[StepRecord | ImpactRecord]
+"""Steps and impacts, in order of time."""
+
+
+class PreviousStep(NamedTuple):
+    """The step before: points at its beginning, which of them were active, length and impulses."""
+
+    at: Snapshot
+    active: Array
+    h: float
+    impulse: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """The beginning of a step, with data from earlier steps.
+
+    Attributes:
+        t: Time [s].
+        at: State and contact points.
+        gaps: Tolerances of the points' gaps.
+        closed: Which points were in contact in the step before, shape (k,).
+        leaves: Which points touch and separate, after an impact or at the start: inactive in this step, shape (k,).
+        force: Row forces to start from, shape (p,).
+        norms: Norms of bilateral rows; see `VelocityAnswer`.
+        velocity: The points' velocities by the contact law of the step before, shape (p,); None: J v.
+        previous: The step before; None where contact or friction has changed.
+    """
+
+    t: float
+    at: Snapshot
+    gaps: GapTolerances
+    closed: Array
+    leaves: Array
+    force: Array
+    norms: Array | None = None
+    velocity: Array | None = None
+    previous: PreviousStep | None = None
+
+    @lazy
+    def touching(self) -> Array:
+        """Which points are in contact, shape (k,): those without a gap, and closed ones with a small gap.
+
+        Not those that leave after an impact: the step would hold down points that approach again by its end.
+        """
+        gap, gaps, layout = self.at.gap, self.gaps, self.at.layout
+        still = len(gap) and self.closed is layout.everything and self.leaves is layout.nothing
+        if still and gap[gap.argmax()] <= gaps.least_loose:
+            return self.closed
+        touching: Array = ((gap <= gaps.tight) | (self.closed & (gap <= gaps.loose))) & ~self.leaves
+        return layout.everything if touching.all() else touching
+
+    def rates(self, active: Array) -> Array:
+        """Velocities of the points, shape (p,): for active ones by the law of the step before.
+
+        By that law closed points are at rest; J v is zero only to O(h^2), an error O(h) of the force over half a step.
+        """
+        at, known = self.at, self.velocity
+        if known is None:
+            return at.velocity
+        return known if active is at.layout.everything else np.where(np.repeat(active, at.layout.widths), known, at.velocity)
+
+    def change(self, h: float) -> Array | None:
+        """Change of the points' velocities in a time h, extrapolated from the step before; None if unknown."""
+        before = self.previous
+        if before is None or before.at.layout is not self.at.layout:
+            return None
+        change: Array = (self.at.velocity - before.at.velocity) * (h / before.h)
+        return change
+
+
+class HalfStep(NamedTuple):
+    """The first half of a step.
+
+    Attributes:
+        start: The beginning of the step.
+        active: Which of its points are active.
+        tau: Motor torques; None where the half step was extrapolated.
+        answer: Velocity and impulses.
+        h: Length of the whole step [s].
+        u: The points' velocities at its beginning.
+        turned: Velocity to which h/2 a was added.
+        applied: S^T tau + tau_ext; None where the half step was extrapolated.
+    """
+
+    start: Instant
+    active: Array
+    tau: Array | None
+    answer: VelocityAnswer
+    h: float
+    u: Array
+    turned: Array
+    applied: Array | None = None
+
+    @property
+    def a(self) -> Array:
+        """Acceleration in it, of a floating base in the base's axes, shape (nv,)."""
+        return (self.answer.v - self.turned) * (2.0 / self.h)
+
+    def points_in(self, layout: Layout) -> PointsAtStart:
+        """The same data for the points of another layout."""
+        at = self.start.at
+        if layout is at.layout:
+            return PointsAtStart(self.active, self.u, at.error, self.answer)
+        match, answer = PointMatching(at.layout, layout), self.answer
+        answer = answer._replace(impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
+        return PointsAtStart(match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer)
+
+
+class PointsAtStart(NamedTuple):
+    """Points at a step's beginning: the active ones, velocities and position errors, and the answer of the half step."""
+
+    active: Array
+    velocity: Array
+    error: Array
+    answer: VelocityAnswer
+
+
+class WholeStep(NamedTuple):
+    """A step before positions are corrected: its length, its end, its answer, the points in its middle."""
+
+    h: float
+    end: Snapshot
+    answer: VelocityAnswer
+    layout: Layout
+
+
+class Step(NamedTuple):
+    """The end of a step, and the steps and impacts into which it was divided."""
+
+    end: Instant
+    passed: Passed

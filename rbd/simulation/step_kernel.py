@@ -1,0 +1,185 @@
+"""The compiled arithmetic of a step: imported only where Numba is installed and asked for.
+
+Its plain twins are in `rbd.simulation.bases` and `rbd.simulation.ground_dynamics`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from rbd.arrays import Array
+
+_compiled = numba.njit(cache=True, error_model="numpy")
+
+
+@_compiled
+def _rotation(q: Array, at: int, R: Array) -> None:
+    x, y, z, w = q[at + 3], q[at + 4], q[at + 5], q[at + 6]
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@_compiled
+def _carried(v: Array, i: int, R: Array, S: Array) -> tuple[float, float, float]:
+    """Turn the linear part of v at i from the axes R to the axes S, in place; what it is in the world's."""
+    x = R[0, 0] * v[i] + R[0, 1] * v[i + 1] + R[0, 2] * v[i + 2]
+    y = R[1, 0] * v[i] + R[1, 1] * v[i + 1] + R[1, 2] * v[i + 2]
+    z = R[2, 0] * v[i] + R[2, 1] * v[i + 1] + R[2, 2] * v[i + 2]
+    for k in range(3):
+        v[i + k] = S[0, k] * x + S[1, k] * y + S[2, k] * z
+    return x, y, z
+
+
+@_compiled
+def _turn(out: Array, v: Array, h: float, i: int) -> None:
+    x, y, z, a, b, c = v[i], v[i + 1], v[i + 2], v[i + 3], v[i + 4], v[i + 5]
+    out[i] += h * (b * z - c * y)
+    out[i + 1] += h * (c * x - a * z)
+    out[i + 2] += h * (a * y - b * x)
+
+
+@_compiled
+def turned(start: Array, v: Array, h: float, bases: Array) -> Array:
+    """`Bases.turned`."""
+    out = start.copy()
+    for n in range(len(bases)):
+        _turn(out, v, h, bases[n, 1])
+    return out
+
+
+@_compiled
+def _place(q: Array, out: Array, v: Array, h: float, at: int, i: int, R: Array) -> None:
+    """Put the base's origin into `out`; R is left at R_WB of q."""
+    _rotation(q, at, R)
+    for k in range(3):
+        out[at + k] = q[at + k] + h * (R[k, 0] * v[i] + R[k, 1] * v[i + 1] + R[k, 2] * v[i + 2])
+
+
+@_compiled
+def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array) -> tuple[Array, Array, Array, Array]:
+    """(v, v_h, end, mean) of `Bases.middle`; the bases' origins are put into `out`."""
+    one, two, R, S = v.copy(), v_h.copy(), np.empty((3, 3)), np.empty((3, 3))
+    for n in range(len(bases)):
+        at, i = bases[n, 0], bases[n, 1]
+        _place(q, out, v, 0.5 * h, at, i, R)
+        _rotation(out, at, S)
+        _carried(one, i, R, S)
+        _carried(two, i, R, S)
+    end, mean = one.copy(), one.copy()
+    for n in range(len(bases)):
+        _turn(end, two, h, bases[n, 1])
+        _turn(mean, two, 0.5 * h, bases[n, 1])
+    return one, two, end, mean
+
+
+@_compiled
+def moved(q: Array, out: Array, v: Array, h: float, bases: Array) -> Array:
+    """The velocity of `Bases.moved`; the bases' origins are put into `out`."""
+    carried, R, S = v.copy(), np.empty((3, 3)), np.empty((3, 3))
+    for n in range(len(bases)):
+        at, i = bases[n, 0], bases[n, 1]
+        _place(q, out, v, h, at, i, R)
+        _rotation(out, at, S)
+        _carried(carried, i, R, S)
+    return carried
+
+
+@_compiled
+def _mapped(matrix: Array, X: Array, x: Array, place: Array, other: Array) -> Array:
+    products, out = np.empty(len(place)), np.zeros(len(matrix))
+    for c in range(len(place)):
+        products[c] = X[place[c]] * x[other[c]]
+    for r in range(len(matrix)):
+        total = 0.0
+        for c in range(len(place)):
+            total += matrix[r, c] * products[c]
+        out[r] = total
+    return out
+
+
+@_compiled
+def _of_joints(rows: Array, joints: Array) -> Array:
+    n = rows.shape[1]
+    out = np.empty(n * len(joints))
+    for b in range(len(joints)):
+        for k in range(n):
+            out[n * b + k] = rows[joints[b], k]
+    return out
+
+
+@_compiled
+def points(
+    places: Array, rates: Array, joints: Array, gaps: Array, height: Array, matrix: Array, place: Array, other: Array
+) -> tuple[Array, Array]:
+    """(gap, velocity) of all points."""
+    X = _of_joints(places, joints)
+    gap = np.empty(len(height))
+    for i in range(len(height)):
+        total = -height[i]
+        for c in range(len(X)):
+            total += gaps[i, c] * X[c]
+        gap[i] = total
+    return gap, _mapped(matrix, X, _of_joints(rates, joints), place, other)
+
+
+@_compiled
+def target(rates: Array, joints: Array, row_velocity: Array, h: float, out: Array) -> None:
+    """Accelerations of the bodies' rows that bring them to rest within h, into the beginning of `out`."""
+    V = _of_joints(rates, joints)
+    for r in range(len(row_velocity)):
+        total = 0.0
+        for c in range(len(V)):
+            total += row_velocity[r, c] * V[c]
+        out[r] = -total / h
+
+
+@_compiled
+def sticking(
+    places: Array,
+    joints: Array,
+    F: Array,
+    change: Array,
+    a: Array,
+    start: Array,
+    h: float,
+    mu: Array,
+    matrix: Array,
+    place: Array,
+    other: Array,
+) -> tuple[bool, Array, Array]:
+    """(whether all forces are in their cones, impulses, velocity) of points that stick.
+
+    Args:
+        places: Placements of all joints.
+        joints: Those of the bodies.
+        F: Forces on the bodies that hold them without acceleration.
+        change: What the factors gave for their accelerations: less forces, then accelerations of the robot; or nothing.
+        a: Acceleration without it.
+        start: Velocity to which h a is added.
+        h: Length of the step [s].
+        mu: Friction coefficients.
+        matrix: Of the map to forces of points.
+        place: Of the same map.
+        other: Of the same map.
+    """
+    n = len(F)
+    wrench, v = F.copy(), np.empty(len(a))
+    if len(change):
+        for i in range(n):
+            wrench[i] -= change[i]
+        for i in range(len(a)):
+            v[i] = start[i] + h * (a[i] + change[n + i])
+    else:
+        for i in range(len(a)):
+            v[i] = start[i] + h * a[i]
+    f, inside = _mapped(matrix, _of_joints(places, joints), wrench, place, other), True
+    for i in range(len(mu)):
+        if not math.hypot(f[3 * i], f[3 * i + 1]) <= mu[i] * f[3 * i + 2]:
+            inside = False
+    for i in range(len(f)):
+        f[i] *= h
+    return inside, f, v

@@ -1,0 +1,164 @@
+"""Compiled steps of `rbd.solvers.newton`: imported only where Numba is installed and asked for.
+
+The same method in loops. Rows that the projection makes zero leave the linear system: their weights are known.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.solvers.contact_kernel import project
+from rbd.solvers.small_systems import COUNT, FLAG, NUMBER, array, compiled, eliminate
+
+
+@compiled
+def gap_of(
+    D: Array, q: Array, lower: Array, upper: Array, mu: Array, w: Array, coulomb: bool, p: Array, gap: Array
+) -> tuple[float, float]:
+    """(largest entry, sum of squares) of gap = P(p) - w at p = w - (D w + q)."""
+    size, n = len(w), len(lower)
+    for i in range(size):
+        y = q[i]
+        for j in range(size):
+            y += D[i, j] * w[j]
+        p[i] = w[i] - y
+    for i in range(n):
+        gap[i] = min(max(p[i], lower[i]), upper[i]) - w[i]
+    for c in range(len(mu)):
+        i = n + 3 * c
+        normal, factor, _ = project(p[i], p[i + 1], p[i + 2], mu[c], coulomb)
+        gap[i], gap[i + 1], gap[i + 2] = factor * p[i] - w[i], factor * p[i + 1] - w[i + 1], normal - w[i + 2]
+    top, square = 0.0, 0.0
+    for i in range(size):
+        top = max(top, abs(gap[i]))
+        square += gap[i] * gap[i]
+    return (top, square) if square < math.inf else (math.inf, math.inf)  # NaN is infinite
+
+
+@compiled
+def _slope(x: float, y: float, z: float, mu: float, coulomb: bool, V: Array) -> None:
+    """The slope of the projection on a loaded cone, at a position."""
+    normal, factor, t = project(x, y, z, mu, coulomb)
+    ex, ey = x / t, y / t
+    if factor < 1.0:
+        along, spread, last = mu, -factor, 1.0
+        if not coulomb:
+            last = 1.0 / (1.0 + mu * mu)
+            along, spread = mu * last, 1.0 - last - factor
+    else:
+        along, spread, last = 0.0, 0.0, 1.0
+    V[0, 0], V[0, 1], V[0, 2] = factor + spread * ex * ex, spread * ex * ey, along * ex
+    V[1, 0], V[1, 1], V[1, 2] = spread * ex * ey, factor + spread * ey * ey, along * ey
+    V[2, 0], V[2, 1], V[2, 2] = 0.0, 0.0, last
+    if not coulomb:
+        V[2, 0], V[2, 1] = along * ex, along * ey
+
+
+@compiled
+def _move(
+    D: Array, lower: Array, upper: Array, mu: Array, coulomb: bool, proximal: float,
+    p: Array, gap: Array, move: Array, used: Array, V: Array, A: Array, b: Array,
+) -> bool:  # fmt: skip
+    """Newton's step (I - V + V (D + proximal)) dw = gap; False where the matrix is singular."""
+    size, n, count = len(p), len(lower), 0
+    for i in range(n):
+        move[i] = gap[i]
+        if lower[i] < p[i] < upper[i]:
+            used[count] = i
+            count += 1
+    singles = count
+    for c in range(len(mu)):
+        i = n + 3 * c
+        normal, _, _ = project(p[i], p[i + 1], p[i + 2], mu[c], coulomb)
+        for j in range(i, i + 3):
+            move[j] = gap[j]
+            if normal > 0.0:
+                used[count] = j
+                count += 1
+    for e in range(count):  # gap - V D dw of the rows whose weights are known
+        total = 0.0
+        i, last = used[e], 0
+        for j in range(size):
+            if last < count and used[last] == j:
+                last += 1
+            elif move[j] != 0.0:
+                total += D[i, j] * move[j]
+        b[e] = total
+    for e in range(singles):
+        i = used[e]
+        for s in range(count):
+            A[e, s] = D[i, used[s]]
+        A[e, e] += proximal
+        b[e] = gap[i] - b[e]
+    for e in range(singles, count, 3):
+        i = used[e]
+        _slope(p[i], p[i + 1], p[i + 2], mu[(i - n) // 3], coulomb, V)
+        d0, d1, d2 = b[e], b[e + 1], b[e + 2]
+        for r in range(3):
+            b[e + r] = gap[i + r] - (V[r, 0] * d0 + V[r, 1] * d1 + V[r, 2] * d2)
+        for s in range(count):
+            j = used[s]
+            d0, d1, d2 = D[i, j], D[i + 1, j], D[i + 2, j]
+            if e <= s < e + 3:
+                d0 += proximal - 1.0 if j == i else 0.0
+                d1 += proximal - 1.0 if j == i + 1 else 0.0
+                d2 += proximal - 1.0 if j == i + 2 else 0.0
+            for r in range(3):
+                A[e + r, s] = V[r, 0] * d0 + V[r, 1] * d1 + V[r, 2] * d2
+        for r in range(3):
+            A[e + r, e + r] += 1.0
+    if not eliminate(A, b, count):
+        return False
+    square = 0.0
+    for e in range(count):
+        move[used[e]] = b[e]
+        square += b[e] * b[e]
+    return square < math.inf
+
+
+def _newton_steps(
+    D: Array, q: Array, lower: Array, upper: Array, mu: Array,
+    w: Array, coulomb: bool, iterations: int, proximal: float, exact: float, best: Array,
+) -> tuple[float, int]:  # fmt: skip
+    """`newton.steps_from`: (merit, steps), and the best weights in `best`; w is overwritten."""
+    size = len(w)
+    rows, used, A, V = np.empty((5, size)), np.empty(size, np.int64), np.empty((size, size)), np.empty((3, 3))
+    p, gap, move, new, b = rows[0], rows[1], rows[2], rows[3], rows[4]
+    merit, square = gap_of(D, q, lower, upper, mu, w, coulomb, p, gap)
+    least, step = merit, 0
+    for j in range(size):
+        best[j] = w[j]
+    while step < iterations and least > exact and square < math.inf:
+        if not _move(D, lower, upper, mu, coulomb, proximal, p, gap, move, used, V, A, b):
+            break
+        before, t = square, 1.0
+        for _ in range(7):
+            for j in range(size):
+                new[j] = w[j] + t * move[j]
+            merit, square = gap_of(D, q, lower, upper, mu, new, coulomb, p, gap)
+            if square <= before * (1.0 - 1e-4 * t):
+                break
+            t *= 0.5
+        for j in range(size):
+            w[j] = new[j]
+        step += 1
+        if merit < least:
+            least = merit
+            for j in range(size):
+                best[j] = w[j]
+        if before < 1e-22 and square > 0.1 * before:  # rounding
+            break
+    return least, step
+
+
+newton_steps = compiled(
+    _newton_steps,
+    numba.types.Tuple((NUMBER, COUNT))(
+        array(2), array(1), array(1), array(1), array(1),
+        array(1, written=True), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
+    ),
+)  # fmt: skip

@@ -1,0 +1,183 @@
+"""`Actuations`: motor torques and contact forces of wanted motions at many states, as arrays over states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, zeros
+from rbd.constraints.constraint import rows_of
+from rbd.errors import CannotMove, RbdError
+from rbd.many.answers import ManyAnswers, Sheet
+from rbd.many.blocks import external_of, friction_of, write
+from rbd.many.states import ManyStates
+from rbd.many.status import StateStatus
+from rbd.many.warned import INACCURATE, OPENED, of_rows, warn
+from rbd.model.dynamics import generalised
+from rbd.prepared.many import BLOCK, prepared_blocks
+from rbd.problem.answer import Status
+from rbd.statics.actuation import CHOICE, Actuation
+from rbd.statics.actuation_blocks import least_effort_of
+from rbd.statics.effort import DEFAULT, Effort
+from rbd.statics.loads import refuse_motion
+from rbd.statics.wanted_motion import MARGIN, WantedMotion, check_choice, checked_margin
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What torques and forces are chosen by, at every state.
+
+    Attributes:
+        effort: What is made least.
+        friction: "cone" or "inscribed".
+        margin: Of friction; None: `MARGIN` where that is possible, else none.
+        rest_speed: As of `rbd.solve`.
+        holds: Whether poses are to be held, at rest.
+    """
+
+    effort: Effort
+    friction: str
+    margin: float | None
+    rest_speed: float
+    holds: bool
+
+    @classmethod
+    def of(cls, objective: Effort | None, friction: str, margin: float | None, rest_speed: float, *, holds: bool) -> Asked:
+        """Checked.
+
+        Raises:
+            InputError: an objective that is none, an unknown word, a margin or a speed that is none.
+        """
+        effort = DEFAULT if objective is None else objective
+        check_choice(effort, friction, rest_speed)
+        return cls(effort, friction, None if margin is None else checked_margin(margin), rest_speed, holds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Actuations(ManyAnswers):
+    """Torques and contact forces at n states, each with its residuals; see `rbd.many.answers.ManyAnswers` for the arrays.
+
+    `actuations[i]` is the whole `Actuation` of state i, or raises why there is none.
+
+    Attributes:
+        tau: Motor torques, shape (n, nu) [N, N m]; NaN where the motion is not possible.
+        margin: How far friction of points that keep still was kept from its limit, shape (n,).
+        least: Whether the effort is the least, to nine digits, shape (n,), truth values.
+        asked: What they are chosen by.
+    """
+
+    tau: Array
+    margin: Array
+    least: Array
+    asked: Asked
+
+    def __getitem__(self, i: int) -> Actuation:
+        """The whole `Actuation` of state i, sought again by itself.
+
+        Raises:
+            InputError: state i is no input; i is no whole number.
+            ContactMoves: a velocity that the contacts do not allow.
+            CannotMove: there are no such torques and forces: its limits, with the proof and what is missing.
+            IndexError: there is no such state.
+        """
+        wanted, asked = wanted_at(self.states, self.index(i), self.asked), self.asked
+        if asked.margin is not None:
+            return wanted.actuation(asked.margin, stacklevel=2)
+        preferred = wanted.possible(MARGIN, stacklevel=2)
+        return wanted.actuation(0.0, stacklevel=2) if preferred is None else preferred
+
+    def __iter__(self) -> Iterator[Actuation]:
+        return (self[i] for i in range(len(self)))
+
+
+def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actuations:
+    """Torques and forces of least effort at each state.
+
+    Args:
+        states: With the wanted accelerations as `vectors["a"]`, unless poses are held.
+        asked: What they are chosen by.
+        stacklevel: Of warnings: 2 for the line that called this.
+    """
+    sheet, n = Sheet(states), len(states)
+    tau, margin, least = np.full((n, states.robot.nu), np.nan), np.full(n, np.nan), np.zeros(n, bool)
+    sheet.refuse_bad_input()
+    for i in _by_blocks(sheet, asked, tau, margin, least).tolist():
+        try:
+            found = _one(sheet, i, asked)
+        except RbdError as error:
+            sheet.refuse(i, error)
+            continue
+        if found is not None:
+            tau[i], margin[i], least[i] = found.tau, found.margin, found.least
+    sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
+    for array in (tau, margin, least):
+        array.flags.writeable = False
+    out = Actuations(**sheet.fields(), tau=tau, margin=margin, least=least, asked=asked)
+    warn(out, stacklevel=stacklevel + 1)
+    return out
+
+
+def _by_blocks(sheet: Sheet, asked: Asked, tau: Array, margin: Array, least: Array) -> Array:
+    """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
+    states, left = sheet.states, np.ones(len(sheet.states), bool)
+    left[list(states.refused)] = False
+    effort, blocks = asked.effort, prepared_blocks(states.robot, states.constraints)
+    plain = (
+        asked.friction == "cone"
+        and not effort.normal_force
+        and not effort.edge_margin
+        and not isinstance(effort.forces, Mapping)
+    )
+    if blocks is None or not plain:
+        return np.flatnonzero(left)
+    mu, kept = friction_of(states), MARGIN if asked.margin is None else asked.margin
+    some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
+    for start in range(0, len(some), BLOCK):
+        part = some[start : start + BLOCK]
+        a = np.zeros((len(part), states.robot.nv)) if asked.holds else states.vectors["a"][part]
+        own = None if mu is None else mu[part]
+        found = least_effort_of(blocks, states, part, external_of(states, part), a, own, effort, kept, asked.rest_speed)
+        write(sheet, part, found.answer, (CHOICE,))
+        good = found.answer.found
+        tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True
+        left[part[good]] = False
+    return np.flatnonzero(left)
+
+
+def wanted_at(states: ManyStates, i: int, asked: Asked) -> WantedMotion:
+    """What is wanted at state i.
+
+    Raises:
+        InputError: it is no input.
+        NotAtRest: a pose is to be held, and what a contact touches moves.
+    """
+    state, given, external = states.state(i), states.constraints_at(i), states.external_at(i)
+    rows = tuple(rows_of(state, given))
+    if asked.holds:
+        refuse_motion(state, rows)
+    tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
+    a = zeros(state.robot.nv) if asked.holds else states.vectors["a"][i]
+    return WantedMotion(state, a, given, rows, tau_ext, external, asked.effort, asked.friction, asked.rest_speed, asked.holds)
+
+
+def _one(sheet: Sheet, i: int, asked: Asked) -> Actuation | None:
+    """State i; None, and the reason on the sheet, where there is none.
+
+    Raises:
+        RbdError: the reason, where it is known without a search for it.
+    """
+    wanted = wanted_at(sheet.states, i, asked)
+    for what in of_rows(wanted.contacts, wanted.rows):
+        sheet.column("warned", what)[i] = True
+    found, opens = wanted.sought(MARGIN if asked.margin is None else asked.margin)
+    if found is None and asked.margin is None:
+        found, opens = wanted.sought(0.0)
+    if opens:
+        sheet.column("warned", OPENED)[i] = True
+    if found is None:
+        does = "be held" if asked.holds else "move so"
+        raise CannotMove(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the proof.")
+    sheet.write(i, found.answer, found.corner_forces)
+    return found if found.status in (Status.SOLVED, Status.INACCURATE) else None

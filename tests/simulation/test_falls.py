@@ -1,0 +1,58 @@
+"""Robots that fall with all of their collision shapes: what is skipped because it cannot have come near changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.constraints.convex.low_points import LowPoints
+
+ROBOTS = ("talos", "g1", "solo12")
+
+
+def tumbling(name: str, seed: int = 3) -> rbd.State:
+    """A robot on its side in the air, its lowest point 1 cm above the ground, that falls, turns and moves its joints."""
+    robot, rng = rbd.load_robot(name), np.random.default_rng(seed)
+    q, v = robot.standing().q.copy(), rng.normal(size=robot.nv)
+    R = pin.exp3(rng.normal(size=3))
+    q[3:7] = pin.Quaternion(R).coeffs()
+    v[:3], v[3:6] = R.T @ [0.5, 0.0, -1.0], (2.0, 1.0, -1.0)
+    low = rbd.CollisionContacts("ground", robot, margin=10.0).points(robot.at(q)).gaps.min()
+    q[2] -= low - 0.01
+    return rbd.State(robot, q, v)
+
+
+def look_at_all(self: LowPoints, up: np.ndarray, height: np.ndarray, margin: float) -> object:
+    """In place of `LowPoints._current`: a list of all points, each time."""
+    return self._listed(np.ones(len(self.body), bool))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_points_that_cannot_be_near_change_no_bit_of_a_fall(name, monkeypatch):
+    """With all points looked at each time the fall is the same to the last bit, and so are its events, forces and residuals."""
+    state, asked = tumbling(name), []
+    heights = LowPoints._place_rounds
+
+    def counted(self, now, up):
+        asked[-1] += len(now.index)
+        return heights(self, now, up)
+
+    monkeypatch.setattr(LowPoints, "_place_rounds", counted)
+
+    def fall() -> rbd.Trajectory:
+        asked.append(0)
+        contacts = rbd.CollisionContacts("ground", state.robot, friction=0.6)
+        return rbd.simulate(state, [contacts], duration=0.08, step=1e-3, progress=False)
+
+    quick = fall()
+    monkeypatch.setattr(LowPoints, "_current", look_at_all)
+    whole = fall()
+    assert asked[0] < 0.3 * asked[1]
+    assert len(quick.events) > 5 and quick.events == whole.events
+    for what in ("q", "v", "a", "momentum"):
+        assert np.array_equal(getattr(quick, what), getattr(whole, what))
+    for what in ("forces", "points", "point_forces", "residuals"):
+        for one, other in zip(getattr(quick, what).values(), getattr(whole, what).values(), strict=True):
+            assert np.array_equal(one, other, equal_nan=True)

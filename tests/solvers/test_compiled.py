@@ -1,0 +1,322 @@
+"""Compiled Newton's methods beside the NumPy code they replace: the same answers under both laws; nothing needs Numba."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
+from rbd.problem.force_set import at_rest
+from rbd.solvers import compiled
+from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
+from rbd.solvers.newton import FOUND, scaled, steps_from
+from rbd.testing import reference_problems
+
+pytest.importorskip("numba", reason="the extra `fast` is not installed: there is nothing to compare")
+
+MIXED = Product([FrictionCone(0.5), Free(1), Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3]), NonNegative(2), FrictionCone(1.2)])
+"""Every kind of part."""
+CORNERS = np.array([[0.1, 0.06], [0.1, -0.06], [-0.1, 0.06], [-0.1, -0.06]])
+
+
+def ring(n: int) -> np.ndarray:
+    """Points on an oval sole."""
+    turn = 2 * np.pi * (np.arange(n) + 0.5) / n
+    return np.column_stack([0.11 * np.cos(turn), 0.06 * np.sin(turn)])
+
+
+def soles(*patches: np.ndarray) -> np.ndarray:
+    """P of so many bodies, each with points at (x, y) of its own plane."""
+    blocks = []
+    for points in patches:
+        # moment r x f of a force at r = (x, y, 0)
+        arms = [np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]]) for x, y in points]
+        blocks.append(np.hstack([np.vstack([np.eye(3), arm]) for arm in arms]))
+    P = np.zeros((6 * len(blocks), sum(block.shape[1] for block in blocks)))
+    at = 0
+    for i, block in enumerate(blocks):
+        P[6 * i : 6 * i + 6, at : at + block.shape[1]] = block
+        at += block.shape[1]
+    return P
+
+
+def drawn(rng, P: np.ndarray, *, push: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(D, c, start) of two bodies of some mass and inertia, coupled, pressed on the ground and pushed about."""
+    nw = len(P)
+    A = rng.normal(size=(nw, nw)) * np.tile([0.1, 0.1, 0.1, 0.4, 0.4, 0.4], nw // 6)[:, None]
+    D = A @ A.T + np.diag(np.tile([0.05, 0.05, 0.05, 1.0, 1.0, 1.0], nw // 6))
+    wrench = np.tile([0.0, 0.0, 300.0, 0.0, 0.0, 0.0], nw // 6)
+    wrench += push * rng.normal(size=nw) * np.tile([150.0, 150.0, 150.0, 15.0, 15.0, 10.0], nw // 6)
+    return D, -D @ wrench, np.linalg.pinv(P) @ wrench
+
+
+def law_missed(D, c, P, mu, found: ContactForces, *, coulomb: bool) -> float:
+    """How far forces are from their law, scaled: written down from the law itself, point by point."""
+    w, s = found.weights.reshape(-1, 3), D @ (P @ found.weights) + c
+    y = (P.T @ s).reshape(-1, 3)
+    size, speed = max(1.0, np.abs(w).max()), max(1.0, np.abs(c).max())
+    along = mu * np.hypot(y[:, 0], y[:, 1])
+    least = y[:, 2] if coulomb else y[:, 2] - along
+    work = (w * y).sum(axis=1) + (along * w[:, 2] if coulomb else 0.0)
+    outside = np.maximum(np.hypot(w[:, 0], w[:, 1]) - mu * w[:, 2], -w[:, 2]).max()
+    assert np.abs(P @ found.weights - found.wrench).max() <= 1e-12 * size
+    normal = np.abs(w[:, 2] * y[:, 2]).max() if coulomb else 0.0
+    return max(outside / size, -least.min() / speed, np.abs(work).max() / (size * speed), normal / (size * speed))
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_steps_on_every_kind_of_part_are_the_same(coulomb, rng):
+    """D regular, with singles and cones in turn: the same weights, merit and number of steps; D singular: both know."""
+    T = at_rest(MIXED)
+    for _ in range(40):
+        A = rng.normal(size=(T.size, T.size))
+        S = scaled(A @ A.T + 0.1 * np.eye(T.size), A @ rng.normal(size=T.size), T)
+        w0 = rng.normal(size=T.size)
+        kept = w0.copy()
+        with compiled.use(True):
+            w, merit, steps = steps_from(S, w0, coulomb=coulomb)
+        with compiled.use(False):
+            w_plain, merit_plain, steps_plain = steps_from(S, w0, coulomb=coulomb)
+        assert np.array_equal(w0, kept)  # the start is the caller's
+        assert merit < FOUND and merit_plain < FOUND and abs(steps - steps_plain) <= 1
+        assert np.abs(w - w_plain).max() < 1e-9
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_one_step_is_the_same_to_rounding(coulomb, rng):
+    """Also with a nonsymmetric D, a proximal term and few iterations: the iterates themselves agree."""
+    T = at_rest(MIXED)
+    for iterations in (0, 1, 2, 3):
+        for _ in range(10):
+            D = np.eye(T.size) + 0.2 * rng.normal(size=(T.size, T.size))
+            S = scaled(D, rng.normal(size=T.size), T)
+            w0, settings = rng.normal(size=T.size), {"coulomb": coulomb, "iterations": iterations, "proximal": 1e-3}
+            with compiled.use(True):
+                found = steps_from(S, w0, **settings)
+            with compiled.use(False):
+                plain = steps_from(S, w0, **settings)
+            assert found[2] == plain[2] and abs(found[1] - plain[1]) < 1e-11
+            assert np.abs(found[0] - plain[0]).max() < 1e-10
+
+
+def test_whole_numbers_as_friction_and_bounds():
+    """Frictions and bounds given as integers are numbers like others."""
+    S = scaled(np.eye(4), np.array([-1.0, -1.0, 0.0, -1.0]), at_rest(Product([FrictionCone(1), Box([0], [2])])))
+    root = np.sqrt(0.5)
+    for coulomb, expected in ((True, [0.0, 0.0, 0.0, 1.0]), (False, [0.5, 0.5, root, 1.0])):  # the latter: a projection
+        with compiled.use(True):
+            w, merit, _ = steps_from(S, np.zeros(4), coulomb=coulomb)
+        assert merit < FOUND and np.abs(S.weights(w) - expected).max() < 1e-12
+
+
+@pytest.mark.parametrize("law", ["coulomb", "convex"])
+def test_reference_problems_are_answered_alike(law):
+    """`ConeSolver` with and without compiled code: the same motion to 1e-9, and the same forces where they are unique."""
+    asked = 0
+    for reference in reference_problems():
+        P, solver = reference.problem, rbd.ConeSolver(law=law)
+        if solver.reason_unsupported(P) is not None:
+            continue
+        with compiled.use(True):
+            found = solver.solve(P)
+        with compiled.use(False):
+            plain = solver.solve(P)
+        assert found.residuals.worst < 1e-9 and plain.residuals.worst < 1e-9
+        assert np.abs(found.a - plain.a).max() < 1e-9 * max(1.0, np.abs(plain.a).max())
+        asked += 1
+    assert asked >= 8
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_two_soles_are_answered_by_both_codes(coulomb, rng):
+    """Both satisfy the law. The motion is the same where it is unique: always for the convex law, else but for one in 30."""
+    P, mu = soles(CORNERS, CORNERS), np.full(8, 0.6)
+    newton, other, slipped, opened = ContactNewton(P, mu), 0, 0, 0
+    for _ in range(90):
+        D, c, start = drawn(rng, P)
+        found = newton.forces(D, c, start, coulomb=coulomb, compiled=True)
+        plain = newton.forces(D, c, start, coulomb=coulomb, compiled=False)
+        for answer in (found, plain):
+            assert answer.merit < FOUND
+            assert law_missed(D, c, P, mu, answer, coulomb=coulomb) < 1e-9
+        differ = np.abs(D @ (found.wrench - plain.wrench)).max() / max(1.0, np.abs(c).max())
+        opened += found.open
+        if not found.open:
+            other += differ > 1e-9
+            assert coulomb or differ < 1e-9
+        slipped += np.abs(D @ found.wrench + c).max() > 1e-6
+    assert slipped > 50 and other <= 3
+    assert (opened > 5) == coulomb  # a sole that slips and turns on four corners
+
+
+def test_a_family_of_motions_gives_the_limit_of_equal_compliance(rng):
+    """A box that slides and turns on four corners: both codes know it, and choose the same share of the load."""
+    P, mu = soles(CORNERS), np.full(4, 0.3)
+    D = np.diag([0.1, 0.1, 0.1, 1.0, 1.0, 1.0])
+    newton = ContactNewton(P, mu)
+    for _ in range(10):
+        wrench = np.array([100.0 + rng.random(), 20.0 * rng.random(), 100.0, 0.0, 0.0, 10.0 + 5.0 * rng.random()])
+        start = np.linalg.pinv(P) @ wrench
+        answers = [newton.forces(D, -D @ wrench, start, coulomb=True, compiled=way) for way in (True, False)]
+        assert all(answer.open and answer.merit < FOUND for answer in answers)
+        assert np.abs(answers[0].weights - answers[1].weights).max() < 1e-5 * 100.0
+    # With three corners the shares are determined.
+    P = soles(CORNERS[:3])
+    answers = [contact_forces(D, -D @ wrench, P, mu[:3], np.zeros(9), coulomb=True, compiled=way) for way in (True, False)]
+    assert not any(answer.open for answer in answers)
+    assert np.abs(answers[0].weights - answers[1].weights).max() < 1e-9
+
+
+@pytest.mark.parametrize("way", [True, False])
+def test_a_box_pushed_on_its_points_slides_as_the_closed_form_says(way):
+    """A point mass of 10 kg, mu = 0.6, pushed with 80 N: it slides at 2.114 m/s2 under Coulomb's law, and flies up at 0.933."""
+    D, weight = np.eye(3) / 10.0, 98.1
+    c = D @ np.array([80.0, 0.0, -weight])
+    coulomb = contact_forces(D, c, np.eye(3), np.array([0.6]), np.zeros(3), coulomb=True, compiled=way)
+    assert np.abs(coulomb.weights - [-0.6 * weight, 0.0, weight]).max() < 1e-9
+    convex = contact_forces(D, c, np.eye(3), np.array([0.6]), np.zeros(3), coulomb=False, compiled=way)
+    normal = (0.6 * 80.0 + weight) / (1.0 + 0.36)  # the projection of the needed force on the cone
+    assert np.abs(convex.weights - [-0.6 * normal, 0.0, normal]).max() < 1e-9
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+@pytest.mark.parametrize("way", [True, False])
+@pytest.mark.parametrize(("mu", "least"), [(0.0, 10), (1e-9, 10), (1e3, 4)])
+def test_extreme_friction(coulomb, way, mu, least, rng):
+    """None, hardly any and a thousand: an answer that satisfies the law, or a merit that says it is none."""
+    P, solved = soles(CORNERS, CORNERS), 0
+    newton = ContactNewton(P, np.full(8, mu))
+    for _ in range(10):
+        D, c, start = drawn(rng, P)
+        found = newton.forces(D, c, start, coulomb=coulomb, compiled=way)
+        assert np.isfinite(found.weights).all() and np.isfinite(found.wrench).all()
+        if found.merit < FOUND:
+            solved += 1
+            assert law_missed(D, c, P, np.full(8, mu), found, coulomb=coulomb) < 1e-7 * max(1.0, mu)
+    assert solved >= least
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+@pytest.mark.parametrize("way", [True, False])
+def test_points_that_all_leave_carry_nothing(coulomb, way):
+    """Bodies drawn upwards: zero forces, exactly; and zero for bodies that nothing moves."""
+    P, mu, D = soles(CORNERS, CORNERS), np.full(8, 0.6), np.eye(12)
+    up = np.tile([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], 2)
+    found = contact_forces(D, up, P, mu, np.ones(24), coulomb=coulomb, compiled=way)
+    assert found.merit < FOUND and not found.weights.any() and not found.open
+    found = contact_forces(D, np.zeros(12), P, mu, np.zeros(24), coulomb=coulomb, compiled=way)
+    assert found.merit < FOUND and not found.weights.any()
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+@pytest.mark.parametrize("way", [True, False])
+def test_numbers_that_are_none_give_an_infinite_merit(coulomb, way, rng):
+    """NaN or infinity in D or c: zero forces and an infinite merit, no exception; in the start: no harm."""
+    P = soles(CORNERS, CORNERS)
+    newton = ContactNewton(P, np.full(8, 0.6))
+    good = drawn(rng, P)
+    expected = newton.forces(*good, coulomb=coulomb, compiled=way)
+    for which in range(3):
+        for bad in (math.nan, math.inf):
+            given = [x.copy() for x in good]
+            given[which].flat[5] = bad
+            found = newton.forces(*given, coulomb=coulomb, compiled=way)
+            if which < 2:
+                assert found.merit == math.inf and not found.weights.any() and not found.wrench.any()
+            else:
+                assert found.merit < FOUND
+    again = newton.forces(*good, coulomb=coulomb, compiled=way)
+    assert np.array_equal(again.weights, expected.weights) and again[2:] == expected[2:]
+
+
+def test_results_are_not_overwritten_by_the_next_call(rng):
+    """Weights and wrench belong to the caller."""
+    P = soles(CORNERS, CORNERS)
+    newton = ContactNewton(P, np.full(8, 0.6))
+    first = newton.forces(*drawn(rng, P), coulomb=True, compiled=True)
+    kept = first.weights.copy()
+    newton.forces(*drawn(rng, P), coulomb=False, compiled=True)
+    assert np.array_equal(first.weights, kept)
+
+
+def test_objects_of_several_threads_do_not_disturb_each_other(rng):
+    """Four threads, each with its own object, give the bits of one."""
+    P, mu = soles(CORNERS, CORNERS), np.full(8, 0.6)
+    draws = [drawn(rng, P) for _ in range(20)]
+    expected = [ContactNewton(P, mu).forces(*d, coulomb=True, compiled=True).weights for d in draws]
+    wrong: list[int] = []
+
+    def run() -> None:
+        newton = ContactNewton(P, mu)
+        for i, d in enumerate(draws):
+            if not np.array_equal(newton.forces(*d, coulomb=True, compiled=True).weights, expected[i]):
+                wrong.append(i)
+
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def run_python(code: str, **env: str) -> dict:
+    """What a new process prints, as JSON."""
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **env}, capture_output=True, text=True, check=True, timeout=120
+    )
+    return json.loads(done.stdout)
+
+
+def test_numba_is_imported_only_where_it_is_used():
+    """`import rbd` does not; a cone problem does; with RBD_COMPILED=0 nothing does. The answers agree."""
+    code = """
+import json, sys
+import numpy as np, rbd
+before = "numba" in sys.modules
+from rbd.solvers.contact_newton import contact_forces
+D = np.eye(3) / 10.0
+w = contact_forces(D, D @ np.array([80.0, 0.0, -98.1]), np.eye(3), np.array([0.6]), np.zeros(3), coulomb=True).weights
+print(json.dumps({"before": before, "after": "numba" in sys.modules, "w": w.tolist()}))
+"""
+    fast, plain = run_python(code, RBD_COMPILED="1"), run_python(code, RBD_COMPILED="0")
+    assert (fast["before"], fast["after"]) == (False, True)
+    assert (plain["before"], plain["after"]) == (False, False)
+    assert np.abs(np.array(fast["w"]) - plain["w"]).max() < 1e-9
+
+
+def test_code_that_cannot_be_kept_on_disk_is_compiled_all_the_same():
+    """Where no cache can be written: Numba refuses to cache a function without a file, and it works nevertheless."""
+    from rbd.solvers.small_systems import compiled as compile_
+
+    space: dict = {}
+    exec(compile("def twice(x):\n    return 2.0 * x\n", "<nowhere>", "exec"), space)
+    assert compile_(space["twice"])(21.0) == 42.0
+
+
+def test_elimination_solves_and_knows_what_it_cannot():
+    """With pivots; a singular matrix and one that is not finite are refused."""
+    from rbd.solvers.small_systems import eliminate, independent, inverse
+
+    rng = np.random.default_rng(4)
+    A, x = rng.normal(size=(7, 7)), rng.normal(size=7)
+    A[0, 0] = 0.0
+    b = A @ x
+    assert eliminate(A.copy(), b, 7) and np.abs(b - x).max() < 1e-12
+    assert not eliminate(np.ones((3, 3)), np.ones(3), 3)
+    assert not eliminate(np.full((3, 3), np.nan), np.ones(3), 3)
+    D, out, room = A @ A.T, np.zeros((7, 7)), np.zeros((7, 7))
+    assert inverse(D, out, room) and np.abs(D @ out - np.eye(7)).max() < 1e-9
+    assert not inverse(-D, out, room)
+    rows = np.vstack([rng.normal(size=(3, 7)), np.zeros((1, 7))])
+    rows[3] = rows[0] - 2.0 * rows[1]
+    assert independent(rows, 4, 1e-9) == 3
+    assert np.abs(rows[:3] @ rows[:3].T - np.eye(3)).max() < 1e-12
