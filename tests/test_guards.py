@@ -285,6 +285,12 @@ def use_word(word: Any, kind: Any) -> Any:
         KINDS.update(before)
 
 
+def use_measured(*given: Any, ask: Any = rbd.estimate_forces, **named: Any) -> Any:
+    """What explains a motion, what is left, and its covariance."""
+    found = ask(*given, **named)
+    return found.row_forces, found.residual, found.tau, found.net, found.row_covariance
+
+
 def use_ground(on: Any) -> Any:
     """How far a point and a sole are from a plane."""
     contacts = rbd.PointContact("toe", "box", on=on), rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.05), on=on)
@@ -456,6 +462,29 @@ CASES: dict[str, Case] = {
         rbd.inverse_dynamics,
         {"state": STATE, "a": np.zeros(BOLT.nv), "contacts": FEET, "external": np.zeros(BOLT.nv), "friction": "cone"}
         | {"objective": rbd.statics.Effort(forces=1e-3), "margin": 0.1, "rest_speed": 1e-6},
+    ),
+    "estimate_forces": Case(
+        use_measured,
+        {"state": MOVING, "a": V, "contacts": FEET, "tau": TAU, "noise": rbd.motion.SensorNoise(a=0.1, tau=0.2)}
+        | {"external": np.zeros(BOLT.nv)},
+        30,
+    ),
+    "estimate_forces_along": Case(
+        lambda **given: rbd.motion.estimate_forces_along(TRAJECTORY, **given).net,
+        {"contacts": FLOOR, "tau": np.zeros((4, 0)), "a": np.zeros((4, 6)), "touches": np.ones((4, 1), bool)}
+        | {"noise": rbd.motion.SensorNoise(a=0.1), "external": np.zeros(6)},
+        30,
+    ),
+    "SensorNoise": Case(
+        lambda **given: use_measured(STATE, V, FEET, TAU, noise=rbd.motion.SensorNoise(**given)),
+        {"q": 1e-4, "v": 1e-3, "a": 0.1, "tau": 0.1},
+        30,
+    ),
+    "MomentumObserver": Case(
+        lambda t, state, tau, **given: use_measured(ask=rbd.motion.MomentumObserver(**given).update, t=t, state=state, tau=tau),
+        {"robot": BOLT, "contacts": FEET, "bandwidth": 20.0, "torques": True, "held": False, "t": 0.1, "state": MOVING}
+        | {"tau": TAU, "noise": rbd.motion.SensorNoise(v=1e-3, tau=0.2)},
+        30,
     ),
     "Effort": Case(
         lambda **given: rbd.hold(STATE, FEET, objective=rbd.statics.Effort(**given)),
@@ -707,6 +736,9 @@ CASES: dict[str, Case] = {
 MADE_BY_RBD = {
     "Answer",
     "Trajectory",
+    "ForceEstimate",
+    "ForceHistory",
+    "OpenComponents",
     "Event",
     "ContactPoints",
     "Solutions",
@@ -925,6 +957,7 @@ def public() -> Iterator[str]:
         rbd.control,
         rbd.many,
         rbd.model,
+        rbd.motion,
         rbd.problem,
         rbd.robots,
         rbd.simulation,

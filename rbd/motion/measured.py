@@ -299,9 +299,12 @@ def checked_touches(touches: object, frames: int, count: int) -> Array:
     """
     if touches is None:
         return np.ones((frames, count), bool)
-    out = np.asarray(touches)
+    try:
+        out = np.array(touches)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"touches is no array of truth values: {error}.") from None
     if out.dtype != bool or out.shape != (frames, count):
         raise InputError(
             f"touches has shape {out.shape} of {out.dtype}; expected ({frames}, {count}) truth values, a column a contact."
         )
-    return out.copy()
+    return out

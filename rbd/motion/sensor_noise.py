@@ -24,6 +24,8 @@ from rbd.model.state import State
 
 FLOOR = 1e-6
 """Standard deviations of generalised forces are at least this share of `force_scale`: without noise they are that exact."""
+_ROUNDING = 1e-13  # of the largest variance: what is added to all, so that a large noise leaves a positive definite matrix
+_MOST = 1e6
 _STEP = 1e-5  # of the central differences [rad, m]: they are then right to ten digits
 
 
@@ -50,10 +52,10 @@ class SensorNoise:
         given = {what: as_array(f"noise of {what}", getattr(self, what)) for what in ("q", "v", "a", "tau")}
         for what, value in given.items():
             check_finite(f"noise of {what}", value)
-            if value.ndim > 1 or (value < 0.0).any():
+            if value.ndim > 1 or not ((value >= 0.0) & (value < _MOST)).all():
                 raise InputError(
-                    f"noise of {what} is {getattr(self, what)!r:.80}; expected standard deviations of 0 or more, one number or "
-                    "one a coordinate."
+                    f"noise of {what} is {getattr(self, what)!r:.80}; expected standard deviations of 0 or more, below "
+                    f"{_MOST:g}, one number or one a coordinate."
                 )
         if not any(value.any() for value in given.values()):
             raise InputError("the noise is zero everywhere; give noise=None for equal weights.")
@@ -123,7 +125,7 @@ def whitening(covariance: Array | None, scale: Array) -> Array:
     if covariance is None:
         return np.diag(1.0 / scale)
     scaled = covariance / np.outer(scale, scale)
-    scaled.flat[:: len(scaled) + 1] += FLOOR**2
+    scaled.flat[:: len(scaled) + 1] += FLOOR**2 + _ROUNDING * float(scaled.diagonal().max(initial=0.0))
     L = np.linalg.cholesky(scaled)
     return np.asarray(solve_triangular(L, np.diag(1.0 / scale), lower=True))
 
