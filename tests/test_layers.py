@@ -259,7 +259,10 @@ class TestWhatStandsOnTop:
 
     def test_few_names_stand_on_top(self):
         """What a first script needs; the rest is in the sub-packages."""
-        assert len({*rbd.__all__} - {"inverse_dynamics", "find_pose", "solve_many", "Motion", "check_motion", "estimate_forces"}) <= 45
+        assert (
+            len({*rbd.__all__} - {"inverse_dynamics", "find_pose", "solve_many", "Motion", "check_motion", "estimate_forces"})
+            <= 45
+        )
 
     def test_every_sub_package_can_be_reached(self):
         """`import rbd` is enough."""

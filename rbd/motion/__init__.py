@@ -3,6 +3,7 @@
 from rbd.modules import submodule as _submodule
 from rbd.motion.derivation import Derivation, derivatives
 from rbd.motion.force_estimate import ForceEstimate, OpenComponents
+from rbd.motion.making import minimum_jerk
 from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_along
 from rbd.motion.motion import Motion
 from rbd.motion.observer import MomentumObserver
@@ -19,6 +20,7 @@ __all__ = [
     "derivatives",
     "estimate_forces",
     "estimate_forces_along",
+    "minimum_jerk",
 ]
 
 

@@ -74,25 +74,26 @@ class _Reader:
     def table(self) -> Table:
         """All of it."""
         block = self._block()
-        names, first_line = None, 0
-        while block is not None and not first_line:  # comments and one header
+        names, commented, first_line = None, None, 0
+        while block is not None and not first_line:  # comments, and a header, which may be one
             line, _, after = block.partition("\n")
-            word = line.strip().lstrip("#").strip()
-            if not word or (line.lstrip().startswith("#") and not _cells(word)[1:]):
-                self.line += 1
-                block = after if after else self._block()
-                continue
-            if any(_is_word(cell) for cell in _cells(word)) and names is None and _looks_like_header(_cells(word)):
-                names = tuple(cell.strip().strip("\"'") for cell in _cells(word))
-                self.line += 1
-                block = after if after else self._block()
-                continue
-            first_line = self.line
+            cells = _cells(line.strip().lstrip("#").strip())
+            if line.lstrip().startswith("#"):
+                commented = cells
+            elif line.strip() and names is None and _looks_like_header(cells):
+                names = cells
+            elif line.strip():
+                first_line = self.line
+                break
+            self.line += 1
+            block = after if after else self._block()
         if block is None:
-            what = "only a header" if names else "nothing"
+            what = "only a header" if names or commented else "nothing"
             raise InputError(f"{self.name} holds {what}; expected a line of numbers a frame.")
         separator = _separator(block.partition("\n")[0])
         width = len(_cells(block.partition("\n")[0]))
+        if names is None and commented is not None and len(commented) == width and _looks_like_header(commented):
+            names = commented
         if names is not None and len(names) != width:
             raise InputError(
                 f"{self.name}: its header names {len(names)} columns, line {first_line} has {width}. Each needs a name."
@@ -108,7 +109,8 @@ class _Reader:
             self.told(float(self.read))  # type: ignore[operator]
             block = self._block()
         out.resize((n, width), refcheck=False)
-        return Table(names, out, steps, first_line)
+        named = None if names is None else tuple(cell.strip().strip("\"'") for cell in names)
+        return Table(named, out, steps, first_line)
 
     def _block(self) -> str | None:
         """The next whole lines, None at the end."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -25,8 +25,8 @@ UNIFORM = 1e-6
 """Time steps count as equal within this share of them."""
 CHUNK = 4096
 """Frames differentiated at once: windows of a million would not fit into memory."""
-SMOOTHED = 5
-"""Frames of the window, of order 4, that differentiates what a low-pass has smoothed."""
+SMOOTHED = 7
+"""Frames of the window, of order 6, that differentiates what a low-pass has smoothed."""
 LOWEST = 0.005
 """Least cut-off over the rate: below it the smoother's matrix is singular to rounding."""
 
@@ -40,7 +40,7 @@ class Derivation:
             smoothed without delay first.
         window: From the first frame of a window to its last [s].
         order: Order of the polynomial.
-        cutoff: Frequency at which half of an acceleration's amplitude is left [Hz].
+        cutoff: Frequency at which half of an acceleration's amplitude is left [Hz]; of a low-pass, half of a position's.
         noise_q: Standard deviation of q along each velocity, shape (nv,) [m, rad]: of rounded decimals, or as given.
         noise_v: What it leaves in v, shape (nv,) [m/s, rad/s], half a window from the ends and more.
         noise_a: What it leaves in a, shape (nv,) [m/s2, rad/s2], likewise.
@@ -89,26 +89,32 @@ def derivatives(
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite, or settings out of range.
     """
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
     t, q = checked_times(t), as_array("q", q)
     if q.shape != (len(t), robot.nq):
         raise InputError(f"q has shape {q.shape}; expected ({len(t)}, {robot.nq}): a row a time, a column a coordinate.")
     check_finite("q", q)
-    if method not in get_args(Method):
+    if not isinstance(method, str) or method not in get_args(Method):
         raise InputError(f"method is {method!r:.80}; expected 'local polynomial' or 'low-pass'.")
     if len(t) < 2:
         raise InputError(f"{len(t)} frame has no velocity; expected two frames or more, or v and a with q.")
-    sigma = np.broadcast_to(as_array("noise", noise), robot.nv).copy()
+    sigma = as_array("noise", noise)
+    if sigma.shape not in ((), (robot.nv,)) or not (sigma >= 0.0).all() or not (sigma <= 1e5).all():
+        raise InputError(f"noise is {noise!r:.80}; expected a standard deviation, a number or shape ({robot.nv},) [m, rad].")
+    sigma = np.broadcast_to(sigma, robot.nv).copy()
     dt = float(t[-1] - t[0]) / (len(t) - 1)
+    if not 1e-7 <= dt <= 1e5:
+        raise InputError(f"times are {dt:.3g} s apart in the mean; expected 1e-7 to 1e5 s.")
     smoother = None
     if method == "low-pass":
         if cutoff is None:
             raise InputError("a low-pass needs its cut-off: cutoff=6.0 [Hz].")
         smoother = check_cutoff(cutoff, t)
-        q, frames, order = low_passed(robot, q, smoother), SMOOTHED, 4
+        q, frames, order = low_passed(robot, q, smoother), SMOOTHED, 6
     else:
         order = _check_order(order)
-        half = round(0.5 * check_positive("window", window, 1e6) / dt)
-        frames = max(2 * min(half, len(t)) + 1, order + 2 + order % 2)
+        frames = _window(t, window, order)
     frames = min(frames, len(t))
     order = min(order, frames - 1)
     v, a = np.empty((len(t), robot.nv)), np.zeros((len(t), robot.nv))
@@ -116,14 +122,30 @@ def derivatives(
         end = min(begin + CHUNK, len(t))
         v[begin:end], a[begin:end] = _derived(robot, t, q, begin, end, frames, order)
     gain_v, gain_a, half_left = _response(dt, frames, order, smoother)
+    half_left = half_left if cutoff is None or smoother is None else float(cutoff)
     how = Derivation(method, (frames - 1) * dt, order, half_left, sigma, gain_v * sigma, gain_a * sigma)
     return v, a, how
 
 
+def stencil_derivatives(robot: CheckedModel, t: Array, q: Array) -> tuple[Array, Array]:
+    """(v, a) at the middle of each group of five frames, by the polynomial of order 4 through them, shape (n / 5, nv)."""
+    v, a = _derived(robot, t, q, 0, len(t), 5, 4)
+    return v[2::5], a[2::5]
+
+
+def derived_again(robot: CheckedModel, t: Array, q: Array, how: Derivation) -> tuple[Array, Array, Derivation]:
+    """The same of other frames, with the settings and the noise of q of an earlier derivation."""
+    cutoff = how.cutoff if how.method == "low-pass" else None
+    settings: dict[str, Any] = {"window": how.window or 0.2, "order": max(2, how.order), "method": how.method, "cutoff": cutoff}
+    return derivatives(robot, t, q, **settings, noise=how.noise_q)
+
+
 def derivative(t: Array, x: Array, *, window: float = 0.2, order: int = 3) -> Array:
     """The derivative of sampled numbers, shape (n, k), by local polynomials; arguments as `derivatives`."""
-    dt = float(t[-1] - t[0]) / (len(t) - 1)
-    frames = min(max(2 * round(0.5 * window / dt) + 1, order + 2 + order % 2), len(t))
+    if len(t) < 2:
+        raise InputError("one frame has no acceleration; give a with v.")
+    order = _check_order(order)
+    frames = _window(t, window, order)
     out = np.empty(x.shape)
     for begin in range(0, len(t), CHUNK):
         end = min(begin + CHUNK, len(t))
@@ -222,6 +244,13 @@ def _smoothed(x: Array, share: float) -> Array:
     return np.asarray(solveh_banded(bands, x, lower=True))
 
 
+def _window(t: Array, window: float, order: int) -> int:
+    """How many frames a window has."""
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    half = min(0.5 * check_positive("window", window, 1e6) / dt, len(t))
+    return min(max(2 * round(half) + 1, order + 2 + order % 2), len(t))
+
+
 def _check_order(order: int) -> int:
     if isinstance(order, bool) or not isinstance(order, int) or not 2 <= order <= 8:
         raise InputError(f"order is {order!r:.80}; expected a whole number from 2 to 8.")
@@ -248,27 +277,32 @@ def _derived(robot: CheckedModel, t: Array, q: Array, begin: int, end: int, fram
         if p.kind in ("circle", "plane"):
             angle = np.unwrap(np.arctan2(own[:, -1], own[:, -2]))
             turn = fitted(angle[windows][:, :, None])
-            if p.kind == "circle":
-                v[:, out], a[:, out] = turn
-                continue
-            c, s = own[begin:end, 2], own[begin:end, 3]
-            speed, rise = fitted(own[:, :2][windows])
-            for x, given, w in ((v, speed, turn[0]), (a, rise, turn[1])):
-                x[:, p.v] = c * given[:, 0] + s * given[:, 1]
-                x[:, p.v + 1] = c * given[:, 1] - s * given[:, 0]
-                x[:, p.v + 2] = w[:, 0]
-            a[:, p.v] += v[:, p.v + 2] * v[:, p.v + 1]  # components along turning axes: less w x v
-            a[:, p.v + 1] -= v[:, p.v + 2] * v[:, p.v]
-            continue
-        turned = own[:, -4:]
-        inverse = conjugate(turned[begin:end])
-        spin, turning = fitted(logarithm(product(inverse[:, None], turned[windows])))
-        v[:, p.v + p.nv - 3 : p.v + p.nv], a[:, p.v + p.nv - 3 : p.v + p.nv] = spin, turning
-        if p.kind == "space":
-            speed, rise = fitted(own[:, :3][windows])
-            v[:, p.v : p.v + 3] = speed = rotated(inverse, speed)
-            a[:, p.v : p.v + 3] = rotated(inverse, rise) - np.cross(spin, speed)
+        else:
+            turn = fitted(logarithm(product(conjugate(own[begin:end, -4:])[:, None], own[:, -4:][windows])))
+        slide = fitted(own[:, : p.nq - (2 if p.kind == "plane" else 4)][windows]) if p.kind in ("plane", "space") else turn
+        v[:, out], a[:, out] = own_rates(p.kind, own[begin:end], slide, turn)
     return v, a
+
+
+def own_rates(kind: str, q: Array, slide: tuple[Array, Array], turn: tuple[Array, Array]) -> tuple[Array, Array]:
+    """(v, a) of an elementary joint, along its own axes.
+
+    Args:
+        kind: Its kind, a member of `rbd.model.joints.Piece`.
+        q: Its part of q, shape (n, nq of it).
+        slide: First and second derivative of its position in its parent's axes; not used by kinds that only turn.
+        turn: The same of its rotation, about its own axes.
+    """
+    if kind not in ("plane", "space"):
+        return turn
+    if kind == "space":
+        inverse = conjugate(q[:, 3:])
+        speed, rise = rotated(inverse, slide[0]), rotated(inverse, slide[1]) - np.cross(turn[0], rotated(inverse, slide[0]))
+    else:
+        c, s = q[:, 2, None], q[:, 3, None]
+        speed, rise = (c * x + s * np.stack([x[:, 1], -x[:, 0]], axis=1) for x in slide)
+        rise = rise - turn[0] * np.stack([-speed[:, 1], speed[:, 0]], axis=1)  # components along turning axes: less w x v
+    return np.concatenate([speed, turn[0]], axis=1), np.concatenate([rise, turn[1]], axis=1)
 
 
 def _weights(t: Array, begin: int, end: int, frames: int, order: int) -> tuple[Array, tuple[Array, Array]]:

@@ -7,13 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_finite
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.derivation import Derivation
+from rbd.motion.derivation import NEARLY_UNIT, Derivation, unit_blocks
 
 LEAST_RATE, MOST_RATE = 1.0, 10_000.0
 """Rates that a motion can have [Hz]."""
+EXACT = 1e-12
+"""Norms off by less are said to be one."""
+MOST_FRAMES = 1e7
+"""Frames of a motion that is made or resampled."""
 MANY_TURNS = 4.0 * np.pi
 """Joint angles beyond this are degrees, where the units are not given [rad]."""
 
@@ -59,6 +63,18 @@ def check_rate(rate: float, what: str = "rate") -> float:
     return found
 
 
+def times_of(start: float, end: float, rate: float) -> Array:
+    """Even times from start to the last that is not after the end, shape (n,).
+
+    Raises:
+        InputError: more frames than fit into memory.
+    """
+    count = (end - start) * rate
+    if not count < MOST_FRAMES:
+        raise InputError(f"{end - start:.6g} s at {rate:g} Hz are {count:.3g} frames; at most {MOST_FRAMES:.0e} are made.")
+    return np.asarray(np.minimum(start + np.arange(int(count * (1.0 + 1e-12) + 1e-9) + 1) / rate, end))
+
+
 def unit_of(robot: CheckedModel, names: Sequence[str], x: Array, units: str | None, file: str) -> Array:
     """What each joint's numbers are multiplied by, for radians and metres, shape (k,).
 
@@ -95,3 +111,35 @@ def joint_values(robot: CheckedModel, q: Array, names: Sequence[str]) -> Array:
         own = q[:, joint.q]
         out[:, k] = np.unwrap(np.arctan2(own[:, 1], own[:, 0])) if joint.is_continuous else own[:, 0]
     return out
+
+
+def check_shape(what: str, x: Array, shape: tuple[int, ...], most: float = np.inf) -> None:
+    """Refuse arrays of another shape, and numbers that are not finite or larger than `most`, by frame and column."""
+    if x.shape != shape:
+        raise InputError(f"{what} has shape {x.shape}; expected {shape}: a row a time, a column a coordinate.")
+    if not np.isfinite(x).all():
+        row, column = np.argwhere(~np.isfinite(x))[0]
+        raise InputError(f"{what} at frame {row}, column {column} is {x[row, column]}; expected a finite number.")
+    check_finite(what, x)
+    if x.size and np.abs(x).max() > most:
+        row, column = np.argwhere(np.abs(x) > most)[0]
+        raise InputError(f"{what} at frame {row}, column {column} is {x[row, column]:.6g}; at most {most:g} is taken [m, rad].")
+
+
+def normalise(robot: CheckedModel, q: Array) -> list[str]:
+    """Divide quaternions and unit circles by their norms, in place, and say so where it changes them."""
+    said = []
+    for block in unit_blocks(robot):
+        norm = np.linalg.norm(q[:, block], axis=1)
+        off = np.abs(norm - 1.0)
+        worst = int(off.argmax())
+        if not off[worst] <= NEARLY_UNIT:
+            what = "quaternion (x, y, z, w)" if block.stop - block.start == 4 else "unit circle (cos, sin)"
+            raise InputError(
+                f"frame {worst}: the {what} in columns {block.start} to {block.stop - 1} has norm {norm[worst]:.6g}; "
+                f"expected 1 to {NEARLY_UNIT:g}. Are these its columns?"
+            )
+        q[:, block] /= norm[:, None]
+        if off[worst] > EXACT:
+            said.append(f"unit vectors in q[:, {block.start}:{block.stop}] were normalised: off by up to {off[worst]:.1g}.")
+    return said

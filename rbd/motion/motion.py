@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.errors import InputError
-from rbd.model.checked_model import CheckedModel
+from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.state import State
-from rbd.motion.derivation import NEARLY_UNIT, Derivation, checked_times, derivative, derivatives, method_of, unit_blocks
+from rbd.motion.derivation import (
+    Derivation,
+    check_cutoff,
+    checked_times,
+    derivative,
+    derivatives,
+    derived_again,
+    is_uniform,
+    low_passed,
+    method_of,
+    stencil_derivatives,
+)
+from rbd.motion.frames import check_rate, check_shape, normalise, times_of
+from rbd.motion.interpolation import cubic, interpolated_q
 from rbd.motion.reading import read_frames
+from rbd.motion.symmetry import mirrored, symmetry_of
+from rbd.motion.writing import a_motion_path, write_bodies, write_csv, write_motion
+from rbd.simulation.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from rbd.simulation.trajectory import Trajectory
-
-EXACT = 1e-12
+STENCIL = 1e-3
+"""Time between the values of a function that v and a come from [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +81,7 @@ class Motion:
         a: Array | None = None,
         *,
         source: str = "arrays",
-        notes: Iterable[str] = (),
+        notes: Sequence[str] = (),
         window: float = 0.2,
         order: int = 3,
         cutoff: float | None = None,
@@ -99,8 +113,10 @@ class Motion:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
         t, q = checked_times(t), as_array("q", q)
-        _check_shape("q", q, (len(t), robot.nq))
-        said = [*notes, *_normalise(robot, q)]
+        check_shape("q", q, (len(t), robot.nq), FARTHEST)
+        if not isinstance(notes, list | tuple) or not all(isinstance(note, str) for note in notes):
+            raise InputError(f"notes is {notes!r:.80}; expected a list of sentences.")
+        said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
         if v is None and a is not None:
@@ -109,14 +125,12 @@ class Motion:
             v, a, how = derivatives(robot, t, q, **settings, method=method_of(cutoff), cutoff=cutoff, noise=noise)
         else:
             v = as_array("v", v)
-            _check_shape("v", v, (len(t), robot.nv))
+            check_shape("v", v, (len(t), robot.nv), FARTHEST)
             if a is None:
-                if len(t) < 2:
-                    raise InputError("one frame has no acceleration; give a with v.")
                 a = derivative(t, v, **settings)
                 said.append(f"accelerations are derivatives of the velocities given, over {window:g} s.")
         a = as_array("a", a)
-        _check_shape("a", a, (len(t), robot.nv))
+        check_shape("a", a, (len(t), robot.nv))
         height = as_float(ground)
         if not abs(height) < 1e5:
             raise InputError(f"ground is {ground!r:.80}; expected a height [m].")
@@ -179,7 +193,32 @@ class Motion:
     def of_trajectory(cls, trajectory: Trajectory) -> Motion:
         """The motion of a trajectory: its t, q, v and a as they were simulated."""
         x = trajectory
+        if not isinstance(x, Trajectory):
+            raise InputError(f"trajectory is {x!r:.80}; expected what rbd.simulate returns.")
         return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory")
+
+    @classmethod
+    def from_function(cls, robot: CheckedModel, f: Callable[[float], Array], t: Array, *, ground: float = 0.0) -> Motion:
+        """The motion q = f(t) at given times; v and a by differences over 4 ms, of fourth and third order.
+
+        Args:
+            robot: The robot.
+            f: Takes a time [s], also up to 2 ms before the first and after the last; returns q, shape (nq,).
+            t: Times, shape (n,) [s], increasing by 5 ms or more.
+            ground: Height of the floor [m].
+
+        Raises:
+            InputError: times that do not increase so, or what f returns is no q of this robot.
+        """
+        if not isinstance(robot, CheckedModel) or not callable(f):
+            raise InputError(f"robot and f are {robot!r:.60} and {f!r:.60}; expected a robot and a function of time.")
+        t = checked_times(t)
+        if len(t) > 1 and np.diff(t).min() < 5.0 * STENCIL:
+            raise InputError(f"times are {np.diff(t).min():.3g} s apart; expected {5.0 * STENCIL:g} s or more.")
+        times = (t[:, None] + STENCIL * np.arange(-2, 3)).ravel()
+        q = np.array([robot.check_q(_value(f, float(each))) for each in times])
+        v, a = stencil_derivatives(robot, times, q)
+        return cls.of_arrays(robot, t, q[2::5], v, a, source="function", ground=ground)
 
     @property
     def n(self) -> int:
@@ -207,6 +246,136 @@ class Motion:
             raise InputError(f"frame {i!r:.80} of a motion; expected a whole number from {-self.n} to {self.n - 1}.")
         return State(self.robot, self.q[i], self.v[i])
 
+    def with_contacts(self, contacts: Any) -> Motion:
+        """The same motion with given contacts: `Lanes`, or None to have them found."""
+        return replace(self, contacts=contacts)
+
+    def resample(self, rate: float) -> Motion:
+        """The motion at another rate [Hz]; q by cubics on the manifold through q and v of the frames.
+
+        v and a are derived again as they were; given ones are interpolated. The last frame is the last that fits.
+
+        Raises:
+            InputError: a rate that no motion has, or a motion of one frame.
+        """
+        rate = check_rate(rate)
+        if self.n < 2:
+            raise InputError("a motion of one frame cannot be resampled.")
+        t = times_of(float(self.t[0]), float(self.t[-1]), rate)
+        if len(t) < 2:
+            raise InputError(f"rate is {rate:g}; a motion of {self.duration:g} s has no two frames then.")
+        q = interpolated_q(self.robot, self.t, self.q, self.v, t)
+        note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz."
+        if self.derivation is not None:
+            return self._changed(note, t=t, q=q)
+        v, a = cubic(self.t, self.v, self.a, t), np.empty((len(t), self.robot.nv))
+        for k in range(self.robot.nv):
+            a[:, k] = np.interp(t, self.t, self.a[:, k])
+        return self._changed(note, t=t, q=q, v=v, a=a)
+
+    def cut(self, start: float | None = None, end: float | None = None) -> Motion:
+        """The frames from one time to another [s], both included; times remain as they are.
+
+        Raises:
+            InputError: no frame is between them.
+        """
+        begin = self.t[0] if start is None else as_float(start)
+        stop = self.t[-1] if end is None else as_float(end)
+        chosen = (self.t >= begin - 1e-9) & (self.t <= stop + 1e-9)
+        if not chosen.any():
+            raise InputError(
+                f"no frame is from {start!r:.40} to {end!r:.40} s; the motion is from {self.t[0]:g} to {self.t[-1]:g} s."
+            )
+        given = {name: getattr(self, name)[chosen] for name in ("t", "q", "v", "a")}
+        return self._changed(f"cut to {given['t'][0]:g} to {given['t'][-1]:g} s.", **given)
+
+    def mirror(self) -> Motion:
+        """Left and right exchanged, by the names of the joints, across the plane y = 0 of the world.
+
+        Kinematics is mirrored to the symmetry of the robot, whose joints are checked; its masses are not.
+
+        Raises:
+            InputError: a robot without a floating base, or a joint that is not the mirror image of its partner.
+        """
+        symmetry = symmetry_of(self.robot)
+        q, (v, a) = mirrored(self.robot, symmetry, self.q, (self.v, self.a))
+        how = self.derivation
+        if how is not None:
+            noise = {f"noise_{x}": getattr(how, f"noise_{x}")[symmetry.partner] for x in "qva"}
+            how = replace(how, **noise)
+        error = f"; the robot is symmetric to {1e3 * symmetry.error:.2g} mm" if symmetry.error > 1e-6 else ""
+        return self._changed(f"left and right were exchanged{error}.", q=q, v=v, a=a, derivation=how)
+
+    def lifted(self, height: float) -> Motion:
+        """The same motion higher above the floor, by a constant [m].
+
+        Raises:
+            InputError: a robot without a floating base, or no height.
+        """
+        by = as_float(height)
+        if not self.robot.floating:
+            raise InputError(f"{self.robot.name} has no floating base that could be lifted.")
+        if not abs(by) < 1e5:
+            raise InputError(f"height is {height!r:.80}; expected a length [m].")
+        q = self.q.copy()
+        q[:, 2] += by
+        return self._changed(f"lifted by {by:g} m.", q=q, v=self.v, a=self.a)
+
+    def filtered(self, cutoff: float) -> Motion:
+        """Q smoothed by a low-pass without delay, and v and a from it; half of an amplitude at `cutoff` [Hz] is left.
+
+        Raises:
+            InputError: a cut-off that the rate does not allow, or unequal times.
+        """
+        q = low_passed(self.robot, self.q, check_cutoff(cutoff, self.t))
+        noise = 0.0 if self.derivation is None else self.derivation.noise_q
+        v, a, how = derivatives(self.robot, self.t, self.q, method="low-pass", cutoff=cutoff, noise=noise)
+        return self._changed(f"smoothed by a low-pass at {cutoff:g} Hz.", keep=True, q=q, v=v, a=a, derivation=how)
+
+    def save(self, path: str | os.PathLike[str], *, kind: str = "motion", header: bool = True, decimals: int = 6) -> None:
+        """Write it to a file that `read` reads; an existing one is replaced only when the new one is complete.
+
+        Contacts are not stored.
+
+        Args:
+            path: Ends in .csv, a table of t and q, or in .npz.
+            kind: Of an .npz: "motion", with t, q, v and a to the last bit; "bodies", as trackers of motions read it: fps,
+                joint_pos, joint_vel, and the poses and velocities of all bodies, joints breadth-first, quaternions w x y z.
+            header: Of a .csv: names and times; False for numbers alone, as most tools for retargeted motions expect.
+            decimals: Of a .csv.
+
+        Raises:
+            InputError: another suffix, a path that cannot be written, or a robot that this kind of file cannot hold.
+        """
+        where = a_motion_path(path)
+        check_flag("header", header)
+        if (
+            not isinstance(kind, str)
+            or kind not in ("motion", "bodies")
+            or (kind == "bodies" and where.suffix.lower() == ".csv")
+        ):
+            raise InputError(f"kind is {kind!r:.80}; expected 'motion', or 'bodies' for an .npz.")
+        if where.suffix.lower() == ".csv":
+            write_csv(where, self.robot, self.t, self.q, header=header, decimals=decimals)
+        elif kind == "motion":
+            arrays = {name: getattr(self, name) for name in ("t", "q", "v", "a")}
+            write_motion(where, self.robot, arrays, self.notes, self.derivation, self.ground)
+        elif self.n < 2 or not is_uniform(self.t):
+            raise InputError("such a file has one rate for all frames; resample the motion first: motion.resample(rate).")
+        else:
+            write_bodies(where, self.robot, self.t, self.q, self.v)
+
+    def _changed(self, note: str, *, keep: bool = False, **fields: Any) -> Motion:
+        """A copy with other arrays, v and a derived again where they are not given; its contacts are left out unless `keep`."""
+        notes = [*self.notes, note]
+        if self.contacts is not None and not keep:
+            fields["contacts"] = None
+            notes.append("contacts given before were left out.")
+        if "v" not in fields and self.derivation is not None:
+            t, q = fields.get("t", self.t), fields["q"]
+            fields["v"], fields["a"], fields["derivation"] = derived_again(self.robot, t, q, self.derivation)
+        return replace(self, notes=tuple(notes), **fields)
+
     def __len__(self) -> int:
         return self.n
 
@@ -215,31 +384,8 @@ class Motion:
         return f"Motion({self.robot.name!r}, {self.n} frames, {times}, from {self.source})"
 
 
-def _check_shape(what: str, x: Array, shape: tuple[int, ...]) -> None:
-    if x.shape != shape:
-        raise InputError(f"{what} has shape {x.shape}; expected {shape}: a row a time, a column a coordinate.")
-    if not np.isfinite(x).all():
-        row, column = np.argwhere(~np.isfinite(x))[0]
-        raise InputError(f"{what} at frame {row}, column {column} is {x[row, column]}; expected a finite number.")
-    check_finite(what, x)
-
-
-def _normalise(robot: CheckedModel, q: Array) -> list[str]:
-    """Divide quaternions and unit circles by their norms, in place, and say so where it changes them."""
-    said = []
-    for block in unit_blocks(robot):
-        norm = np.linalg.norm(q[:, block], axis=1)
-        off = np.abs(norm - 1.0)
-        worst = int(off.argmax())
-        if not off[worst] <= NEARLY_UNIT:
-            what = "quaternion (x, y, z, w)" if block.stop - block.start == 4 else "unit circle (cos, sin)"
-            raise InputError(
-                f"frame {worst}: the {what} in columns {block.start} to {block.stop - 1} has norm {norm[worst]:.6g}; "
-                f"expected 1 to {NEARLY_UNIT:g}. Are these its columns?"
-            )
-        q[:, block] /= norm[:, None]
-        if off[worst] > EXACT:
-            said.append(
-                f"unit vectors in columns {block.start} to {block.stop - 1} were normalised: off by up to {off[worst]:.1g}."
-            )
-    return said
+def _value(f: Callable[[float], Array], t: float) -> Array:
+    try:
+        return f(t)
+    except Exception as error:
+        raise InputError(f"f raised {type(error).__name__} at t = {t:.9g} s: {str(error)[:200]}") from error

@@ -145,7 +145,8 @@ def _of_bodies(
     told_errors = "; ".join(f"{what}: {1e3 * e[0]:.3g} mm, {e[1]:.2g} rad" for what, e in errors.items())
     raise InputError(
         f"{path.name}: no order of joints puts all bodies within {1e3 * NEAR:g} mm and {TURNED:g} rad of body_pos_w and "
-        f"body_quat_w; the worst body by order is off by {told_errors}. Give joints=[...] in order, or the robot that it was made for."
+        f"body_quat_w; the worst body by order is off by {told_errors}. "
+        "Give joints=[...] in order, or the robot that it was made for."
     )
 
 
