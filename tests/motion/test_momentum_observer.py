@@ -181,6 +181,21 @@ def test_noise_of_velocity_and_torques_has_the_stated_variance(arm: rbd.Robot, h
         assert np.mean(found) == pytest.approx(3.0, rel=0.17)
 
 
+def test_torques_of_a_digital_controller_are_held_between_samples(arm: rbd.Robot):
+    """Torques that jump at each sample: held they explain the motion; their means are a sample late, and look like a push."""
+    rng, h = np.random.default_rng(4), 2e-3
+    gravity = -rbd.dynamics.gravity_torque(arm.at())[arm.actuated]
+    torques = gravity + rng.uniform(-0.02, 0.02, (60, arm.nu)) * arm.effort_limit
+    script = rbd.control.TorqueSchedule(h * np.arange(60), torques, held=True)
+    motion = rbd.simulate(arm.at(), duration=0.1, step=h, controller=script, integrator=rbd.DormandPrince8(), progress=False)
+    seen = {}
+    for held in (True, False):
+        observer = MomentumObserver(arm, [rbd.PointContact("hand", HAND)], bandwidth=30.0, held=held)
+        given = torques[: len(motion)]
+        seen[held] = np.abs([e.generalised for e in observer.run(motion, given).estimates][20:]).max()
+    assert seen[True] < 0.02 and seen[False] > 10.0 * seen[True]
+
+
 def test_it_counts_known_forces_and_other_contacts(box: rbd.Robot):
     """A known push is no contact force; contacts may be given anew at each sample; `reset` forgets."""
     floor = rbd.PointContact("floor", "box")
