@@ -56,6 +56,9 @@ if _TYPE_CHECKING:
     from rbd.model.state import (
         State as State,
     )
+    from rbd.motion.checking import (
+        check_motion as check_motion,
+    )
     from rbd.motion.measured import (
         estimate_forces as estimate_forces,
     )
@@ -121,6 +124,7 @@ _NAMES = {
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
+    "rbd.motion.checking": "check_motion",
     "rbd.motion.measured": "estimate_forces",
     "rbd.motion.motion": "Motion",
     "rbd.problem.ground": "Body Ground",

@@ -35,6 +35,13 @@ _FITS = 1e-10
 """A fit that is worse than the one without limits by less, over its size, is as good."""
 _ACTIVE = 1e-9
 """A slope of the squares below this, over their size, is that of a limit that is not active."""
+_ROUNDING = 1e-14
+"""Weights outside of their sets by less, over the largest, are on the edge."""
+_USABLE = 1e-6
+"""A miss of the conic solver from which proximal steps go on."""
+_EMPTY = 1e-5
+"""Points whose normal force is below this share of the weight may be those that carry nothing."""
+_EXACT = 1e-11
 _EDGE = 1e-9
 """Shares of a force by which it is on the edge of its cone."""
 
@@ -93,7 +100,10 @@ def fit_forces(E: Array, b: Array, W: Array, sets: ForceSet, unit: float) -> For
     x, least = Vt.T @ known, True
     bounds = sets.lower / unit, sets.upper / unit
     program = Conic.of(np.eye(sets.size), np.zeros(sets.size), Vt, known, *bounds, sets.cone_columns, sets.mu)
-    if not program.allows(x):
+    inside = program.project(x)
+    if float(np.abs(inside - x).max()) <= _ROUNDING * max(1.0, float(np.abs(x).max())):
+        x = inside  # forces of rounding, of a foot in the air, are zero
+    else:
         x, least = _limited(program, A, target, U @ (U.T @ target))
     slope = A.T @ (A @ x - target)
     tangent = _tangent(sets, x, slope, _ACTIVE * max(1.0, float(np.linalg.norm(target))))
@@ -115,17 +125,12 @@ def _limited(program: Conic, A: Array, target: Array, best: Array) -> tuple[Arra
     none = np.zeros((0, n))
     H, g = A.T @ A + _PROXIMAL * np.eye(n), -A.T @ target
     near = replace(program, H=H, A=none, b=np.zeros(0), g=g)
-    found, size = solve_conic(near), max(1.0, float(np.linalg.norm(target)))
-    if not found.solved:
-        raise NoSolution(f"the least squares over the friction cones ended {found.outcome.value}, missed by {found.miss:.1e}.")
-    x = found.x
+    x, size = _minimiser(near, np.zeros(n)), max(1.0, float(np.linalg.norm(target)))
     for _ in range(_STEPS):
         near = replace(near, g=g - _PROXIMAL * x)
-        step = newton_steps(near, x, found.y, found.z) or solve_conic(near)
-        if not step.solved:
-            break
-        moved = float(np.linalg.norm(A @ (step.x - x)))
-        x = step.x
+        ahead = _minimiser(near, x)
+        moved = float(np.linalg.norm(A @ (ahead - x)))
+        x = ahead
         if moved <= _SAME * size:
             break
     if float(np.linalg.norm(A @ x - best)) <= _FITS * size:  # cones allow the fit without limits: with other weights
@@ -133,6 +138,39 @@ def _limited(program: Conic, A: Array, target: Array, best: Array) -> tuple[Arra
         if exact.solved:
             return exact.x, True
     return x, False
+
+
+def _minimiser(near: Conic, x: Array) -> Array:
+    """The minimiser of a strictly convex program without equations, from a start.
+
+    Raises:
+        NoSolution: it was not found to six digits.
+    """
+    none = np.zeros(0)
+    quick = newton_steps(near, x, none, none)
+    if quick is not None:
+        return quick.x
+    found = solve_conic(near)
+    if found.solved:
+        return found.x
+    # Points that carry nothing, and need no force to do so, are kinks on which Newton's method does not end: without them.
+    loaded = np.ones(len(x), bool)
+    empty = found.x[near.cones[:, 2]] <= _EMPTY
+    loaded[near.cones[empty]] = False
+    where = np.cumsum(loaded) - 1
+    part = replace(
+        near, H=near.H[np.ix_(loaded, loaded)], g=near.g[loaded], A=near.A[:, loaded], C=near.C[:, loaded],
+        lower=near.lower[loaded], upper=near.upper[loaded], cones=where[near.cones[~empty]], mu=near.mu[~empty],
+    )  # fmt: skip
+    rest = newton_steps(part, found.x[loaded], none, none)
+    if rest is not None:
+        out = np.zeros(len(x))
+        out[loaded] = rest.x
+        if near.miss(out, none, none) <= _EXACT:
+            return out
+    if found.miss > _USABLE:
+        raise NoSolution(f"the least squares over the friction cones ended {found.outcome.value}, missed by {found.miss:.1e}.")
+    return found.x
 
 
 def _tangent(sets: ForceSet, x: Array, slope: Array, zero: float) -> Array:

@@ -300,3 +300,26 @@ def test_it_is_printed(g1: rbd.Robot, pushed: rbd.Trajectory):
     assert "6 of 35 coordinates" in told and "6 internal components unknown (taken: least norm)" in told
     assert "+-" in told and "of 0 degrees of freedom" in told
     assert "at the motors" in str(estimate_forces(pushed.state(0), pushed.a[0], g1.soles(0.7), pushed.tau[0]))
+
+
+def test_four_steps_of_g1(g1: rbd.Robot, four_steps: rbd.Trajectory):
+    """While it walks: each sole with torques, the only one without; sums where both carry, and the swinging foot nothing."""
+    unit, motion = float(np.linalg.norm(g1.weight)), four_steps[::20]
+    soles = {c.name: c for c in g1.soles(0.7)}
+    touches = np.array([np.abs(motion.point_forces[name]).max(axis=(1, 2)) > 0.0 for name in soles]).T
+    alone = np.flatnonzero(touches.sum(axis=1) == 1)
+    assert len(alone) > 10 and (touches.sum(axis=1) == 2).sum() > 10
+    known = estimate_forces_along(motion, list(soles.values()), motion.tau, touches=touches)
+    told = estimate_forces_along(motion, list(soles.values()), touches=touches)
+    for i in range(len(motion)):
+        assert np.abs(known.net[i] - true_net(motion, i, known[i])).max() < EXACT * unit
+        assert np.abs(told.net[i] - known.net[i]).max() < EXACT * unit
+    for name, column in zip(soles, touches.T, strict=True):
+        assert np.abs(known.forces[name] - motion.forces[name]).max() < EXACT * unit
+        assert np.abs((told.forces[name] - motion.forces[name])[alone]).max() < EXACT * unit
+        assert not known.forces[name][~column].any()
+    assert np.abs(known.residual).max() < EXACT * unit
+    # Listed as touching all the time, the foot in the air is found to carry nothing, by the torques.
+    listed = estimate_forces_along(motion, g1.soles(0.7, on=None), motion.tau)
+    for name in soles:
+        assert np.abs(listed.forces[name] - motion.forces[name]).max() < 1e-8 * unit
