@@ -56,6 +56,9 @@ if _TYPE_CHECKING:
     from rbd.model.state import (
         State as State,
     )
+    from rbd.motion.checking import (
+        check_motion as check_motion,
+    )
     from rbd.motion.motion import (
         Motion as Motion,
     )
@@ -118,6 +121,7 @@ _NAMES = {
     "rbd.model": "dynamics",
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
+    "rbd.motion.checking": "check_motion",
     "rbd.motion.motion": "Motion",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",

@@ -16,6 +16,8 @@ LEAST_RATE, MOST_RATE = 1.0, 10_000.0
 """Rates that a motion can have [Hz]."""
 EXACT = 1e-12
 """Norms off by less are said to be one."""
+MOST_FRAMES = 1e7
+"""Frames of a motion that is made or resampled."""
 MANY_TURNS = 4.0 * np.pi
 """Joint angles beyond this are degrees, where the units are not given [rad]."""
 
@@ -61,6 +63,18 @@ def check_rate(rate: float, what: str = "rate") -> float:
     return found
 
 
+def times_of(start: float, end: float, rate: float) -> Array:
+    """Even times from start to the last that is not after the end, shape (n,).
+
+    Raises:
+        InputError: more frames than fit into memory.
+    """
+    count = (end - start) * rate
+    if not count < MOST_FRAMES:
+        raise InputError(f"{end - start:.6g} s at {rate:g} Hz are {count:.3g} frames; at most {MOST_FRAMES:.0e} are made.")
+    return np.asarray(np.minimum(start + np.arange(int(count * (1.0 + 1e-12) + 1e-9) + 1) / rate, end))
+
+
 def unit_of(robot: CheckedModel, names: Sequence[str], x: Array, units: str | None, file: str) -> Array:
     """What each joint's numbers are multiplied by, for radians and metres, shape (k,).
 
@@ -99,14 +113,17 @@ def joint_values(robot: CheckedModel, q: Array, names: Sequence[str]) -> Array:
     return out
 
 
-def check_shape(what: str, x: Array, shape: tuple[int, ...]) -> None:
-    """Refuse arrays of another shape, and with numbers that are not finite, by frame and column."""
+def check_shape(what: str, x: Array, shape: tuple[int, ...], most: float = np.inf) -> None:
+    """Refuse arrays of another shape, and numbers that are not finite or larger than `most`, by frame and column."""
     if x.shape != shape:
         raise InputError(f"{what} has shape {x.shape}; expected {shape}: a row a time, a column a coordinate.")
     if not np.isfinite(x).all():
         row, column = np.argwhere(~np.isfinite(x))[0]
         raise InputError(f"{what} at frame {row}, column {column} is {x[row, column]}; expected a finite number.")
     check_finite(what, x)
+    if x.size and np.abs(x).max() > most:
+        row, column = np.argwhere(np.abs(x) > most)[0]
+        raise InputError(f"{what} at frame {row}, column {column} is {x[row, column]:.6g}; at most {most:g} is taken [m, rad].")
 
 
 def normalise(robot: CheckedModel, q: Array) -> list[str]:

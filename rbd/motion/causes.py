@@ -1,0 +1,165 @@
+"""Why a frame of a motion is not possible: the causes, each as a mask over frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, as_float
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.contact_detection import NOISE
+from rbd.motion.frame_terms import FrameTerms, wrench_scale
+from rbd.motion.lanes import Lanes
+from rbd.motion.missing import least_wrench
+from rbd.motion.motion import Motion
+
+CAUSES = (
+    "floats", "sinks", "slides", "friction", "tips", "motor", "joint limit", "speed limit", "torque-speed", "jump",
+    "self-collision",
+)  # fmt: skip
+SINKS_M = 0.01
+"""A point lower than this below the floor sinks [m]."""
+CARRIES = 0.02
+"""A contact with less of the weight than this carries nothing."""
+EXCESS = 0.01
+"""A torque beyond its limit by less, over the limit, is there by the tolerance of the program."""
+_GRIP = 50.0
+"""A coefficient of friction that holds anything."""
+_WIDE_M = 5.0
+"""Half the side of a floor under the robot on which nothing tips [m]."""
+_JUMP = 0.03
+"""Steps off the mean of their neighbours by less are no jumps [m, rad] ..."""
+_USUAL = 8.0
+"""... nor by less than this many times what is usual within half a second."""
+_ROUND = 1e-6
+"""Limits exceeded by less are exceeded by rounding [rad, rad/s]."""
+
+
+def without_balance(
+    terms: FrameTerms, places: Array, touches: Array, b: Array, most: Array, mu: float, ground: float
+) -> tuple[Array, Array, Array]:
+    """Masks (floats, friction, tips) of frames in which the base misses a wrench, each of shape (n,).
+
+    It tips if the same friction, and slips if the same soles, would do with all the other in abundance; if only both do,
+    it does both. It floats if nothing touches, or if not even both do: it falls faster than it could.
+
+    Args:
+        terms: The equations of motion of these frames.
+        places: Points, shape (n, k, 3).
+        touches: Shape (n, k).
+        b: Scaled wrench that is needed, shape (n, 6).
+        most: How much may be missing, shape (n,).
+        mu: Friction.
+        ground: Height of the floor [m].
+    """
+    scale = wrench_scale(terms.robot)
+    n = len(b)
+    nothing = ~touches.any(axis=1)
+    corners = np.array([[x, y, 0.0] for x in (-_WIDE_M, _WIDE_M) for y in (-_WIDE_M, _WIDE_M)])
+    wide = np.concatenate([places, terms.com[:, None] * [1.0, 1.0, 0.0] + corners + [0.0, 0.0, ground]], axis=1)
+    floor = np.concatenate([touches, np.ones((n, 4), bool)], axis=1)
+
+    def enough(at: Array, on: Array, friction: float) -> Array:
+        A = terms.wrench_map(at, on) * (scale[0] / scale)[:, None, None]
+        left, _ = least_wrench(A, b, friction)
+        return np.asarray((np.linalg.norm(left, axis=1) <= most) & ~nothing)
+
+    slips, tips = enough(places, touches, _GRIP), enough(wide, floor, mu)
+    neither = ~nothing & ~slips & ~tips
+    both = neither & enough(wide, floor, _GRIP)
+    return nothing | (neither & ~both), slips | both, tips | both
+
+
+def sliding(lanes: Lanes, forces: Array, weight: float) -> Array:
+    """Frames in which a contact slides that carries more than a fiftieth of the weight, shape (n,)."""
+    out = np.zeros(len(lanes.t), bool)
+    for g in range(len(lanes.contacts)):
+        own = lanes.points.group == g
+        out |= lanes.slides[:, own].any(axis=1) & (forces[:, own, 2].sum(axis=1) > CARRIES * weight)
+    return out
+
+
+def beyond_position(motion: Motion) -> Array:
+    """By how much each coordinate is beyond its joint's limits, noise of the data aside, shape (n, nq) [m, rad]."""
+    model = motion.robot.model
+    low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    slack = np.full(motion.robot.nq, _ROUND)
+    free = np.ones(motion.robot.nq, bool)
+    for piece in motion.robot.joints.pieces:
+        if piece.kind == "number":
+            free[piece.q] = False
+            if motion.derivation is not None:
+                slack[piece.q] += NOISE * motion.derivation.noise_q[piece.v]
+    over = np.maximum(low - motion.q, motion.q - high) - slack
+    return np.asarray(np.where(free, 0.0, np.maximum(over, 0.0)))
+
+
+def beyond_speed(motion: Motion) -> Array:
+    """By how much each velocity is beyond its joint's limit, noise aside, shape (n, nv) [m/s, rad/s]."""
+    limit = np.array(motion.robot.model.velocityLimit)
+    limit = np.where((limit <= 0.0) | (limit > 1e100), np.inf, limit)
+    noise = 0.0 if motion.derivation is None else NOISE * motion.derivation.noise_v
+    out = np.maximum(np.abs(motion.v) - limit - noise - _ROUND, 0.0)
+    out[:, :6] = 0.0
+    return np.asarray(out)
+
+
+def speed_curves(robot: CheckedModel, given: Mapping[str, tuple[float, float]] | None) -> dict[int, tuple[float, float]]:
+    """{motor: (stall torque, no-load speed)}, checked.
+
+    Raises:
+        InputError: an unknown joint, or numbers that are not positive.
+    """
+    out = {}
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(f"torque_speed is {given!r:.80}; expected {{joint: (stall torque [N m], no-load speed [rad/s])}}.")
+    for name, curve in (given or {}).items():
+        if name not in robot.actuated_names:
+            raise InputError(f"torque_speed names {name!r:.80}, which is no motor of {robot.name}.")
+        try:
+            stall, fastest = (as_float(x) for x in curve)
+        except (TypeError, ValueError):
+            stall = fastest = np.nan
+        if not (0.0 < stall < np.inf and 0.0 < fastest < np.inf):
+            raise InputError(f"torque_speed[{name!r:.80}] is {curve!r:.80}; expected (stall torque, no-load speed), both > 0.")
+        out[robot.actuated_names.index(name)] = stall, fastest
+    return out
+
+
+def beyond_curves(motion: Motion, tau: Array, curves: Mapping[int, tuple[float, float]]) -> Array:
+    """Frames in which a motor that drives needs more than stall torque times (1 - speed / no-load speed), shape (n,)."""
+    out = np.zeros(motion.n, bool)
+    for i, (stall, fastest) in curves.items():
+        rate, torque = motion.v[:, motion.robot.actuated[i]], tau[:, i]
+        left = np.where(torque * rate > 0.0, stall * (1.0 - np.abs(rate) / fastest), stall)
+        out |= np.abs(torque) > np.maximum(left, 0.0) * (1.0 + EXCESS) + 1e-9 * stall
+    return out
+
+
+def jumps(motion: Motion) -> Array:
+    """Frames before and after a step of the data that its neighbours do not explain, shape (n,).
+
+    A step of a coordinate that is off the mean of the steps before and after it by 0.03 (m, rad), and by eight times of what is
+    usual within half a second, and by more than both of its neighbours are.
+    """
+    n, model = motion.n, motion.robot.model
+    out = np.zeros(n, bool)
+    if n < 5:
+        return out
+    steps = np.array([pin.difference(model, motion.q[i], motion.q[i + 1]) for i in range(n - 1)])
+    dt = np.diff(motion.t)
+    rates = steps / dt[:, None]
+    odd = np.zeros_like(steps)
+    odd[1:-1] = np.abs(rates[1:-1] - 0.5 * (rates[:-2] + rates[2:])) * dt[1:-1, None]
+    half = max(3, round(0.25 / float(np.median(dt))))
+    usual = np.empty_like(odd)
+    for i in range(len(odd)):
+        usual[i] = np.median(odd[max(0, i - half) : i + half + 1], axis=0)
+    high = (odd > _JUMP) & (odd > _USUAL * usual)
+    high[1:-1] &= (odd[1:-1] >= odd[:-2]) & (odd[1:-1] >= odd[2:])
+    at = np.flatnonzero(high.any(axis=1))
+    out[at] = out[at + 1] = True
+    return out

@@ -1,0 +1,204 @@
+"""`check_motion`: whether a robot can move as a motion says, frame by frame; and if not, why not, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from rbd.arrays import Array, as_float, check_flag
+from rbd.constraints.contact import Contact
+from rbd.constraints.convex.polygons import convex_hull, half_planes
+from rbd.errors import InputError
+from rbd.motion import causes as why
+from rbd.motion.contact_detection import NOISE, REST_SPEED, find_contacts
+from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
+from rbd.motion.lanes import Lanes
+from rbd.motion.missing import least_effort, least_wrench, nearest_acceleration
+from rbd.motion.motion import Motion
+from rbd.motion.report import CheckSettings, MotionReport
+from rbd.motion.self_collision import self_collisions
+
+BLOCK = 2048
+"""Frames computed at once: those of an hour would not fit into memory."""
+OPEN = 3.0
+"""A wrench is missing where it is more than this many times what differentiation leaves open."""
+
+
+def check_motion(
+    motion: Motion,
+    *,
+    friction: float = 0.7,
+    torque_limits: bool | float = True,
+    contacts: Lanes | None = None,
+    ground: float | str | None = None,
+    threshold: float = 0.02,
+    bodies: bool = False,
+    self_collision: bool = True,
+    torque_speed: Mapping[str, tuple[float, float]] | None = None,
+    rest_speed: float = REST_SPEED,
+) -> MotionReport:
+    """Which frames of a motion are possible, and why the others are not.
+
+    In each frame the forces at the points that touch are sought, in circular friction cones, that leave the least wrench
+    missing on the base: forces over the weight, moments about the centre of mass over 0.3 m times the weight, in the 2-norm. A
+    frame balances if that is at most `threshold`, or three times what noise of the accelerations leaves open. With the same net
+    wrench those forces are then chosen whose torques are least; none may exceed its limit. Sinking, sliding, limits of joints
+    and speeds, jumps in the data and self-collision are read from the motion. A frame without any of these causes is possible.
+
+    Args:
+        motion: The motion.
+        friction: Coulomb's coefficient of the floor.
+        torque_limits: Whether those of the robot's file count; or a share of them, 0.6.
+        contacts: Which points touch, when; None: `motion.contacts`, or what `find_contacts` finds.
+        ground: Height of the floor, or "fit"; see `find_contacts`.
+        threshold: How much of the weight may be missing.
+        bodies: Whether other bodies than the feet can touch the floor.
+        self_collision: Whether bodies are tested against each other.
+        torque_speed: {joint: (stall torque [N m], no-load speed [rad/s])}: less torque at higher speed, in a straight line.
+        rest_speed: Fastest motion of a point that holds [m/s].
+
+    Raises:
+        InputError: of what is no motion, no coefficient, no share; a robot without a floating base, with passive joints or
+            loops; contacts of another motion.
+
+    >>> report = rbd.check_motion(rbd.Motion.read("dance.csv", robot="g1", rate=60))
+    >>> print(report)
+    """
+    if not isinstance(motion, Motion):
+        raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
+    robot = motion.robot
+    check_robot(robot)
+    mu, most = _number("friction", friction, 1e6), _number("threshold", threshold, 1e6)
+    limit = _limits(robot.effort_limit, torque_limits)
+    check_flag("self_collision", self_collision)
+    check_flag("bodies", bodies)
+    curves = why.speed_curves(robot, torque_speed)
+    settings = CheckSettings(mu, torque_limits, ground, most, bodies, self_collision, torque_speed, rest_speed)
+    lanes = _lanes(motion, contacts, settings)
+    found = balance(motion, lanes, settings, limit)
+    table = found.causes
+    column = {name: table[:, i] for i, name in enumerate(why.CAUSES)}
+    weight = wrench_scale(robot)[0]
+    column["sinks"][:] = (lanes.heights < -why.SINKS_M).any(axis=1)
+    column["slides"][:] = why.sliding(lanes, found.forces, weight)
+    column["joint limit"][:] = why.beyond_position(motion).any(axis=1)
+    column["speed limit"][:] = why.beyond_speed(motion).any(axis=1)
+    column["torque-speed"][:] = why.beyond_curves(motion, found.tau, curves)
+    column["jump"][:] = why.jumps(motion)
+    collisions = None
+    if self_collision:
+        collisions = self_collisions(robot, motion.q, *placements(robot, motion.q))
+        column["self-collision"][:] = collisions.inside
+    margins = _edge_margins(lanes, found.forces, weight)
+    return MotionReport(
+        motion, lanes, settings, limit, table, found.missing, found.missing_scaled, found.open, found.forces, found.tau,
+        found.excess, _used_friction(lanes, found.forces, weight, mu), margins, found.nearest_a,
+        partial(check_motion, **vars(settings)), collisions,
+    )  # fmt: skip
+
+
+class Balance:
+    """Arrays over frames, filled block by block; fields as of `MotionReport`."""
+
+    def __init__(self, n: int, k: int, nu: int, a: Array) -> None:
+        self.causes = np.zeros((n, len(why.CAUSES)), bool)
+        self.missing, self.missing_scaled, self.open = np.zeros((n, 6)), np.zeros(n), np.zeros(n)
+        self.forces, self.tau, self.excess = np.zeros((n, k, 3)), np.zeros((n, nu)), np.zeros((n, nu))
+        self.nearest_a = a.copy()
+
+
+def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array) -> Balance:
+    """What is missing in each frame, with forces, torques and the causes that dynamics knows.
+
+    Args:
+        motion: The motion.
+        lanes: Its contacts.
+        settings: Friction and threshold.
+        limit: Torque limits, shape (nu,).
+    """
+    robot, mu = motion.robot, settings.friction
+    out = Balance(motion.n, len(lanes.points), robot.nu, motion.a)
+    scale = wrench_scale(robot)
+    sigma = None if motion.derivation is None else motion.derivation.noise_a
+    names = {name: i for i, name in enumerate(why.CAUSES)}
+    for begin in range(0, motion.n, BLOCK):
+        at = slice(begin, begin + BLOCK)
+        terms = FrameTerms.of(robot, motion.q[at], motion.v[at], motion.a[at], sigma)
+        places, touches = lanes.places[at], lanes.touches[at]
+        A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
+        b = terms.wrench / scale
+        left, start = least_wrench(A, b, mu)
+        size = np.linalg.norm(left, axis=1)
+        out.missing[at], out.missing_scaled[at], out.open[at] = left * scale, size, terms.wrench_noise
+        effort = least_effort(terms, lanes.points, places, touches, A, b - left, start, mu, limit)
+        out.forces[at], out.tau[at] = effort.forces, effort.tau
+        noise = NOISE * terms.M_size[:, robot.actuated] / limit
+        out.excess[at] = excess = np.where(effort.excess > why.EXCESS + noise, effort.excess, 0.0)
+        most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
+        out.causes[at, names["motor"]] = excess.any(axis=1)
+        bad = np.flatnonzero(size > most)
+        if len(bad):
+            some = terms.some(bad)
+            told = why.without_balance(some, places[bad], touches[bad], b[bad], most[bad], mu, lanes.ground)
+            for name, mask in zip(("floats", "friction", "tips"), told, strict=True):
+                out.causes[begin + bad, names[name]] = mask
+            out.nearest_a[begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu)
+    return out
+
+
+def _number(what: str, given: float, most: float) -> float:
+    value = as_float(given)
+    if isinstance(given, bool) or not 0.0 <= value < most:
+        raise InputError(f"{what} is {given!r:.80}; expected a number of 0 or more.")
+    return value
+
+
+def _limits(limit: Array, given: bool | float) -> Array:
+    if isinstance(given, bool | np.bool_):
+        return limit if given else np.full_like(limit, np.inf)
+    share = as_float(given)
+    if not 0.0 < share < 1e6:
+        raise InputError(f"torque_limits is {given!r:.80}; expected True, False, or a share of the file's limits, 0.6.")
+    return np.asarray(limit * share)
+
+
+def _lanes(motion: Motion, contacts: Lanes | None, settings: CheckSettings) -> Lanes:
+    given = motion.contacts if contacts is None else contacts
+    if given is None:
+        return find_contacts(motion, bodies=settings.bodies, ground=settings.ground, rest_speed=settings.rest_speed)
+    if not isinstance(given, Lanes):
+        raise InputError(f"contacts is {given!r:.80}; expected Lanes: rbd.motion.find_contacts(motion).")
+    if given.points.robot is not motion.robot or len(given.t) != motion.n or not np.array_equal(given.t, motion.t):
+        raise InputError("contacts are of another motion: their robot or their times differ. Find those of this one.")
+    return given
+
+
+def _used_friction(lanes: Lanes, forces: Array, weight: float, mu: float) -> Array:
+    """|f_t| / (mu f_n) of each contact, shape (n, contacts); NaN where it carries nothing."""
+    out = np.full((len(lanes.t), len(lanes.contacts)), np.nan)
+    for g in range(len(lanes.contacts)):
+        f = forces[:, lanes.points.group == g].sum(axis=1)
+        on = (f[:, 2] > 1e-6 * weight) & (mu > 0.0)
+        out[on, g] = np.hypot(f[on, 0], f[on, 1]) / (mu * f[on, 2])
+    return out
+
+
+def _edge_margins(lanes: Lanes, forces: Array, weight: float) -> Array:
+    """Distance of each sole's centre of pressure from its edge [m], shape (n, contacts); NaN where there is none."""
+    out = np.full((len(lanes.t), len(lanes.contacts)), np.nan)
+    for g, contact in enumerate(lanes.contacts):
+        if not isinstance(contact, Contact) or len(contact.corners) < 3:
+            continue
+        push = forces[:, lanes.points.group == g, 2]
+        total = push.sum(axis=1)
+        on = total > CARRIED * weight
+        centre = push[on] @ contact.corners[:, :2] / total[on, None]
+        normals, offsets = half_planes(convex_hull(contact.corners[:, :2]))
+        out[on, g] = (centre @ normals.T - offsets).min(axis=1)
+    return out
+
+
+CARRIED = 1e-3
+"""A sole that carries less of the weight has no centre of pressure to speak of."""

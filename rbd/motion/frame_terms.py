@@ -1,0 +1,171 @@
+"""The equations of motion in many frames: where bodies are, what moves them, and what contact forces must bring."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.floor_points import FloorPoints
+
+LENGTH = 0.3
+"""Moments on the base are measured in weights over this length [m]."""
+
+
+def placements(robot: CheckedModel, q: Array) -> tuple[Array, Array]:
+    """(R, p) of all joints' axes in W, shapes (n, joints, 3, 3) and (n, joints, 3)."""
+    model = robot.model
+    data = model.createData()
+    k = model.njoints
+    turns, at = [data.oMi[i].rotation for i in range(k)], [data.oMi[i].translation for i in range(k)]  # follow the data
+    R, p = np.empty((len(q), k, 3, 3)), np.empty((len(q), k, 3))
+    for i in range(len(q)):
+        pin.forwardKinematics(model, data, q[i])
+        np.stack(turns, out=R[i])
+        np.stack(at, out=p[i])
+    return R, p
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTerms:
+    """Terms of the equations of motion in n frames of a robot with one floating base.
+
+    Attributes:
+        robot: The robot.
+        need: M a + h, shape (n, nv) [N, N m].
+        M_base: The rows of M of the base, shape (n, 6, nv).
+        M_size: Root of the sum of squares of each row of M with a unit noise `sigma`, shape (n, nv): noise in `need`.
+        R: Orientation of the base, shape (n, 3, 3).
+        base: Its place, shape (n, 3) [m].
+        com: The centre of mass, shape (n, 3) [m].
+        J: Jacobian of all bodies' velocities at W's origin, world axes, shape (n, 6, nv).
+        wrench: What must act on the robot from outside, gravity apart, about the centre of mass, world axes, shape (n, 6).
+        wrench_noise: Its standard deviation by noise in a, over weight and weight times `LENGTH`, shape (n,).
+    """
+
+    robot: CheckedModel
+    need: Array
+    M_base: Array
+    M_size: Array
+    R: Array
+    base: Array
+    com: Array
+    J: Array
+    wrench: Array
+    wrench_noise: Array
+
+    @classmethod
+    def of(cls, robot: CheckedModel, q: Array, v: Array, a: Array, sigma: Array | None) -> FrameTerms:
+        """Evaluated frame by frame.
+
+        Args:
+            robot: The robot.
+            q: Shape (n, nq).
+            v: Shape (n, nv).
+            a: Shape (n, nv).
+            sigma: Standard deviation of a, shape (nv,); None: exact.
+        """
+        model, n, nv = robot.model, len(q), robot.nv
+        data = model.createData()
+        need, M_base, J = np.empty((n, nv)), np.empty((n, 6, nv)), np.empty((n, 6, nv))
+        R, base = np.empty((n, 3, 3)), np.empty((n, 3))
+        size = np.zeros((n, nv))
+        X = data.oMi[1]
+        turn, at = X.rotation, X.translation
+        for i in range(n):
+            need[i] = pin.rnea(model, data, q[i], v[i], a[i])
+            M = pin.crba(model, data, q[i], pin.Convention.WORLD)
+            M_base[i] = M[:6]
+            J[i] = data.J
+            R[i], base[i] = turn, at
+            if sigma is not None:
+                size[i] = np.square(M) @ np.square(sigma)
+        mass = M_base[:, 0, 0]
+        lever = np.stack([M_base[:, 2, 4], M_base[:, 0, 5], M_base[:, 1, 3]], axis=1) / mass[:, None]
+        com = base + np.matmul(R, -lever[:, :, None])[..., 0]
+        found = cls(robot, need, M_base, np.sqrt(size), R, base, com, J, need[:, :6], np.zeros(n))
+        wrench = found.to_wrench(need[:, :6])
+        noise = np.zeros(n)
+        if sigma is not None:
+            each = found.to_wrench((M_base * sigma).transpose(0, 2, 1).reshape(-1, 6), repeat=nv).reshape(n, nv, 6)
+            noise = np.sqrt(np.square(each / wrench_scale(robot)).sum(axis=(1, 2)))
+        return cls(robot, need, M_base, np.sqrt(size), R, base, com, J, wrench, noise)
+
+    def some(self, which: Array) -> FrameTerms:
+        """Those of some frames."""
+        kept = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name != "robot"}
+        return FrameTerms(self.robot, **kept)
+
+    def to_wrench(self, rows: Array, *, repeat: int = 1) -> Array:
+        """Generalised forces on the base as wrenches about the centre of mass, world axes; `repeat` of each frame."""
+        R, arm = self.R, self.base - self.com
+        if repeat > 1:
+            R, arm = np.repeat(R, repeat, axis=0), np.repeat(arm, repeat, axis=0)
+        F = np.matmul(R, rows[:, :3, None])[..., 0]
+        return np.hstack([F, np.matmul(R, rows[:, 3:, None])[..., 0] + np.cross(arm, F)])
+
+    def to_rows(self, wrench: Array) -> Array:
+        """The other way: shape (n, 6)."""
+        F = wrench[:, :3]
+        back = self.R.transpose(0, 2, 1)
+        m = wrench[:, 3:] - np.cross(self.base - self.com, F)
+        return np.hstack([np.matmul(back, F[:, :, None])[..., 0], np.matmul(back, m[:, :, None])[..., 0]])
+
+    def wrench_map(self, places: Array, touches: Array) -> Array:
+        """Wrenches about the centre of mass of unit forces x, y, z at points, shape (n, 6, k, 3); zero where none touch."""
+        n, k, _ = places.shape
+        x, y, z = np.moveaxis(places - self.com[:, None], -1, 0)
+        out = np.zeros((n, 6, k, 3))
+        for i in range(3):
+            out[:, i, :, i] = 1.0
+        out[:, 3, :, 1], out[:, 3, :, 2] = -z, y
+        out[:, 4, :, 0], out[:, 4, :, 2] = z, -x
+        out[:, 5, :, 0], out[:, 5, :, 1] = -y, x
+        return np.where(touches[:, None, :, None], out, 0.0)
+
+    def joint_map(self, points: FloorPoints, places: Array, touches: Array, rows: Array) -> Array:
+        """Torques at coordinates `rows` that unit forces along x, y, z at points replace, shape (n, rows, k, 3)."""
+        n, k, _ = places.shape
+        out = np.zeros((n, len(rows), k, 3))
+        linear, angular = self.J[:, :3, rows].transpose(0, 2, 1), self.J[:, 3:, rows].transpose(0, 2, 1)
+        carried = carriers(self.robot)[:, rows]
+        for j in range(k):  # f . (v + w x p) = f . v + f . (w x p)
+            moved = linear + np.cross(angular, places[:, j, None])
+            out[:, :, j] = np.where(touches[:, j, None, None] & carried[points.joint[j]][None, :, None], moved, 0.0)
+        return out
+
+
+def carriers(robot: CheckedModel) -> Array:
+    """Which coordinates move each joint's body, shape (joints, nv)."""
+    model = robot.model
+    out = np.zeros((model.njoints, robot.nv), bool)
+    for joint in range(model.njoints):
+        for above in list(model.supports[joint])[1:]:
+            out[joint, model.idx_vs[above] : model.idx_vs[above] + model.nvs[above]] = True
+    return out
+
+
+def wrench_scale(robot: CheckedModel) -> Array:
+    """Weight, and weight times `LENGTH`, shape (6,) [N, N m]."""
+    weight = robot.mass * float(np.linalg.norm(robot.gravity))
+    return weight * np.array([1.0, 1.0, 1.0, LENGTH, LENGTH, LENGTH])
+
+
+def check_robot(robot: CheckedModel) -> None:
+    """Refuse robots that the check cannot treat.
+
+    Raises:
+        InputError: no floating base or several, passive joints, closed loops, or gravity that is not along -z.
+    """
+    name = robot.name
+    if not robot.floating:
+        raise InputError(f"{name} has no floating base, or several: a motion is checked of one robot that stands free.")
+    if robot.passive or robot.loops():
+        raise InputError(f"{name} has passive joints or closed loops; a motion is checked of trees with a motor at each joint.")
+    g = robot.gravity
+    if not g[2] < 0.0 or np.abs(g[:2]).max() > 1e-12:
+        raise InputError(f"gravity of {name} is {g.tolist()}; expected it along -z, the floor is level.")

@@ -1,0 +1,154 @@
+"""What no contact force can bring to a motion, frame by frame, and the forces and torques of least effort beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.motion.floor_points import FloorPoints
+from rbd.motion.frame_terms import FrameTerms, wrench_scale
+from rbd.solvers.cone_least_squares import Stage, nearest_in_cones, staged_fits
+
+BALANCE, STEEP = 1e8, 1e3
+"""Weight of balance, and of torques beyond limits, beside that of torques within: the last stages."""
+FORCES = 1e-2
+"""Weight of the squares of forces over the weight of the robot beside those of torques over their limits."""
+_NEVER = 1e9
+"""A limit where the file states none [N m]."""
+
+
+def least_wrench(A: Array, b: Array, mu: float) -> tuple[Array, Array]:
+    """(missing wrench over its scale, forces at the points over the weight) of n frames, shapes (n, 6) and (n, k, 3).
+
+    The forces are in the circular friction cones of a level floor, and the missing wrench the least of its 2-norm.
+    """
+    found = nearest_in_cones(A, b, mu)
+    return found.left, found.w
+
+
+@dataclass(frozen=True, eq=False)
+class Efforts:
+    """Forces and torques of n frames.
+
+    Attributes:
+        forces: At the points, world axes, shape (n, k, 3) [N].
+        tau: Motor torques, shape (n, nu) [N m].
+        excess: By how many times its limit each torque exceeds it, shape (n, nu).
+    """
+
+    forces: Array
+    tau: Array
+    excess: Array
+
+
+def least_effort(
+    terms: FrameTerms,
+    points: FloorPoints,
+    places: Array,
+    touches: Array,
+    A: Array,
+    net: Array,
+    start: Array,
+    mu: float,
+    limit: Array,
+) -> Efforts:
+    """Forces in the cones with a given net wrench, whose torques are least in the sum of squares over their limits.
+
+    A hundredth of the squares of the forces over the weight is added, which makes them unique. Frames whose torques then
+    exceed limits are solved again with these: what still exceeds them is the least excess, in its sum of squares, to a
+    thousandth of a limit.
+
+    Args:
+        terms: The equations of motion.
+        points: The points.
+        places: Where they are, shape (n, k, 3).
+        touches: Which of them touch, shape (n, k).
+        A: `FrameTerms.wrench_map`, scaled.
+        net: Their wrench, scaled, shape (n, 6).
+        start: Forces that have it, over the weight, shape (n, k, 3).
+        mu: Friction.
+        limit: Torque limits, shape (nu,), inf where there is none.
+    """
+    robot, n = terms.robot, len(net)
+    weight = wrench_scale(robot)[0]
+    motors = robot.actuated
+    scale = np.where(np.isfinite(limit), limit, _typical(limit, weight))
+    carried = terms.joint_map(points, places, touches, motors) * (weight / scale)[None, :, None, None]
+    moved = np.flatnonzero(carried.any(axis=(0, 2, 3)))
+    t = terms.need[:, motors] / scale
+    k = places.shape[1]
+    if not len(moved):
+        tau = t
+        forces = start
+    else:
+        T = carried[:, moved]
+        stacked, aims = np.concatenate([A, T], axis=1), np.concatenate([net, t[:, moved]], axis=1)
+        bounded = np.concatenate([np.zeros(6), np.isfinite(limit[moved]).astype(float)])
+        forces = staged_fits(stacked, aims, mu, _stages(bounded, len(moved))).w
+        tau = t - _carried(carried, forces)
+        over = np.flatnonzero((np.abs(tau) > 1.0)[:, np.isfinite(limit)].any(axis=1))
+        if len(over):
+            again = staged_fits(stacked[over], aims[over], mu, _stages(bounded, len(moved), limits=True))
+            forces[over] = again.w
+            tau[over] = t[over] - _carried(carried[over], again.w)
+    assert forces.shape == (n, k, 3)
+    excess = np.where(np.isfinite(limit), np.maximum(np.abs(tau) - 1.0, 0.0), 0.0)
+    return Efforts(forces * weight, tau * scale, excess)
+
+
+def _typical(limit: Array, weight: float) -> float:
+    """A scale of torques where a joint has no limit: the largest of the others, or the weight times 0.3 m."""
+    known = limit[np.isfinite(limit)]
+    return float(known.max()) if len(known) else 0.3 * weight
+
+
+def _carried(T: Array, forces: Array) -> Array:
+    return np.matmul(T.reshape(*T.shape[:2], -1), forces.reshape(len(forces), -1, 1))[..., 0]
+
+
+def _stages(bounded: Array, m: int, *, limits: bool = False) -> list[Stage]:
+    """From equal weights to those wanted."""
+    row = [(1.0, 1e2, 0.0), (10.0, 1e3, 0.0), (1.0 / FORCES, 1e4, 0.0)]
+    row += (
+        [(1.0 / FORCES, 1e4, 1.0), (1.0 / FORCES, 1e5, 10.0), (1.0 / FORCES, 1e6, 1e2), (1.0 / FORCES, 1e6, STEEP)]
+        if limits
+        else []
+    )
+    row += [(1.0 / FORCES, BALANCE, STEEP if limits else 0.0)]
+    return [Stage(sigma, np.concatenate([np.full(6, w), np.ones(m)]), steep * bounded) for sigma, w, steep in row]
+
+
+def nearest_acceleration(terms: FrameTerms, a: Array, places: Array, touches: Array, mu: float) -> Array:
+    """The possible accelerations nearest in the inertia metric, torque limits and rest of contacts aside, shape (n, nv).
+
+        minimise |a' - a|_M   subject to   M a' + h = S^T tau + J^T f,  f in the cones
+
+    The joints then accelerate as wanted, and the base otherwise: a' - a = -M_bb^-1 x on the base, with x the missing
+    force on it, least in the metric of M_bb^-1.
+    """
+    robot = terms.robot
+    weight = wrench_scale(robot)[0]
+    M = terms.M_base[:, :, :6]
+    L = np.linalg.cholesky(M)
+    root = float(np.sqrt(robot.mass))
+    n, _, k, _ = (A := terms.wrench_map(places, touches)).shape
+    columns = A.transpose(0, 2, 3, 1).reshape(-1, 6)
+    rows = _repeated_rows(terms, columns, 3 * k).reshape(n, 3 * k, 6).transpose(0, 2, 1)
+    scaled = np.linalg.solve(L, rows) * root
+    need = np.linalg.solve(L, terms.need[:, :6, None])[..., 0] * (root / weight)
+    left, _ = least_wrench(scaled.reshape(n, 6, k, 3), need, mu)
+    x = np.matmul(L, left[..., None]) * (weight / root)
+    out = a.copy()
+    out[:, :6] -= np.linalg.solve(M, x)[..., 0]
+    return out
+
+
+def _repeated_rows(terms: FrameTerms, wrenches: Array, times: int) -> Array:
+    """Wrenches about the centre of mass as generalised forces on the base, `times` of each frame."""
+    R, arm = np.repeat(terms.R, times, axis=0), np.repeat(terms.base - terms.com, times, axis=0)
+    F = wrenches[:, :3]
+    m = wrenches[:, 3:] - np.cross(arm, F)
+    back = R.transpose(0, 2, 1)
+    return np.hstack([np.matmul(back, F[:, :, None])[..., 0], np.matmul(back, m[:, :, None])[..., 0]])

@@ -1,0 +1,241 @@
+"""`MotionReport`: what `check_motion` found, frame by frame, with its summary, its files and its pictures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.arrays import Array, as_array, as_float
+from rbd.errors import InputError
+from rbd.motion import report_contents
+from rbd.motion.causes import CAUSES
+from rbd.motion.contact_detection import fitted_ground
+from rbd.motion.lanes import Lanes
+from rbd.motion.motion import Motion
+from rbd.motion.self_collision import SelfCollisions
+
+if TYPE_CHECKING:
+    import xarray
+
+THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+"""Shares of the weight at which the summary reads the curve."""
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """What a motion was checked with; as the arguments of `check_motion`."""
+
+    friction: float
+    torque_limits: bool | float
+    ground: float | str | None
+    threshold: float
+    bodies: bool
+    self_collision: bool
+    torque_speed: Mapping[str, tuple[float, float]] | None
+    rest_speed: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionReport:
+    """What is possible of a motion: n frames, k points, c contacts.
+
+    Attributes:
+        motion: The motion.
+        lanes: Which points touch and slide, when.
+        settings: Friction, threshold and the other arguments.
+        limit: Torque limits, shape (nu,) [N m]; inf where there is none.
+        causes: Why frames are not possible, shape (n, len(CAUSES)), in the order of `rbd.motion.CAUSES`.
+        missing: The least wrench on the base that no contact force brings, torque limits aside: world axes, moment about the
+            centre of mass, shape (n, 6) [N, N m].
+        missing_scaled: Its size: force over the weight, moment over 0.3 m times the weight, shape (n,).
+        open: Standard deviation of that by noise of the accelerations, as differentiation tells it, shape (n,). That of q and v
+            moves it by less and is left out.
+        forces: At the points, world axes, shape (n, k, 3) [N]: of least effort with what is not missing.
+        tau: Motor torques with these forces, shape (n, nu) [N m].
+        excess: By how many times its limit each torque exceeds it at least, shape (n, nu).
+        used_friction: |f_t| / (mu f_n) of each contact, shape (n, c); NaN where it carries nothing.
+        edge_margin: Distance of each sole's centre of pressure from its edge, shape (n, c) [m]; NaN where it carries nothing.
+        nearest_a: The nearest possible acceleration in the inertia metric, torque limits aside, shape (n, nv); that of the
+            motion where this is balanced.
+        check: `check_motion` with these settings.
+        collisions: Which bodies overlap, when; None where that was not asked.
+        before: The report with which this one is compared; see `lifted` and `filtered`.
+    """
+
+    motion: Motion
+    lanes: Lanes
+    settings: CheckSettings
+    limit: Array
+    causes: Array
+    missing: Array
+    missing_scaled: Array
+    open: Array
+    forces: Array
+    tau: Array
+    excess: Array
+    used_friction: Array
+    edge_margin: Array
+    nearest_a: Array
+    check: Callable[..., MotionReport]
+    collisions: SelfCollisions | None = None
+    before: MotionReport | None = None
+
+    @property
+    def n(self) -> int:
+        """How many frames it has."""
+        return self.motion.n
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient of the floor."""
+        return self.settings.friction
+
+    @property
+    def possible(self) -> Array:
+        """Frames without any cause, shape (n,)."""
+        return np.asarray(~self.causes.any(axis=1))
+
+    @property
+    def share_possible(self) -> float:
+        """The share of possible frames, 0 to 1."""
+        return float(self.possible.mean())
+
+    @property
+    def used_torque(self) -> Array:
+        """|tau| over the limits, shape (n, nu); zero where there is none."""
+        return np.abs(self.tau) / self.limit
+
+    @property
+    def score(self) -> float:
+        """0 to 100, to rank motions by: half for the share of possible frames, half for what is not missing, in the mean.
+
+        50 share_possible + 50 (1 - mean of min(missing_scaled, 1)).
+        """
+        return 50.0 * self.share_possible + 50.0 * (1.0 - float(np.minimum(self.missing_scaled, 1.0).mean()))
+
+    def of_cause(self, cause: str) -> Array:
+        """Frames with a cause, shape (n,).
+
+        Raises:
+            InputError: no cause, with their names.
+        """
+        if cause not in CAUSES:
+            raise InputError(f"cause is {cause!r:.80}; expected one of {', '.join(CAUSES)}.")
+        return np.asarray(self.causes[:, CAUSES.index(cause)])
+
+    def worst(self, cause: str, most: int = 10) -> Array:
+        """Frames with a cause, worst first, up to `most` of them; of equal ones the earlier first.
+
+        Raises:
+            InputError: no cause, with their names.
+        """
+        frames = np.flatnonzero(self.of_cause(cause))
+        return frames[np.argsort(-self._badness(cause)[frames], kind="stable")][: int(most)]
+
+    def _badness(self, cause: str) -> Array:
+        if cause == "sinks":
+            return -self.lanes.heights.min(axis=1, initial=0.0)
+        if cause == "slides":
+            return np.where(self.lanes.slides, self.lanes.speeds, 0.0).max(axis=1, initial=0.0)
+        if cause == "motor":
+            return self.excess.max(axis=1, initial=0.0)
+        if cause in ("floats", "friction", "tips"):
+            return self.missing_scaled
+        return np.zeros(self.n)
+
+    def share_over(self, thresholds: Sequence[float] | Array = THRESHOLDS) -> Array:
+        """The share of frames whose `missing_scaled` is above each threshold."""
+        levels = as_array("thresholds", thresholds).reshape(-1)
+        return np.asarray((self.missing_scaled[None] > levels[:, None]).mean(axis=1))
+
+    def cutoff_sweep(self, cutoffs: Sequence[float]) -> Array:
+        """The share of frames over the threshold with accelerations below each cut-off, contacts as they are.
+
+        Args:
+            cutoffs: Of a low-pass without delay [Hz].
+
+        Raises:
+            InputError: cut-offs out of range, or unequal time steps.
+        """
+        out = []
+        for cutoff in cutoffs:
+            m = self.motion
+            lower = Motion.of_arrays(m.robot, m.t, m.q, cutoff=as_float(cutoff), ground=m.ground)
+            found = self.check(lower, contacts=self.lanes, self_collision=False)
+            out.append(float((found.missing_scaled > self.settings.threshold).mean()))
+        return np.array(out)
+
+    def checked_again(self, motion: Motion) -> MotionReport:
+        """Another motion with the same settings, this report beside it as `before`."""
+        return replace(self.check(motion), before=self)
+
+    def lifted(self) -> MotionReport:
+        """The report of the same motion moved by a constant height, so that its lowest points stand on the floor.
+
+        The height is the median over the frames of the lowest point. Contacts are found again.
+        """
+        down = fitted_ground(self.lanes.places) - self.lanes.ground if len(self.lanes.points) else 0.0
+        q = self.motion.q.copy()
+        q[:, 2] -= down
+        said = f"lifted by {-down:.4f} m, so that the lowest points stand on the floor."
+        moved = replace(self.motion, q=q, contacts=None, notes=(*self.motion.notes, said))
+        return self.checked_again(moved)
+
+    def filtered(self, cutoff: float) -> MotionReport:
+        """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
+        m = self.motion
+        noise = 0.0 if m.derivation is None else m.derivation.noise_q
+        said = f"accelerations above {as_float(cutoff):g} Hz were taken away."
+        lower = Motion.of_arrays(
+            m.robot, m.t, m.q, source=m.source, notes=(*m.notes, said), cutoff=cutoff, noise=noise, ground=m.ground
+        )
+        return self.checked_again(lower)
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays by name."""
+        return report_contents.arrays_of(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The report with named dimensions, labels and units.
+
+        Raises:
+            InputError: xarray is not installed.
+        """
+        return report_contents.dataset_of(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it as .npz (arrays by name) or .nc (netCDF), whole or not at all.
+
+        Raises:
+            InputError: another ending, a folder that is not there, or xarray is not installed (.nc).
+        """
+        report_contents.save(self, path)
+
+    def summary(self) -> dict[str, Any]:
+        """The main numbers as plain data, for JSON and for ranking."""
+        return {
+            "source": self.motion.source,
+            "robot": self.motion.robot.name,
+            "frames": self.n,
+            "duration_s": self.motion.duration,
+            "possible": self.share_possible,
+            "score": self.score,
+            "causes": {name: int(self.causes[:, i].sum()) for i, name in enumerate(CAUSES) if self.causes[:, i].any()},
+            "worst_frames": {name: self.worst(name, 5).tolist() for i, name in enumerate(CAUSES) if self.causes[:, i].any()},
+            "share_over": dict(zip(map(str, THRESHOLDS), self.share_over().tolist(), strict=True)),
+            "missing_median": float(np.median(self.missing_scaled)),
+            "open_median": float(np.median(self.open)),
+            "ground_m": self.lanes.ground,
+            "settings": {k: v for k, v in asdict(self.settings).items() if k != "torque_speed"},
+            "notes": [*self.motion.notes, *self.lanes.notes],
+        }
+
+    def __repr__(self) -> str:
+        return f"MotionReport({self.motion.source!r}, {self.n} frames, {100 * self.share_possible:.1f} % possible)"
+
+    def __str__(self) -> str:
+        return report_contents.table(self)

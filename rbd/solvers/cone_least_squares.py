@@ -1,0 +1,222 @@
+"""Many small least-squares problems over friction cones at once, in NumPy: semismooth Newton on their duals.
+
+    minimise  sum_j phi_j(u_j) + 1/(2 sigma) |w - w0|^2,  u = d - A w,  w in a product of circular friction cones
+
+with phi_j(u) = weight_j u^2 / 2, and beyond |u| = 1 in rows that are limited steep_j (|u| - 1)^2 / 2 more. The dual has an
+unknown for each row of A, and its gradient is piecewise smooth: Newton's method ends after a few steps. Source: Li, Sun, Toh, A
+highly efficient semismooth Newton augmented Lagrangian method for solving Lasso problems, SIAM J. Optim. 28 (2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array
+
+STEPS = 80
+EXACT = 1e-13
+"""Newton's method ends where the gradient is this, over numbers around one."""
+_HALVINGS = 30
+_ARMIJO = 1e-4
+_TINY = 1e-300
+_SIGMA, _ROUNDS = 1e6, 4
+"""Of the proximal point algorithm: each round takes away a millionth of what the proximal term left."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConeFits:
+    """Answers of many problems.
+
+    Attributes:
+        w: Forces, each in its cone, shape (n, k, 3): tangent, tangent, normal.
+        left: u = d - A w, shape (n, m).
+        gradient: What is left of the dual gradient, largest entry, shape (n,).
+        steps: Newton's steps taken of each, shape (n,).
+    """
+
+    w: Array
+    left: Array
+    gradient: Array
+    steps: Array
+
+
+def projected(x: Array, mu: Array | float) -> Array:
+    """The nearest points of the friction cones |x_t| <= mu x_n, shape (..., 3)."""
+    s = np.hypot(x[..., 0], x[..., 1])
+    n = np.maximum((x[..., 2] + mu * s) / (1.0 + np.square(mu)), 0.0)
+    inside = s <= mu * x[..., 2]
+    shrink = np.where(inside, 1.0, np.minimum(mu * n / np.maximum(s, _TINY), 1.0))
+    return np.stack([shrink * x[..., 0], shrink * x[..., 1], np.where(inside, x[..., 2], n)], axis=-1)
+
+
+def _slope(x: Array, mu: Array | float) -> Array:
+    """An element of the generalised Jacobian of `projected`, shape (..., 3, 3)."""
+    s = np.hypot(x[..., 0], x[..., 1])
+    safe = np.maximum(s, _TINY)
+    e0, e1 = x[..., 0] / safe, x[..., 1] / safe
+    share = 1.0 / (1.0 + np.square(mu))
+    n = (x[..., 2] + mu * s) * share
+    round_, ray = mu * n / safe, mu * mu * share
+    out = np.empty((*x.shape, 3))
+    out[..., 0, 0] = ray * e0 * e0 + round_ * e1 * e1
+    out[..., 1, 1] = ray * e1 * e1 + round_ * e0 * e0
+    out[..., 0, 1] = out[..., 1, 0] = (ray - round_) * e0 * e1
+    out[..., 0, 2] = out[..., 2, 0] = mu * share * e0
+    out[..., 1, 2] = out[..., 2, 1] = mu * share * e1
+    out[..., 2, 2] = share
+    out[n <= 0.0] = 0.0
+    out[s <= mu * x[..., 2]] = np.eye(3)
+    return out
+
+
+def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
+    """Forces in friction cones that make |d - A w| least, of n problems, by the proximal point algorithm.
+
+    Columns of zeros are of points that are not there. Of many such forces they are near those of least norm.
+
+    Args:
+        A: Shape (n, m, k, 3), entries around one.
+        d: Shape (n, m).
+        mu: Coulomb's coefficient of all points.
+    """
+    n, m, k, _ = A.shape
+    flat = A.reshape(n, m, 3 * k)
+    w, r = np.zeros((n, k, 3)), np.zeros((n, m))
+    gradient, steps = np.zeros(n), np.zeros(n, int)
+    rows = _Rows(np.ones(m), np.zeros(m))
+    at = np.arange(n)
+    for _ in range(_ROUNDS):
+        if not len(at):
+            break
+        found, gradient[at], more = _newton(flat[at], d[at], w[at], r[at], mu, rows, _SIGMA)
+        steps[at] += more
+        moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
+        r[at] = found
+        w[at] = projected(w[at] + _SIGMA * _pull(flat[at], found).reshape(-1, k, 3), mu)
+        at = at[moved > EXACT]
+    return ConeFits(w, _left(flat, d, w), gradient, steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One problem of a row that ends at the one wanted, each started from the dual answer of the one before.
+
+    Attributes:
+        sigma: |w|^2 / (2 sigma) is part of what is made least.
+        weight: Of the rows, shape (m,).
+        steep: Cost of what exceeds 1 in a row; zero: it is not limited, shape (m,).
+    """
+
+    sigma: float
+    weight: Array
+    steep: Array
+
+
+def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeFits:
+    """Answers of the last of some stages, of n problems; arguments as `nearest_in_cones`.
+
+    From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by
+    need a few each.
+    """
+    n, m, k, _ = A.shape
+    flat = A.reshape(n, m, 3 * k)
+    w0, r, steps, gradient = np.zeros((n, k, 3)), np.zeros((n, m)), np.zeros(n, int), np.zeros(n)
+    w = w0
+    for stage in stages:
+        r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
+        steps += more
+        w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+    return ConeFits(w, _left(flat, d, w), gradient, steps)
+
+
+def _left(flat: Array, d: Array, w: Array) -> Array:
+    return d - np.matmul(flat, w.reshape(len(d), -1, 1))[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The conjugates phi*_j of the rows' costs."""
+
+    weight: Array
+    steep: Array
+
+    def value(self, r: Array) -> Array:
+        """Sum of phi*_j(r_j), shape (n,)."""
+        size = np.abs(r)
+        over = size - self.weight
+        beyond = 0.5 * self.weight + over + 0.5 * over**2 / (self.weight + self.steep)
+        return np.asarray(np.where((self.steep > 0.0) & (over > 0.0), beyond, 0.5 * size**2 / self.weight).sum(axis=1))
+
+    def slope(self, r: Array) -> tuple[Array, Array]:
+        """(phi*', phi*''), each of shape (n, m)."""
+        beyond = (self.steep > 0.0) & (np.abs(r) > self.weight)
+        steep = 1.0 / (self.weight + self.steep)
+        u = np.where(beyond, np.sign(r) * (1.0 + (np.abs(r) - self.weight) * steep), r / self.weight)
+        return u, np.where(beyond, steep, 1.0 / self.weight)
+
+
+def _pull(A: Array, r: Array) -> Array:
+    return np.matmul(r[:, None], A)[:, 0]
+
+
+def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sigma: float) -> tuple[Array, Array, Array]:
+    """(r, largest entry of the gradient, steps) at the least of phi*(r) - d r + |P(w0 + sigma A^T r)|^2 / (2 sigma)."""
+    n, m, _ = A.shape
+    k = w0.shape[1]
+    r = r.copy()
+    gradient, steps, at = np.full(n, np.inf), np.zeros(n, int), np.arange(n)
+    size = np.maximum(1.0, np.abs(d).max(axis=1, initial=0.0))
+    x = w0 + sigma * _pull(A, r).reshape(n, k, 3)
+    value = _dual(x, r, d, mu, rows, sigma)
+    for _ in range(STEPS):
+        here, Ai, ri = x[at], A[at], r[at]
+        u, curve = rows.slope(ri)
+        g = u - d[at] + np.matmul(Ai, projected(here, mu).reshape(len(at), -1, 1))[..., 0]
+        gradient[at] = np.abs(g).max(axis=1, initial=0.0)
+        open_ = gradient[at] > EXACT * size[at]
+        if not open_.any():
+            break
+        if not open_.all():
+            at, here, Ai, ri, g, curve = at[open_], here[open_], Ai[open_], ri[open_], g[open_], curve[open_]
+        blocks = Ai.reshape(len(at), m, k, 3).transpose(0, 2, 1, 3)
+        bent = np.matmul(blocks, _slope(here, mu)).transpose(0, 2, 1, 3).reshape(len(at), m, -1)
+        H = sigma * np.matmul(bent, Ai.transpose(0, 2, 1))
+        H[:, np.arange(m), np.arange(m)] += curve
+        step = -np.linalg.solve(H, g[..., None])[..., 0]
+        steps[at] += 1
+        moved = _line_search(x, value, r, at, step, g, Ai, d, mu, rows, sigma)
+        at = at[moved]
+        if not len(at):
+            break
+    return r, gradient, steps
+
+
+def _line_search(
+    x: Array, value: Array, r: Array, at: Array, step: Array, g: Array, A: Array, d: Array, mu: float, rows: _Rows, sigma: float
+) -> Array:
+    """Move r, x and value by steps that lessen the dual, halved where a whole one does not; which of them did."""
+    fall = (g * step).sum(axis=1)
+    along = sigma * _pull(A, step).reshape(len(at), -1, 3)
+    length, todo, moved = 1.0, np.arange(len(at)), np.zeros(len(at), bool)
+    for _ in range(_HALVINGS):
+        i = at[todo]
+        tried, there = r[i] + length * step[todo], x[i] + length * along[todo]
+        found = _dual(there, tried, d[i], mu, rows, sigma)
+        rounding = 1e-14 * np.maximum(1.0, np.abs(value[i]))
+        good = found <= value[i] + _ARMIJO * length * fall[todo] + rounding
+        done = i[good]
+        r[done], x[done], value[done] = tried[good], there[good], found[good]
+        moved[todo[good]] = True
+        todo = todo[~good]
+        if not len(todo):
+            break
+        length *= 0.5
+    return moved
+
+
+def _dual(x: Array, r: Array, d: Array, mu: float, rows: _Rows, sigma: float) -> Array:
+    pushed = projected(x, mu).reshape(len(x), -1)
+    return rows.value(r) - (d * r).sum(axis=1) + (pushed**2).sum(axis=1) / (2.0 * sigma)
