@@ -1,4 +1,4 @@
-"""The contents of a report on a motion: its table, its arrays by name, its dataset and its files."""
+"""The contents of a `MotionReport`: its table, its arrays by name, its dataset and its files."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from rbd.simulation.trajectory_file import a_trajectory_path
 if TYPE_CHECKING:
     import xarray
 
-    from rbd.motion.report import MotionReport
-
 _SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
 
 
-def _variables(report: MotionReport) -> list[tuple[str, Array, list[str], str, str]]:
+def _variables(report: Any) -> list[tuple[str, Array, list[str], str, str]]:
     """Name, array, dimensions after time, unit and meaning."""
     m, lanes = report.motion, report.lanes
     return [
@@ -51,12 +49,12 @@ def _variables(report: MotionReport) -> list[tuple[str, Array, list[str], str, s
     ]  # fmt: skip
 
 
-def arrays_of(report: MotionReport) -> dict[str, Array]:
+def arrays_of(report: Any) -> dict[str, Array]:
     """All arrays by name."""
     return {"t": report.motion.t} | {name: x for name, x, *_ in _variables(report)}
 
 
-def dataset_of(report: MotionReport) -> xarray.Dataset:
+def dataset_of(report: Any) -> xarray.Dataset:
     """The report with named dimensions, labels and units."""
     xr, robot = xarray_or_error(), report.motion.robot
     variables: dict[str, Any] = {}
@@ -79,7 +77,7 @@ def dataset_of(report: MotionReport) -> xarray.Dataset:
     )
 
 
-def save(report: MotionReport, path: str | os.PathLike[str]) -> None:
+def save(report: Any, path: str | os.PathLike[str]) -> None:
     """Write .npz or .nc; see `MotionReport.save`."""
     place = a_trajectory_path(path)
     if place.suffix == ".npz":
@@ -95,11 +93,11 @@ def save(report: MotionReport, path: str | os.PathLike[str]) -> None:
     write_file(place, lambda file: file.write(content))
 
 
-def _json(report: MotionReport) -> str:
+def _json(report: Any) -> str:
     return json.dumps(report.summary(), allow_nan=False)
 
 
-def table(report: MotionReport) -> str:
+def table(report: Any) -> str:
     """The printed report: what is possible, causes with their worst frames, the curve, the noise."""
     m, before = report.motion, report.before
     share = _beside(100 * report.share_possible, None if before is None else 100 * before.share_possible)
@@ -131,7 +129,7 @@ def _beside(now: float, was: float | None, digits: int = 1) -> str:
     return text if was is None else f"{was:.{digits}f} -> {text}"
 
 
-def _worst(report: MotionReport, cause: str) -> str:
+def _worst(report: Any, cause: str) -> str:
     frames = report.worst(cause, 3)
     if not len(frames):
         return ""
