@@ -13,8 +13,9 @@ class Curves {
 
   chart({ title, top, limit, lines }, go) {
     const [width, height, left, foot] = [300, 92, 26, 12];
+    const space = Object.assign(document.createElement("div"), { innerHTML: "<svg></svg>" }).firstChild.namespaceURI;
     const draw = (tag, parent, given) => {
-      const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+      const node = document.createElementNS(space, tag);
       for (const [name, value] of Object.entries(given)) node.setAttribute(name, value);
       parent.append(node);
       return node;
