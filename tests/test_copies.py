@@ -165,6 +165,14 @@ def more_constraints() -> Iterator[object]:
     yield rbd.problem.Product([rbd.problem.Free(1), rbd.problem.LineCone(0.1, 0.5)])
 
 
+def reference_motions() -> Iterator[object]:
+    """A motion that was made, one that was derived."""
+    box = rbd.load_robot(URDF / "box.urdf")
+    made = rbd.motion.minimum_jerk(box, [box.neutral(), box.neutral()], [0.0, 0.2])
+    derived = rbd.Motion.of_arrays(box, made.t, made.q, noise=1e-6)
+    yield from (made, derived, derived.derivation)
+
+
 def planar_chains() -> Iterator[object]:
     """Symbols, compiled functions once used, and numbers."""
     planar = pytest.importorskip("rbd.planar")
@@ -188,14 +196,14 @@ def found() -> dict[type, list[Any]]:
     """{class: instances} of all questions above."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        questions = (contact_answers, motions, mechanisms, more_constraints, planar_chains)
+        questions = (contact_answers, motions, mechanisms, more_constraints, reference_motions, planar_chains)
         return instances([answer for ask in questions for answer in ask()])
 
 
 KEPT = 3
 """So many instances of a class are copied."""
 PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints", "rbd.problem", "rbd.model")
-PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics")
+PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics", "rbd.motion")
 
 
 def public_classes() -> list[type]:

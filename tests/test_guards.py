@@ -704,7 +704,74 @@ CASES: dict[str, Case] = {
         screenshot, {"html_path": "/nowhere/x.html", "png_path": "/nowhere/x.png", "width": 9, "height": 9}
     ),
 }
+SWAY_T = np.arange(8) / 20.0
+SWAY_Q = np.array([pin.integrate(BOLT.model, STATE.q, 0.02 * np.sin(3.0 * t) * V) for t in SWAY_T])
+SWAY = rbd.Motion.of_arrays(BOLT, SWAY_T, SWAY_Q)
+SWAY_FILE = Path(tempfile.mkdtemp()) / "sway.csv"
+SWAY.save(SWAY_FILE, header=False)
+
+
+def use_motion(motion: Any) -> Any:
+    """The numbers of a motion."""
+    if isinstance(motion, rbd.Motion):
+        how = motion.derivation
+        noise = () if how is None else (how.window, how.cutoff, how.noise_q, how.noise_v, how.noise_a)
+        return motion.t, motion.q, motion.v, motion.a, motion.ground, noise
+    return motion
+
+
+def use_save(**given: Any) -> Any:
+    """Nothing that is saved; a place that is none of the test's is not written to."""
+    given["path"] = given["path"] if isinstance(given["path"], str) and "nowhere" in given["path"] else "x"
+    return SWAY.save(**given)
+
+
+CASES |= {
+    "motion.derivatives": Case(
+        lambda **given: (found := rbd.motion.derivatives(**given))[:2] + (found[2].noise_a, found[2].cutoff),
+        {"robot": BOLT, "t": SWAY_T, "q": SWAY_Q, "window": 0.2, "order": 3, "method": "local polynomial", "noise": 1e-6},
+        30,
+    ),
+    "motion.minimum_jerk": Case(
+        lambda **given: use_motion(rbd.motion.minimum_jerk(**given)),
+        {"robot": BOLT, "poses": [STATE.q, SWAY_Q[3]], "times": [0.0, 0.5], "rate": 20.0, "ground": 0.0},
+        30,
+    ),
+    "Motion.of_arrays": Case(
+        lambda **given: use_motion(rbd.Motion.of_arrays(**given)),
+        {"robot": BOLT, "t": SWAY_T, "q": SWAY_Q, "window": 0.2, "order": 3, "cutoff": 5.0, "noise": 1e-6, "notes": ["x"]},
+        30,
+    ),
+    "Motion.of_arrays, given": Case(
+        lambda **given: use_motion(rbd.Motion.of_arrays(BOLT, **given)),
+        {"t": SWAY_T, "q": SWAY_Q, "v": SWAY.v, "a": SWAY.a, "ground": 0.0},
+        30,
+    ),
+    "Motion.of_trajectory": Case(lambda **given: use_motion(rbd.Motion.of_trajectory(**given)), {"trajectory": TRAJECTORY}, 10),
+    "Motion.from_function": Case(
+        lambda **given: use_motion(rbd.Motion.from_function(**given)),
+        {"robot": BOLT, "f": lambda t: STATE.q, "t": SWAY_T, "ground": 0.0},
+        20,
+    ),
+    "Motion.read": Case(
+        lambda **given: use_motion(rbd.Motion.read(**given)),
+        {
+            **{"path": SWAY_FILE, "robot": BOLT, "rate": 20.0, "quaternion": "xyzw", "joints": list(BOLT.actuated_names)},
+            **{"units": "rad", "window": 0.2, "order": 3, "cutoff": 5.0, "ground": 0.0, "progress": False},
+        },
+        30,
+    ),
+    "Motion.state": Case(SWAY.state, {"i": 3}, 10),
+    "Motion.with_contacts": Case(lambda contacts: use_motion(SWAY.with_contacts(contacts)), {"contacts": None}, 10),
+    "Motion.resample": Case(lambda rate: use_motion(SWAY.resample(rate)), {"rate": 30.0}, 20),
+    "Motion.cut": Case(lambda **given: use_motion(SWAY.cut(**given)), {"start": 0.1, "end": 0.3}, 20),
+    "Motion.lifted": Case(lambda height: use_motion(SWAY.lifted(height)), {"height": 0.1}, 10),
+    "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
+    "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),
+}
 MADE_BY_RBD = {
+    "Motion",
+    "Derivation",
     "Answer",
     "Trajectory",
     "Event",
@@ -913,7 +980,14 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     """The law above can fail: arguments that work are not refused, but for pages that cannot be written."""
     answer = ask(CASES[name], CASES[name].good)
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
-    refused |= {"visual.export_motion", "visual.motion_sheet", "visual.replay", "visual.export_planar", "visual.replay_planar"}
+    refused |= {
+        "visual.export_motion",
+        "visual.motion_sheet",
+        "visual.replay",
+        "visual.export_planar",
+        "visual.replay_planar",
+        "Motion.save",
+    }
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 
@@ -934,6 +1008,7 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
+    rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:
         for name in names or [n for n in dir(place) if not n.startswith("_")]:

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, lazy
-from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting
+from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting_at, nearest_points
 from rbd.constraints.convex.rounds import Ball
 from rbd.constraints.convex.solids import ConvexShape
 from rbd.constraints.surface import contact_axes
@@ -106,8 +106,15 @@ class Bodies:
         return BodyMotion(*state.moving(frame, X_FJ, pin.LOCAL_WORLD_ALIGNED))
 
 
+_PRECISE = 1e-5
+"""Coal's distances are right to this [m], by far."""
+
+
 class Between:
     """Contact points of pairs of shapes of two bodies. Not for two threads at once.
+
+    The nearest points of a pair are computed again when it can have come near: in the axes of the first shape no point of the
+    second has moved by more than its centre has, plus the change of its rotation times its radius.
 
     Args:
         robot: The robot.
@@ -126,10 +133,17 @@ class Between:
         self.first = np.array([number[id(a)] for a, _ in pairs], int)
         self.second = np.array([number[id(b)] for _, b in pairs], int)
         self.within = np.array([a.reach + b.reach for a, b in pairs])
+        self.joints = sorted({shape.joint for shape in shapes})
+        self._body = np.array([self.joints.index(shape.joint) for shape in shapes], int)
+        self._centres = np.array([shape.centre for shape in shapes])
+        self._reach = np.array([shape.reach for shape in shapes])
         self._prepare()
 
     def _prepare(self) -> None:
         self._data = self.model.createData()
+        #: Of each pair, when its nearest points were computed: the gap, the second's rotation and centre in the first's axes.
+        n = len(self.pairs)
+        self._gap, self._turned, self._placed = np.full(n, -np.inf), np.zeros((n, 3, 3)), np.zeros((n, 3))
         #: Names so far; of points with the same name at the same time, how many there were before.
         self._known: dict[tuple[str, int], int] = {}
         self._names: list[str] = []
@@ -145,22 +159,38 @@ class Between:
         """The points of pairs whose gap is at most `margin` [m]."""
         data = self._data
         pin.forwardKinematics(self.model, data, state.q)
-        X = {joint: pin.SE3(data.oMi[joint]) for joint in {shape.joint for shape in self.shapes}}
-        centres = np.array([X[shape.joint].act(shape.centre) for shape in self.shapes])
+        X = {joint: pin.SE3(data.oMi[joint]) for joint in self.joints}
+        R = np.array([X[joint].rotation for joint in self.joints])[self._body]
+        p = np.array([X[joint].translation for joint in self.joints])[self._body]
+        centres = np.vecdot(R, self._centres[:, None, :]) + p
         away = np.linalg.norm(centres[self.first] - centres[self.second], axis=1)
         motions: dict[int, BodyMotion] = {}
         found, times = [], Counter[str]()
-        for i in np.flatnonzero(away - self.within <= margin).tolist():
+        for i in self._asked(R, p, centres, np.flatnonzero(away - self.within <= margin), margin):
             one, other = self.pairs[i]
-            met = meeting(one, X[one.joint], other, X[other.joint], margin)
-            if met is None:
+            near = nearest_points(one, X[one.joint], other, X[other.joint])
+            self._gap[i] = near.gap
+            if near.gap > margin:
                 continue
+            met = meeting_at(near, one, X[one.joint], other, X[other.joint], margin)
             for joint in (one.joint, other.joint):
                 if joint not in motions:
                     motions[joint] = self.bodies.at(state, joint)
             numbers = np.array([self._number(at.name, times) for at in met.crossings])
             found.append(_pair(met, (one, other), (motions[one.joint], motions[other.joint]), numbers, self.label))
         return found
+
+    def _asked(self, R: Array, p: Array, centres: Array, near: Array, margin: float) -> list[int]:
+        """Those of some pairs that can be within the margin, at these poses of all shapes' bodies; their poses are kept."""
+        one, other = self.first[near], self.second[near]
+        to_first = R[one].transpose(0, 2, 1)
+        turned, placed = to_first @ R[other], np.vecdot(to_first, (centres[other] - p[one])[:, None, :])
+        moved = np.linalg.norm(placed - self._placed[near], axis=1)
+        moved += np.linalg.norm(turned - self._turned[near], axis=(1, 2)) * self._reach[other]
+        asked = self._gap[near] - moved <= margin + _PRECISE
+        index = near[asked]
+        self._turned[index], self._placed[index] = turned[asked], placed[asked]
+        return list(index.tolist())
 
     def label(self, number: int) -> str:
         """The name of a point."""

@@ -104,8 +104,10 @@ def write(sheet: Sheet, part: Array, found: BlockAnswer, methods: Sequence[str])
     if found.found.all() and part[-1] - part[0] == len(part) - 1:  # one copy in place of two
         good, at = slice(None), slice(int(part[0]), int(part[-1]) + 1)
     sheet.a[at], sheet.status[at] = found.a[good], StateStatus.SOLVED
-    which, places = np.unique(found.method[good], return_inverse=True)
-    sheet.codes[at] = np.array([sheet.code(methods[code]) for code in which.tolist()], np.int8)[places]
+    codes = np.zeros(len(methods), np.int8)
+    for number in np.flatnonzero(np.bincount(found.method[good], minlength=len(methods))).tolist():
+        codes[number] = sheet.code(methods[number])
+    sheet.codes[at] = codes[found.method[good]]
     for name, values in found.residuals.items():
         sheet.column("residuals", name)[at] = values[good]
     if found.distant.any():

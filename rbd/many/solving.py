@@ -96,4 +96,5 @@ def _one(sheet: Sheet, i: int, law: Law, rest_speed: float) -> None:
 def _overloaded(states: ManyStates) -> Array:
     """At which states some torque is beyond its effort limit, shape (n,), of truth values."""
     with np.errstate(invalid="ignore"):
-        return np.asarray((np.abs(states.vectors["tau"]) > states.robot.effort_limit).any(axis=1))
+        beyond = np.abs(states.vectors["tau"]) > states.robot.effort_limit
+    return np.asarray(beyond.any(axis=1)) if beyond.any() else np.zeros(len(states), bool)

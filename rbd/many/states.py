@@ -180,9 +180,11 @@ class _Table:
         with np.errstate(all="ignore"):
             if self.what.startswith("friction"):
                 return np.asarray((x[:, 0] >= 0.0) & (x[:, 0] < 1e100))
-            good = np.isfinite(np.einsum("ij,ij->i", x, x))
+            size = np.einsum("ij,ij->i", x, x)
+            good = np.isfinite(size)
             if self.what in ("q", "v"):
-                good &= np.abs(x).max(axis=1, initial=0.0) <= FARTHEST
+                far = np.flatnonzero(~(size <= FARTHEST**2))  # a norm within it has entries within it
+                good[far] &= np.abs(x[far]).max(axis=1, initial=0.0) <= FARTHEST
             if self.what == "q":
                 units = [(p.q + p.unit.start, p.q + p.unit.stop) for p in robot.joints.pieces if p.unit.start < p.unit.stop]
                 for begin, end in units:

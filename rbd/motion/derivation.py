@@ -7,8 +7,9 @@ by the logarithms of the rotations within a window relative to its frame, so tha
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -89,16 +90,23 @@ def derivatives(
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite, or settings out of range.
     """
+    if not isinstance(robot, CheckedModel):
+        raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
     t, q = checked_times(t), as_array("q", q)
     if q.shape != (len(t), robot.nq):
         raise InputError(f"q has shape {q.shape}; expected ({len(t)}, {robot.nq}): a row a time, a column a coordinate.")
     check_finite("q", q)
-    if method not in get_args(Method):
+    if not isinstance(method, str) or method not in get_args(Method):
         raise InputError(f"method is {method!r:.80}; expected 'local polynomial' or 'low-pass'.")
     if len(t) < 2:
         raise InputError(f"{len(t)} frame has no velocity; expected two frames or more, or v and a with q.")
-    sigma = np.broadcast_to(as_array("noise", noise), robot.nv).copy()
+    sigma = as_array("noise", noise)
+    if sigma.shape not in ((), (robot.nv,)) or not (sigma >= 0.0).all() or not (sigma <= 1e5).all():
+        raise InputError(f"noise is {noise!r:.80}; expected a standard deviation, a number or shape ({robot.nv},) [m, rad].")
+    sigma = np.broadcast_to(sigma, robot.nv).copy()
     dt = float(t[-1] - t[0]) / (len(t) - 1)
+    if not 1e-7 <= dt <= 1e5:
+        raise InputError(f"times are {dt:.3g} s apart in the mean; expected 1e-7 to 1e5 s.")
     smoother = None
     if method == "low-pass":
         if cutoff is None:
@@ -107,14 +115,12 @@ def derivatives(
         q, frames, order = low_passed(robot, q, smoother), SMOOTHED, 6
     else:
         order = _check_order(order)
-        half = round(0.5 * check_positive("window", window, 1e6) / dt)
-        frames = max(2 * min(half, len(t)) + 1, order + 2 + order % 2)
+        frames = _window(t, window, order)
     frames = min(frames, len(t))
     order = min(order, frames - 1)
     v, a = np.empty((len(t), robot.nv)), np.zeros((len(t), robot.nv))
-    for begin in range(0, len(t), CHUNK):
-        end = min(begin + CHUNK, len(t))
-        v[begin:end], a[begin:end] = _derived(robot, t, q, begin, end, frames, order)
+    for part in _parts(t, frames, order):
+        v[part.rows], a[part.rows] = _derived(robot, q[part.near], part)
     gain_v, gain_a, half_left = _response(dt, frames, order, smoother)
     half_left = half_left if cutoff is None or smoother is None else float(cutoff)
     how = Derivation(method, (frames - 1) * dt, order, half_left, sigma, gain_v * sigma, gain_a * sigma)
@@ -123,8 +129,8 @@ def derivatives(
 
 def stencil_derivatives(robot: CheckedModel, t: Array, q: Array) -> tuple[Array, Array]:
     """(v, a) at the middle of each group of five frames, by the polynomial of order 4 through them, shape (n / 5, nv)."""
-    v, a = _derived(robot, t, q, 0, len(t), 5, 4)
-    return v[2::5], a[2::5]
+    found = [_derived(robot, q[part.near], part) for part in _parts(t, 5, 4)]
+    return np.concatenate([v for v, _ in found])[2::5], np.concatenate([a for _, a in found])[2::5]
 
 
 def derived_again(robot: CheckedModel, t: Array, q: Array, how: Derivation) -> tuple[Array, Array, Derivation]:
@@ -136,13 +142,13 @@ def derived_again(robot: CheckedModel, t: Array, q: Array, how: Derivation) -> t
 
 def derivative(t: Array, x: Array, *, window: float = 0.2, order: int = 3) -> Array:
     """The derivative of sampled numbers, shape (n, k), by local polynomials; arguments as `derivatives`."""
-    dt = float(t[-1] - t[0]) / (len(t) - 1)
-    frames = min(max(2 * round(0.5 * window / dt) + 1, order + 2 + order % 2), len(t))
+    if len(t) < 2:
+        raise InputError("one frame has no acceleration; give a with v.")
+    order = _check_order(order)
+    frames = _window(t, window, order)
     out = np.empty(x.shape)
-    for begin in range(0, len(t), CHUNK):
-        end = min(begin + CHUNK, len(t))
-        first, weights = _weights(t, begin, end, frames, min(order, frames - 1))
-        out[begin:end] = np.einsum("iw,iwk->ik", weights[0], x[first[:, None] + np.arange(frames)])
+    for part in _parts(t, frames, min(order, frames - 1)):
+        out[part.rows] = np.einsum("iw,iwk->ik", part.once, x[part.near][part.windows])
     return out
 
 
@@ -236,20 +242,38 @@ def _smoothed(x: Array, share: float) -> Array:
     return np.asarray(solveh_banded(bands, x, lower=True))
 
 
+def _window(t: Array, window: float, order: int) -> int:
+    """How many frames a window has."""
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    half = min(0.5 * check_positive("window", window, 1e6) / dt, len(t))
+    return min(max(2 * round(half) + 1, order + 2 + order % 2), len(t))
+
+
 def _check_order(order: int) -> int:
     if isinstance(order, bool) or not isinstance(order, int) or not 2 <= order <= 8:
         raise InputError(f"order is {order!r:.80}; expected a whole number from 2 to 8.")
     return order
 
 
-def _derived(robot: CheckedModel, t: Array, q: Array, begin: int, end: int, frames: int, order: int) -> tuple[Array, Array]:
-    first, (once, twice) = _weights(t, begin, end, frames, order)
-    windows = first[:, None] + np.arange(frames)
-    v, a = np.empty((end - begin, robot.nv)), np.empty((end - begin, robot.nv))
+class _Part(NamedTuple):
+    """Frames that are differentiated at once: which, those in their windows, and the weights of these."""
+
+    rows: slice
+    near: slice
+    own: slice  # the rows, within near
+    windows: Array  # (i, w), within near
+    once: Array  # (i, w)
+    twice: Array
+
+
+def _derived(robot: CheckedModel, q: Array, part: _Part) -> tuple[Array, Array]:
+    """(v, a) of the rows of a part, from the configurations near it."""
+    windows, count = part.windows, part.rows.stop - part.rows.start
+    v, a = np.empty((count, robot.nv)), np.empty((count, robot.nv))
 
     def fitted(x: Array) -> tuple[Array, Array]:
         """First and second derivatives of values in the windows, (i, w, k)."""
-        return np.einsum("iw,iwk->ik", once, x), np.einsum("iw,iwk->ik", twice, x)
+        return np.einsum("iw,iwk->ik", part.once, x), np.einsum("iw,iwk->ik", part.twice, x)
 
     numbers = [(p.q, p.v) for p in robot.joints.pieces if p.kind == "number"]
     if numbers:
@@ -263,9 +287,9 @@ def _derived(robot: CheckedModel, t: Array, q: Array, begin: int, end: int, fram
             angle = np.unwrap(np.arctan2(own[:, -1], own[:, -2]))
             turn = fitted(angle[windows][:, :, None])
         else:
-            turn = fitted(logarithm(product(conjugate(own[begin:end, -4:])[:, None], own[:, -4:][windows])))
+            turn = fitted(logarithm(product(conjugate(own[part.own, -4:])[:, None], own[:, -4:][windows])))
         slide = fitted(own[:, : p.nq - (2 if p.kind == "plane" else 4)][windows]) if p.kind in ("plane", "space") else turn
-        v[:, out], a[:, out] = own_rates(p.kind, own[begin:end], slide, turn)
+        v[:, out], a[:, out] = own_rates(p.kind, own[part.own], slide, turn)
     return v, a
 
 
@@ -290,17 +314,22 @@ def own_rates(kind: str, q: Array, slide: tuple[Array, Array], turn: tuple[Array
     return np.concatenate([speed, turn[0]], axis=1), np.concatenate([rise, turn[1]], axis=1)
 
 
-def _weights(t: Array, begin: int, end: int, frames: int, order: int) -> tuple[Array, tuple[Array, Array]]:
-    """(first frame of each window, weights of its frames in the first and second derivative) for frames begin to end."""
-    at = np.arange(begin, end)
-    first = np.clip(at - frames // 2, 0, len(t) - frames)
-    times = t[first[:, None] + np.arange(frames)] - t[at][:, None]
-    if is_uniform(t):
-        dt = (t[-1] - t[0]) / (len(t) - 1)
-        offsets, same = np.unique(first - at, return_inverse=True)
-        once, twice = _fit((offsets[:, None] + np.arange(frames)) * dt, order)
-        return first, (once[same], twice[same])
-    return first, _fit(times, order)
+def _parts(t: Array, frames: int, order: int) -> Iterator[_Part]:
+    """All frames in parts of a few thousand, with windows around each, one-sided at the ends."""
+    even = (t[-1] - t[0]) / (len(t) - 1) if is_uniform(t) else None
+    for begin in range(0, len(t), CHUNK):
+        end = min(begin + CHUNK, len(t))
+        at = np.arange(begin, end)
+        first = np.clip(at - frames // 2, 0, len(t) - frames)
+        near = slice(int(first[0]), int(first[-1]) + frames)
+        if even is None:
+            once, twice = _fit(t[first[:, None] + np.arange(frames)] - t[at][:, None], order)
+        else:
+            offsets, same = np.unique(first - at, return_inverse=True)
+            few = _fit((offsets[:, None] + np.arange(frames)) * even, order)
+            once, twice = few[0][same], few[1][same]
+        own, windows = slice(begin - near.start, end - near.start), first[:, None] + np.arange(frames) - near.start
+        yield _Part(slice(begin, end), near, own, windows, once, twice)
 
 
 def _fit(times: Array, order: int) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.derivation import checked_times, own_rates
-from rbd.motion.frames import check_rate
+from rbd.motion.frames import check_rate, times_of
 from rbd.motion.motion import Motion
 from rbd.motion.rotations import conjugate, exponential, logarithm, product
 
@@ -38,10 +38,11 @@ def minimum_jerk(
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
     t, rate = checked_times(times), check_rate(rate)
-    if isinstance(poses, str) or not isinstance(poses, Sequence | np.ndarray) or len(poses) != len(t) or len(t) < 2:
+    listed = isinstance(poses, list | tuple) or (isinstance(poses, np.ndarray) and poses.ndim == 2)
+    if not listed or len(poses) != len(t) or len(t) < 2:
         raise InputError(f"poses is {poses!r:.80} for {len(t)} times; expected two or more configurations, one a time.")
     q = np.array([robot.check_q(pose) for pose in poses])
-    at = t[0] + np.arange(int((t[-1] - t[0]) * rate * (1.0 + 1e-12) + 1e-9) + 1) / rate
+    at = times_of(float(t[0]), float(t[-1]), rate)
     i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
     h = (t[i + 1] - t[i])[:, None]
     s = (at - t[i])[:, None] / h

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.errors import InputError
-from rbd.model.checked_model import CheckedModel
+from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.state import State
 from rbd.motion.derivation import (
     Derivation,
@@ -27,14 +26,12 @@ from rbd.motion.derivation import (
     method_of,
     stencil_derivatives,
 )
-from rbd.motion.frames import check_rate, check_shape, normalise
+from rbd.motion.frames import check_rate, check_shape, normalise, times_of
 from rbd.motion.interpolation import cubic, interpolated_q
 from rbd.motion.reading import read_frames
 from rbd.motion.symmetry import mirrored, symmetry_of
 from rbd.motion.writing import a_motion_path, write_bodies, write_csv, write_motion
-
-if TYPE_CHECKING:
-    from rbd.simulation.trajectory import Trajectory
+from rbd.simulation.trajectory import Trajectory
 
 STENCIL = 1e-3
 """Time between the values of a function that v and a come from [s]."""
@@ -84,7 +81,7 @@ class Motion:
         a: Array | None = None,
         *,
         source: str = "arrays",
-        notes: Iterable[str] = (),
+        notes: Sequence[str] = (),
         window: float = 0.2,
         order: int = 3,
         cutoff: float | None = None,
@@ -116,7 +113,9 @@ class Motion:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
         t, q = checked_times(t), as_array("q", q)
-        check_shape("q", q, (len(t), robot.nq))
+        check_shape("q", q, (len(t), robot.nq), FARTHEST)
+        if not isinstance(notes, list | tuple) or not all(isinstance(note, str) for note in notes):
+            raise InputError(f"notes is {notes!r:.80}; expected a list of sentences.")
         said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
@@ -126,10 +125,8 @@ class Motion:
             v, a, how = derivatives(robot, t, q, **settings, method=method_of(cutoff), cutoff=cutoff, noise=noise)
         else:
             v = as_array("v", v)
-            check_shape("v", v, (len(t), robot.nv))
+            check_shape("v", v, (len(t), robot.nv), FARTHEST)
             if a is None:
-                if len(t) < 2:
-                    raise InputError("one frame has no acceleration; give a with v.")
                 a = derivative(t, v, **settings)
                 said.append(f"accelerations are derivatives of the velocities given, over {window:g} s.")
         a = as_array("a", a)
@@ -196,6 +193,8 @@ class Motion:
     def of_trajectory(cls, trajectory: Trajectory) -> Motion:
         """The motion of a trajectory: its t, q, v and a as they were simulated."""
         x = trajectory
+        if not isinstance(x, Trajectory):
+            raise InputError(f"trajectory is {x!r:.80}; expected what rbd.simulate returns.")
         return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory")
 
     @classmethod
@@ -217,7 +216,7 @@ class Motion:
         if len(t) > 1 and np.diff(t).min() < 5.0 * STENCIL:
             raise InputError(f"times are {np.diff(t).min():.3g} s apart; expected {5.0 * STENCIL:g} s or more.")
         times = (t[:, None] + STENCIL * np.arange(-2, 3)).ravel()
-        q = np.array([robot.check_q(f(float(each))) for each in times])
+        q = np.array([robot.check_q(_value(f, float(each))) for each in times])
         v, a = stencil_derivatives(robot, times, q)
         return cls.of_arrays(robot, t, q[2::5], v, a, source="function", ground=ground)
 
@@ -262,8 +261,7 @@ class Motion:
         rate = check_rate(rate)
         if self.n < 2:
             raise InputError("a motion of one frame cannot be resampled.")
-        count = math.floor(self.duration * rate * (1.0 + 1e-12) + 1e-9) + 1
-        t = np.minimum(self.t[0] + np.arange(count) / rate, self.t[-1])
+        t = times_of(float(self.t[0]), float(self.t[-1]), rate)
         if len(t) < 2:
             raise InputError(f"rate is {rate:g}; a motion of {self.duration:g} s has no two frames then.")
         q = interpolated_q(self.robot, self.t, self.q, self.v, t)
@@ -351,7 +349,11 @@ class Motion:
         """
         where = a_motion_path(path)
         check_flag("header", header)
-        if kind not in ("motion", "bodies") or (kind == "bodies" and where.suffix.lower() == ".csv"):
+        if (
+            not isinstance(kind, str)
+            or kind not in ("motion", "bodies")
+            or (kind == "bodies" and where.suffix.lower() == ".csv")
+        ):
             raise InputError(f"kind is {kind!r:.80}; expected 'motion', or 'bodies' for an .npz.")
         if where.suffix.lower() == ".csv":
             write_csv(where, self.robot, self.t, self.q, header=header, decimals=decimals)
@@ -380,3 +382,10 @@ class Motion:
     def __repr__(self) -> str:
         times = f"{self.t[0]:g} to {self.t[-1]:g} s at {self.rate:.4g} Hz"
         return f"Motion({self.robot.name!r}, {self.n} frames, {times}, from {self.source})"
+
+
+def _value(f: Callable[[float], Array], t: float) -> Array:
+    try:
+        return f(t)
+    except Exception as error:
+        raise InputError(f"f raised {type(error).__name__} at t = {t:.9g} s: {str(error)[:200]}") from error

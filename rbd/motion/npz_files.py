@@ -70,7 +70,7 @@ def _of_q(path: Path, robot: CheckedModel, arrays: dict[str, Array]) -> Frames:
     v, a = (_numbers(path, arrays, name) if name in arrays else None for name in ("v", "a"))
     notes = tuple(str(note) for note in arrays["notes"].ravel()) if arrays.get("notes", q).dtype.kind == "U" else ()
     how = None
-    if "derivation" in arrays:
+    if "derivation" in arrays and v is not None and a is not None:
         try:
             window, order, cutoff = (float(x) for x in _numbers(path, arrays, "derivation"))
             noise = [_numbers(path, arrays, f"noise_{x}") for x in "qva"]
@@ -81,7 +81,8 @@ def _of_q(path: Path, robot: CheckedModel, arrays: dict[str, Array]) -> Frames:
         except (ValueError, KeyError):
             raise InputError(f"{path.name}: what it says of how v and a came from q cannot be read. Leave it out.") from None
     ground = float(_numbers(path, arrays, "ground").ravel()[0]) if arrays.get("ground", np.empty(0)).size == 1 else 0.0
-    return Frames(robot, t, q, v, a, how, notes, ground=ground)
+    rounding = _rounding(robot, arrays["q"][:, :3], arrays["q"][:, 3:7], arrays["q"])
+    return Frames(robot, t, q, v, a, how, notes, rounding, ground)
 
 
 def _of_bodies(
@@ -133,7 +134,8 @@ def _of_bodies(
         q = np.tile(standing_q(robot), (n, 1))
         q[:, :3], q[:, 3:7] = place[:, 0], base
         joint_positions(robot, q, names, x * unit_of(robot, names, x, units, path.name))
-        errors[what] = error = _error(robot, q, place, turn)
+        *error, links = _error(robot, q, place, turn)
+        errors[what] = error
         if error[0] <= NEAR and error[1] <= TURNED:
             least = min(PROVED, n)
             notes.append(
@@ -141,7 +143,14 @@ def _of_bodies(
                 f"{1e3 * error[0]:.2g} mm and {error[1]:.1g} rad."
             )
             notes += left_still(robot, names)
-            return Frames(robot, np.arange(n) / rate, q, notes=tuple(notes))
+            unseen = _unseen(robot, names, links)
+            if unseen:
+                raise InputError(
+                    f"{path.name}: no body shows the angles of {', '.join(unseen)[:300]}, so their order is not proved. "
+                    "Such a file needs the last link of every limb, or save q and t instead."
+                )
+            noise = _rounding(robot, arrays["body_pos_w"][:, 0], arrays["body_quat_w"][:, 0], arrays["joint_pos"])
+            return Frames(robot, np.arange(n) / rate, q, notes=tuple(notes), noise=noise)
     told_errors = "; ".join(f"{what}: {1e3 * e[0]:.3g} mm, {e[1]:.2g} rad" for what, e in errors.items())
     raise InputError(
         f"{path.name}: no order of joints puts all bodies within {1e3 * NEAR:g} mm and {TURNED:g} rad of body_pos_w and "
@@ -170,8 +179,24 @@ def _orders(
     return fitting
 
 
-def _error(robot: CheckedModel, q: Array, place: Array, turn: Array) -> tuple[float, float]:
-    """Largest distance [m] and angle [rad] of a body from the link of the robot that is nearest in all frames."""
+def _unseen(robot: CheckedModel, names: Sequence[str], shown: set[int]) -> list[str]:
+    """Joints that neither move nor carry a joint of the set of those shown."""
+    ids = {name: robot.joint_id(name) for name in names}
+    return [name for name, i in ids.items() if not shown & set(robot.model.subtrees[i])]
+
+
+def _rounding(robot: CheckedModel, place: Array, turn: Array, joints: Array) -> Array:
+    """Standard deviation of q that numbers of single precision leave along each velocity, shape (nv,); of double, zero."""
+    noise = np.zeros(robot.nv)
+    for part, own, factor in ((slice(6, None), joints, 1.0), (slice(0, 3), place, 1.0), (slice(3, 6), turn, 2.0)):
+        if own.dtype == np.float32 and own.size and (robot.floating or part.start == 6):
+            last = float(np.spacing(np.float32(max(1.0, np.abs(own).max()))))
+            noise[part if robot.floating else slice(None)] = factor * last / np.sqrt(12.0)
+    return noise
+
+
+def _error(robot: CheckedModel, q: Array, place: Array, turn: Array) -> tuple[float, float, set[int]]:
+    """(largest distance [m], largest angle [rad], joints) of the bodies from, and of, their nearest links in all frames."""
     model, data = robot.model, robot.model.createData()
     links = [robot.frame_id(name) for name in robot.links()]
     frames = np.unique(np.linspace(0, len(q) - 1, min(PROVED, len(q))).round().astype(int))
@@ -182,6 +207,7 @@ def _error(robot: CheckedModel, q: Array, place: Array, turn: Array) -> tuple[fl
             X = pin.SE3ToXYZQUAT(data.oMf[link])
             p[i, k], x[i, k] = X[:3], X[3:]
     far = angle = 0.0
+    joints = set[int]()
     for body in range(place.shape[1]):
         distance = np.linalg.norm(p - place[frames, body, None], axis=2).max(axis=0)
         # twice the sine of half the angle, from the chord of the quaternions, up to sign
@@ -189,7 +215,8 @@ def _error(robot: CheckedModel, q: Array, place: Array, turn: Array) -> tuple[fl
         turned = (2.0 * np.sqrt(np.maximum(0.0, 2.0 - 2.0 * cosine))).max(axis=0)
         best = int(np.argmin(distance / NEAR + turned / TURNED))
         far, angle = max(far, float(distance[best])), max(angle, float(turned[best]))
-    return far, angle
+        joints.add(int(model.frames[links[best]].parentJoint))
+    return far, angle, joints
 
 
 def _numbers(path: Path, arrays: dict[str, Array], name: str) -> Array:

@@ -11,7 +11,7 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_flag
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.columns import BASE, Columns, columns_by_number, columns_of_header
@@ -41,9 +41,10 @@ def read_frames(
 ) -> Frames:
     """The frames of a file; arguments and errors as `Motion.read`."""
     where = _a_path(path)
-    if quaternion not in (None, "xyzw", "wxyz"):
+    check_flag("progress", progress)
+    if quaternion is not None and (not isinstance(quaternion, str) or quaternion not in ("xyzw", "wxyz")):
         raise InputError(f"quaternion is {quaternion!r:.80}; expected 'xyzw' or 'wxyz'.")
-    if units not in (None, "rad", "deg"):
+    if units is not None and (not isinstance(units, str) or units not in ("rad", "deg")):
         raise InputError(f"units is {units!r:.80}; expected 'rad' or 'deg'.")
     rate = None if rate is None else check_rate(rate)
     if robot is not None and not isinstance(robot, CheckedModel):

@@ -32,8 +32,9 @@ def a_motion_path(path: object) -> Path:
     text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
     if not isinstance(text, str) or "\0" in text or Path(text).suffix.lower() not in (".csv", ".npz"):
         raise InputError(f"path is {path!r:.80}; expected one that ends in .csv or .npz, e.g. 'walk.npz'.")
-    check_place(Path(text))
-    return Path(text)
+    where = Path(text)
+    check_place(where)
+    return where
 
 
 def write_csv(path: Path, robot: CheckedModel, t: Array, q: Array, *, header: bool, decimals: int) -> None:

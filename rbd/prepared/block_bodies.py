@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import blas
 
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
@@ -70,6 +71,7 @@ class BlockBodies(ContactBodies):
         run(model, data, q[0], v[0], generalised[0], *fixed)
         force, own_pivots = data.lambda_c, factors.D[: self.m]  # views that follow
         bodies = [(*pose, R[k], p[k]) for k, pose in enumerate(self._poses)]
+        square = blas.ddot  # a third of ndarray.dot's time
         velocities, slow = self._velocity_views, min(TURNS, rest_speed**2)  # |w x v| is at most half the square of (v, w)
         i = -1
         for q_i, v_i, generalised_i in zip(q, v, generalised, strict=True):
@@ -83,7 +85,7 @@ class BlockBodies(ContactBodies):
             rests = True
             if moves[i]:
                 for velocity in velocities:
-                    rests = rests and velocity.dot(velocity) <= slow
+                    rests = rests and square(velocity, velocity) <= slow
                 if not rests:
                     turning = self._centripetal()
                     if turning is not None:

@@ -84,7 +84,7 @@ class ContactBlocks(ContactDynamics):
             for faces, radius in ((inscribed, mu * np.cos(np.pi / _SIDES)), (around, mu)):
                 sides[:, 2] = radius
                 faces.append(sides @ self._least_norm[at : at + 3])
-        self._surely, self._possibly = np.concatenate(inscribed), np.concatenate(around)
+        self._surely, self._possibly = np.asfortranarray(np.concatenate(inscribed)), np.asfortranarray(np.concatenate(around))
 
     def solve(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, mu: Array | None

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain, repeat
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -121,7 +121,8 @@ def _constant(k: int, value: bool) -> Array:
     return out
 
 
-class Places(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Places:
     """Where the points of a source are, and what their forces come to: attributes as of `Measured`."""
 
     structure: Structure

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.solvers.small_systems import compiled
 
-_compiled = numba.njit(cache=True, error_model="numpy")
 
-
-@_compiled
+@compiled
 def _rotation(q: Array, at: int, R: Array) -> None:
     x, y, z, w = q[at + 3], q[at + 4], q[at + 5], q[at + 6]
     R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
@@ -23,7 +21,7 @@ def _rotation(q: Array, at: int, R: Array) -> None:
     R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-@_compiled
+@compiled
 def _carried(v: Array, i: int, R: Array, S: Array) -> tuple[float, float, float]:
     """Turn the linear part of v at i from the axes R to the axes S, in place; what it is in the world's."""
     x = R[0, 0] * v[i] + R[0, 1] * v[i + 1] + R[0, 2] * v[i + 2]
@@ -34,7 +32,7 @@ def _carried(v: Array, i: int, R: Array, S: Array) -> tuple[float, float, float]
     return x, y, z
 
 
-@_compiled
+@compiled
 def _turn(out: Array, v: Array, h: float, i: int) -> None:
     x, y, z, a, b, c = v[i], v[i + 1], v[i + 2], v[i + 3], v[i + 4], v[i + 5]
     out[i] += h * (b * z - c * y)
@@ -42,7 +40,7 @@ def _turn(out: Array, v: Array, h: float, i: int) -> None:
     out[i + 2] += h * (a * y - b * x)
 
 
-@_compiled
+@compiled
 def turned(start: Array, v: Array, h: float, bases: Array) -> Array:
     """`Bases.turned`."""
     out = start.copy()
@@ -51,7 +49,7 @@ def turned(start: Array, v: Array, h: float, bases: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def _place(q: Array, out: Array, v: Array, h: float, at: int, i: int, R: Array) -> None:
     """Put the base's origin into `out`; R is left at R_WB of q."""
     _rotation(q, at, R)
@@ -59,7 +57,7 @@ def _place(q: Array, out: Array, v: Array, h: float, at: int, i: int, R: Array) 
         out[at + k] = q[at + k] + h * (R[k, 0] * v[i] + R[k, 1] * v[i + 1] + R[k, 2] * v[i + 2])
 
 
-@_compiled
+@compiled
 def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array) -> tuple[Array, Array, Array, Array]:
     """(v, v_h, end, mean) of `Bases.middle`; the bases' origins are put into `out`."""
     one, two, R, S = v.copy(), v_h.copy(), np.empty((3, 3)), np.empty((3, 3))
@@ -76,7 +74,7 @@ def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array) -
     return one, two, end, mean
 
 
-@_compiled
+@compiled
 def moved(q: Array, out: Array, v: Array, h: float, bases: Array) -> Array:
     """The velocity of `Bases.moved`; the bases' origins are put into `out`."""
     carried, R, S = v.copy(), np.empty((3, 3)), np.empty((3, 3))
@@ -88,7 +86,7 @@ def moved(q: Array, out: Array, v: Array, h: float, bases: Array) -> Array:
     return carried
 
 
-@_compiled
+@compiled
 def _mapped(matrix: Array, X: Array, x: Array, place: Array, other: Array) -> Array:
     products, out = np.empty(len(place)), np.zeros(len(matrix))
     for c in range(len(place)):
@@ -101,7 +99,7 @@ def _mapped(matrix: Array, X: Array, x: Array, place: Array, other: Array) -> Ar
     return out
 
 
-@_compiled
+@compiled
 def _of_joints(rows: Array, joints: Array) -> Array:
     n = rows.shape[1]
     out = np.empty(n * len(joints))
@@ -111,7 +109,7 @@ def _of_joints(rows: Array, joints: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def points(
     places: Array, rates: Array, joints: Array, gaps: Array, height: Array, matrix: Array, place: Array, other: Array
 ) -> tuple[Array, Array]:
@@ -126,7 +124,7 @@ def points(
     return gap, _mapped(matrix, X, _of_joints(rates, joints), place, other)
 
 
-@_compiled
+@compiled
 def target(rates: Array, joints: Array, row_velocity: Array, h: float, out: Array) -> None:
     """Accelerations of the bodies' rows that bring them to rest within h, into the beginning of `out`."""
     V = _of_joints(rates, joints)
@@ -137,7 +135,7 @@ def target(rates: Array, joints: Array, row_velocity: Array, h: float, out: Arra
         out[r] = -total / h
 
 
-@_compiled
+@compiled
 def sticking(
     places: Array,
     joints: Array,

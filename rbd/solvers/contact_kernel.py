@@ -310,6 +310,11 @@ def _body_forces(
             count = enlarge(points, count, first, room.gap, room.z)
         if merit <= _FOUND:
             break
+    if not merit <= _FOUND:  # many points close to each other: compliant ones first, whose answer is unique
+        for j in range(n):
+            kept[j] = w[j]
+        merit, more = settle(bodies, points[0], w, kept, unit, merit, coulomb, firm, room)
+        steps += more
     if coulomb and merit <= _FOUND:
         evaluate(bodies, points[0], w, firm, coulomb, room)
         opened = leaves_motion_open(bodies, w, room.p, memory[at:])

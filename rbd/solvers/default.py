@@ -41,15 +41,19 @@ _OTHER = 1e-6
 """Accelerations that differ by more, over max(1, the largest), are different motions."""
 
 
+_SLIP_LAWS = {"coulomb": COULOMB, "convex": CONVEX}
+
+
 def slip_law(law: Law | str) -> Law:
     """The law of contacts that can slip, as `rbd.solve` and `rbd.simulate` take it.
 
     Raises:
         InputError: if it is neither.
     """
-    if not isinstance(law, Law | str) or str(law) not in ("coulomb", "convex"):
+    found = _SLIP_LAWS.get(str(law)) if isinstance(law, Law | str) else None
+    if found is None:
         raise InputError(f"law is {law!r:.80}; expected 'coulomb' or 'convex'.")
-    return Law.of(law)
+    return found
 
 
 def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from rbd.arrays import Array
+from rbd.solvers.small_systems import compiled
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def law_residual(y: Array, w: Array, mu: Array, least: float, coulomb: bool) -> float:
     """The largest residual of all points; `least` is the lower bound of the scale of their forces [N]."""
     worst = 0.0

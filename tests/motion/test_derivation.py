@@ -185,3 +185,15 @@ class TestMotion:
             Motion.of_arrays(g1, t[:1], q[:1])
         with pytest.raises(InputError, match="from -10 to 9"):
             Motion.of_arrays(g1, t, q, v, a).state(10)
+
+
+def test_long_motions_are_derived_part_by_part(g1, monkeypatch):
+    """The same to the last bits, windows across the seams, even times and uneven ones."""
+    t = np.arange(300) / 60.0
+    for times in (t, t + 1e-3 * np.sin(np.arange(300))):
+        q, _, _ = flight(g1, times)
+        whole = derivatives(g1, times, q)
+        with monkeypatch.context() as patch:
+            patch.setattr("rbd.motion.derivation.CHUNK", 37)
+            parts = derivatives(g1, times, q)
+        assert np.abs(whole[0] - parts[0]).max() < 1e-10 and np.abs(whole[1] - parts[1]).max() < 1e-8

@@ -251,6 +251,24 @@ class TestProvedOrder:
         with pytest.raises(InputError, match="no order of joints"):
             Motion.read(tmp_path / "bad.npz", robot=g1)
 
+    def test_bodies_must_show_all_joints(self, dance, g1, arrays, tmp_path):
+        """Without the hands, the wrists' angles could stand in any order."""
+        del arrays["joint_names"]
+        keep = [i for i, name in enumerate(arrays["body_names"]) if "wrist" not in str(name)]
+        few = {**arrays, "body_pos_w": arrays["body_pos_w"][:, keep], "body_quat_w": arrays["body_quat_w"][:, keep]}
+        np.savez(tmp_path / "few.npz", **few)
+        with pytest.raises(InputError, match="no body shows the angles of .*left_wrist_yaw_joint"):
+            Motion.read(tmp_path / "few.npz", robot=g1)
+
+    def test_single_precision_is_counted_as_noise(self, dance, g1, arrays, tmp_path):
+        """What float32 rounds off; double precision leaves none."""
+        small = {name: x.astype(np.float32) if x.dtype == float else x for name, x in arrays.items()}
+        np.savez(tmp_path / "a.npz", **small)
+        noise = Motion.read(tmp_path / "a.npz", robot=g1).derivation.noise_q
+        assert (noise >= 2.0**-23 / np.sqrt(12.0)).all() and noise.max() < 1e-6
+        np.savez(tmp_path / "b.npz", **arrays)
+        assert (Motion.read(tmp_path / "b.npz", robot=g1).derivation.noise_q == 0.0).all()
+
     def test_sizes_are_checked(self, g1, arrays, tmp_path):
         """Shapes, NaN by index, fps, missing arrays."""
         arrays["joint_pos"][7, 3] = np.nan

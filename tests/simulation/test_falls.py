@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.constraints.contact_kinematics import Between
 from rbd.constraints.convex.low_points import LowPoints
 
 ROBOTS = ("talos", "g1", "solo12")
@@ -56,3 +57,32 @@ def test_points_that_cannot_be_near_change_no_bit_of_a_fall(name, monkeypatch):
     for what in ("forces", "points", "point_forces", "residuals"):
         for one, other in zip(getattr(quick, what).values(), getattr(whole, what).values(), strict=True):
             assert np.array_equal(one, other, equal_nan=True)
+
+
+def test_pairs_that_cannot_have_come_near_change_no_bit(monkeypatch):
+    """Solo12 folds its legs: with all pairs near by their balls asked each time its contacts are the same to the last bit."""
+    state, asked = tumbling("solo12"), [0, 0]
+    pairs = Between._asked
+
+    def counted(self, *given):
+        out = pairs(self, *given)
+        asked[0] += len(out)
+        return out
+
+    def all_asked(self, R, p, centres, near, margin):
+        asked[1] += len(near)
+        return near.tolist()
+
+    def fold() -> rbd.Trajectory:
+        contacts = rbd.CollisionContacts("own", state.robot, friction=0.6, ground=False, pairs=True)
+        return rbd.simulate(state, [contacts], duration=0.03, step=1e-3, progress=False)
+
+    monkeypatch.setattr(Between, "_asked", counted)
+    quick = fold()
+    monkeypatch.setattr(Between, "_asked", all_asked)
+    whole = fold()
+    assert 0 < asked[0] < 0.5 * asked[1]
+    assert len(quick.events) > 5 and quick.events == whole.events
+    for what in ("q", "v", "a"):
+        assert np.array_equal(getattr(quick, what), getattr(whole, what))
+    assert np.array_equal(quick.forces["own"], whole.forces["own"])

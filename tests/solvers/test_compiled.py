@@ -157,6 +157,30 @@ def test_two_soles_are_answered_by_both_codes(coulomb, rng):
     assert (opened > 5) == coulomb  # a sole that slips and turns on four corners
 
 
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_soles_with_many_points(coulomb, rng):
+    """Two oval soles of 16 points, few of them taken into account at first: the law holds at all of them, or the merit says no.
+
+    The convex motion is that of the plain code.
+    """
+    P, mu = soles(ring(16), ring(16)), np.full(32, 0.6)
+    newton, solved, compared = ContactNewton(P, mu), 0, 0
+    for i in range(40):
+        D, c, start = drawn(rng, P)
+        found = newton.forces(D, c, start, coulomb=coulomb, compiled=True)
+        if not found.merit < FOUND:
+            continue
+        solved += 1
+        assert law_missed(D, c, P, mu, found, coulomb=coulomb) < 1e-9
+        if not coulomb and i < 12:
+            plain = newton.forces(D, c, start, coulomb=False, compiled=False)
+            if plain.merit < FOUND:
+                compared += 1
+                assert np.abs(D @ (found.wrench - plain.wrench)).max() < 1e-8 * max(1.0, np.abs(c).max())
+    assert solved >= 36
+    assert coulomb or compared >= 5
+
+
 def test_a_family_of_motions_gives_the_limit_of_equal_compliance(rng):
     """A box that slides and turns on four corners: both codes know it, and choose the same share of the load."""
     P, mu = soles(CORNERS), np.full(4, 0.3)

@@ -52,6 +52,22 @@ class Crossing(NamedTuple):
     gap: float
 
 
+class Nearest(NamedTuple):
+    """The nearest points of two shapes.
+
+    Attributes:
+        gap: Their signed distance [m].
+        normal: Unit vector from the second to the first, in W, shape (3,).
+        first: Nearest point of the first shape, in W, shape (3,) [m].
+        second: Nearest point of the second.
+    """
+
+    gap: float
+    normal: Array
+    first: Array
+    second: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Meeting:
     """Contact geometry of two shapes.
@@ -112,9 +128,13 @@ def meeting(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3,
         X_2: Pose of its joint in W.
         margin: Largest gap of points that are returned [m].
     """
-    gap, n, p_1, p_2 = _nearest(first, X_1, second, X_2)
-    if gap > margin:
-        return None
+    near = nearest_points(first, X_1, second, X_2)
+    return None if near.gap > margin else meeting_at(near, first, X_1, second, X_2, margin)
+
+
+def meeting_at(near: Nearest, first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3, margin: float) -> Meeting:
+    """Contact geometry of two shapes whose nearest points are known; arguments as of `meeting`."""
+    gap, n, p_1, p_2 = near
     n, carrier, gap = _squared(first, X_1, second, X_2, n, gap)
     A, B = _Placed(first, X_1, n, 1.0), _Placed(second, X_2, n, -1.0)
     crossings = [c for c in _common(A, B, max(margin - gap, 0.0) + LEVEL_M) if c.gap <= margin]
@@ -123,14 +143,14 @@ def meeting(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3,
     return Meeting(n, carrier, tuple(crossings))
 
 
-def _nearest(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
-    """(signed distance, unit vector from the second to the first, nearest points)."""
+def nearest_points(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> Nearest:
+    """The nearest points of two shapes; arguments as of `meeting`."""
     gap, n, p_1, p_2 = _by_coal(first, X_1, second, X_2)
     if abs(gap) < IN_TOUCH_M:
         away = RETREAT_M * n
         gap, n, p_1, p_2 = _by_coal(first, X_1, second, pin.SE3(X_2.rotation, X_2.translation - away))
-        return gap - RETREAT_M, n, p_1, p_2 + away
-    return gap, n, p_1, p_2
+        return Nearest(gap - RETREAT_M, n, p_1, p_2 + away)
+    return Nearest(gap, n, p_1, p_2)
 
 
 def _by_coal(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:

@@ -1,0 +1,103 @@
+"""Blocks of states with a fault put in: their certificate notices, and what is returned is right.
+
+As `tests/test_corrupted_path.py`, for `rbd.solve_many`. The faults are in what Pinocchio is given or gives: blocks have arrays
+of their own for everything after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_corrupted_path import KINDS, ROBOTS, case_of, judged
+
+import rbd
+
+pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.RbdWarning")
+COUNT = 10
+Right = Callable[..., np.ndarray]
+
+
+def another_configuration(right: Right) -> Right:
+    """Q a tenth of a milliradian off in every joint."""
+    return lambda model, data, q, *rest: right(model, data, pin.integrate(model, q, np.full(model.nv, 1e-4)), *rest)
+
+
+def another_velocity(right: Right) -> Right:
+    """V one per cent off."""
+    return lambda model, data, q, v, *rest: right(model, data, q, 1.01 * v, *rest)
+
+
+def torque_left_out(right: Right) -> Right:
+    """The torque of the last motor is lost on the way."""
+
+    def wrong(model, data, q, v, generalised, *rest):
+        less = generalised.copy()
+        less[-1] = 0.0
+        return right(model, data, q, v, less, *rest)
+
+    return wrong
+
+
+def sign_of_the_forces(right: Right) -> Right:
+    """Forces on the surroundings in place of those on the robot."""
+
+    def wrong(model, data, *rest):
+        a = right(model, data, *rest)
+        data.lambda_c = -data.lambda_c
+        return a
+
+    return wrong
+
+
+def motion_of_the_state_before(right: Right) -> Right:
+    """A buffer that was not renewed; of the first state it is zero."""
+    last = [None]
+
+    def wrong(model, data, *rest):
+        before = np.zeros(model.nv) if last[0] is None else last[0]
+        last[0] = np.array(right(model, data, *rest))
+        return before
+
+    return wrong
+
+
+FAULTS = [another_configuration, another_velocity, torque_left_out, sign_of_the_forces, motion_of_the_state_before]
+
+
+def answered(case) -> rbd.Solutions:
+    """All draws of a case at once."""
+    q, v, tau = (np.array(each) for each in zip(*case.draws, strict=True))
+    return rbd.solve_many(case.robot, q, v, tau, case.contacts, law=case.law)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+def test_a_fault_is_noticed_in_every_row(name, kind, fault, monkeypatch):
+    """Each row is solved and certified by the problem in arrays, and its motion is that of the faultless call."""
+    case = case_of(name, *KINDS[kind], count=COUNT)
+    right = answered(case)
+    with monkeypatch.context() as patch:
+        patch.setattr(pin, "constraintDynamics", fault(pin.constraintDynamics))
+        found = answered(case)
+    for i in range(COUNT):
+        s = found[i]
+        assert s.status == "solved" and judged(s) <= 1e-9 and np.array_equal(found.a[i], s.a)
+        if kind != "slipping, Coulomb":  # whose motion may be one of several
+            assert np.abs(found.a[i] - right.a[i]).max() <= 1e-9 * max(1.0, np.abs(right.a[i]).max())
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_faults_have_an_effect(name, kind, monkeypatch):
+    """Without the certificate's verdict the same faults would change what is returned: no row is left to the blocks."""
+    case = case_of(name, *KINDS[kind], count=COUNT)
+    before = answered(case).method
+    for fault in FAULTS[:3]:
+        with monkeypatch.context() as patch:
+            patch.setattr(pin, "constraintDynamics", fault(pin.constraintDynamics))
+            after = answered(case).method
+        assert kind == "held" or not (np.asarray(before) == np.asarray(after)).any(), fault.__name__
