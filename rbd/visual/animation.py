@@ -85,7 +85,7 @@ def export_motion(
     shown = checked(trajectory)
     motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
     first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
-    begin = first if start is None else _a_time("start", start, first, last)
+    begin = first if start is None else a_time("start", start, first, last)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
     scene.stage_motion(motion.whole(shown.events, settings), motion.around(follows))
@@ -283,7 +283,12 @@ def _a_title(title: str | None, trajectory: Trajectory) -> str:
     return title or str(trajectory.robot.name)
 
 
-def _a_time(what: str, value: object, first: float, last: float) -> float:
+def a_time(what: str, value: object, first: float, last: float) -> float:
+    """A time from the first to the last of a motion [s].
+
+    Raises:
+        InputError: if it is outside, or none.
+    """
     t = as_float(value)
     # A time that was computed as the end may lie a rounding beyond it.
     if not first - 1e-9 <= t <= last + 1e-9:
@@ -297,4 +302,4 @@ def _picture_times(times: Sequence[float] | Array | int, first: float, last: flo
     given = as_array("times", times)
     if given.ndim != 1 or not 1 <= len(given) <= MOST_PICTURES:
         raise InputError(f"times have the shape {given.shape}; expected 1 to {MOST_PICTURES} times in a list.")
-    return [_a_time("a time", float(t), first, last) for t in given]
+    return [a_time("a time", float(t), first, last) for t in given]

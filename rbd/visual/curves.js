@@ -76,7 +76,8 @@ class Curves {
       now.setAttribute("x2", x(t));
       for (const { name, numbers, key } of shown) {
         const value = numbers[nearest];
-        key.textContent = `${name} ${Number.isFinite(value) ? Number(value.toPrecision(2)) : "–"}`;
+        const rounded = value < 0.005 ? 0 : value < 100 ? Number(value.toPrecision(2)) : Math.round(value);
+        key.textContent = `${name} ${Number.isFinite(value) ? rounded : "–"}`;
       }
     }
   }

@@ -17,7 +17,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import CAUSES
 from rbd.motion.report import MotionReport
 from rbd.simulation.motion import OPEN, SLIPS, STICKS, Event
-from rbd.visual.animation import FAR, checked, play_live, staged
+from rbd.visual.animation import FAR, a_time, checked, play_live, staged
 from rbd.visual.animation_frames import MOST_NUMBERS, MotionPage, Track
 from rbd.visual.page import write_page
 from rbd.visual.plots import an_axis, frame
@@ -146,7 +146,7 @@ def export_report(
     first, last = float(played.t[0]), float(played.t[-1])
     bad = ~report.possible
     worst = float(played.t[int(np.argmax(np.where(bad, report.missing_scaled, -1.0)))]) if bad.any() else first
-    begin = worst if start is None else min(max(float(start), first), last)
+    begin = worst if start is None else a_time("start", start, first, last)
     follows = page.goes_far(FAR) if follow is None else bool(follow)
     headline = title or f"{report.motion.source}: {_percent(100.0 * report.share_possible)} % possible"
     settings = {"title": headline, "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
