@@ -769,9 +769,30 @@ CASES |= {
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
     "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),
 }
+CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
+CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}
+
+
+def use_check(**given: Any) -> Any:
+    """What a check computes."""
+    report = rbd.check_motion(**given)
+    return report.causes.astype(float), report.missing, report.forces, report.tau, report.score
+
+
+CASES |= {
+    "check_motion": Case(use_check, CHECKED, 20),
+    "motion.check_motion": Case(use_check, CHECKED, 5),
+    "motion.find_contacts": Case(
+        lambda **given: [(x := rbd.motion.find_contacts(**given)).heights, x.touches.astype(float), x.ground],
+        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 5e-3},
+        20,
+    ),
+}
 MADE_BY_RBD = {
     "Motion",
     "Derivation",
+    "Lanes",
+    "MotionReport",
     "Answer",
     "Trajectory",
     "Event",
