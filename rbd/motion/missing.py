@@ -9,14 +9,16 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.motion.floor_points import FloorPoints
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
-from rbd.solvers.cone_least_squares import Stage, nearest_in_cones, staged_fits
+from rbd.problem.conic import Conic
+from rbd.solvers.cone_least_squares import ConeFits, Stage, nearest_in_cones, projected, staged_fits
+from rbd.solvers.conic import solve_conic
 
 BALANCE, STEEP = 1e8, 1e3
 """Weight of balance, and of torques beyond limits, beside that of torques within: the last stages."""
 FORCES = 1e-2
 """Weight of the squares of forces over the weight of the robot beside those of torques over their limits."""
-_NEVER = 1e9
-"""A limit where the file states none [N m]."""
+_BALANCED = 1e-6
+"""Forces that have a net wrench have it to this share of the weight."""
 
 
 def least_wrench(A: Array, b: Array, mu: float) -> tuple[Array, Array]:
@@ -83,19 +85,67 @@ def least_effort(
         tau = t
         forces = start
     else:
-        T = carried[:, moved]
-        stacked, aims = np.concatenate([A, T], axis=1), np.concatenate([net, t[:, moved]], axis=1)
+        stacked, aims = np.concatenate([A, carried[:, moved]], axis=1), np.concatenate([net, t[:, moved]], axis=1)
         bounded = np.concatenate([np.zeros(6), np.isfinite(limit[moved]).astype(float)])
-        forces = staged_fits(stacked, aims, mu, _stages(bounded, len(moved)), exact=6).w
+        forces = _kept_if_balanced(staged_fits(stacked, aims, mu, _stages(bounded, len(moved)), exact=6), start)
         tau = t - _carried(carried, forces)
         over = np.flatnonzero((np.abs(tau) > 1.0)[:, np.isfinite(limit)].any(axis=1))
         if len(over):
             again = staged_fits(stacked[over], aims[over], mu, _stages(bounded, len(moved), limits=True), exact=6)
-            forces[over] = again.w
-            tau[over] = t[over] - _carried(carried[over], again.w)
+            found = _kept_if_balanced(again, forces[over])
+            for i in np.flatnonzero(np.abs(again.left[:, :6]).max(axis=1) > _BALANCED):
+                found[i] = _one_frame(stacked[over[i]], aims[over[i]], bounded, mu, found[i])
+            forces[over] = _with_less_excess(carried[over], t[over], found, forces[over], start[over])
+            tau[over] = t[over] - _carried(carried[over], forces[over])
     assert forces.shape == (n, k, 3)
     excess = np.where(np.isfinite(limit), np.maximum(np.abs(tau) - 1.0, 0.0), 0.0)
     return Efforts(forces * weight, tau * scale, excess)
+
+
+def _kept_if_balanced(found: ConeFits, other: Array) -> Array:
+    """The forces found where they have the net wrench, else others that have it.
+
+    On the edge of what friction allows, where a wrench is missing, forces may have no freedom left, and Newton's method no end.
+    """
+    good = np.abs(found.left[:, :6]).max(axis=1) <= _BALANCED
+    return np.where(good[:, None, None], found.w, other)
+
+
+def _one_frame(stacked: Array, aim: Array, bounded: Array, mu: float, other: Array) -> Array:
+    """The forces of least excess and effort of one frame, as a conic program; others where it finds none, shape (k, 3)."""
+    touching = np.flatnonzero(stacked[:6].any(axis=(0, 2)))
+    if not len(touching) or mu <= 0.0:
+        return other
+    flat = stacked[:, touching].reshape(len(stacked), -1)
+    A, T, t = flat[:6], flat[6:], aim[6:]
+    limited = np.flatnonzero(bounded[6:])
+    n, q = flat.shape[1], len(limited)
+    H = np.zeros((n + q, n + q))
+    H[:n, :n] = T.T @ T + FORCES * np.eye(n)
+    H[n:, n:] = STEEP * np.eye(q)
+    C = np.vstack([np.hstack([T[limited], -np.eye(q)]), np.hstack([T[limited], np.eye(q)])])
+    wide = np.full(q, np.inf)
+    found = solve_conic(
+        Conic.of(
+            H / STEEP, np.concatenate([-T.T @ t, np.zeros(q)]) / STEEP,
+            np.hstack([A, np.zeros((6, q))]), A @ other[touching].ravel(),
+            np.concatenate([np.full(n, -np.inf), np.zeros(q)]), np.full(n + q, np.inf), np.arange(n).reshape(-1, 3),
+            np.full(len(touching), mu), C, np.concatenate([-wide, t[limited] - 1.0]), np.concatenate([t[limited] + 1.0, wide]),
+        ),
+        newton=False, tolerance=1e-6,
+    )  # fmt: skip
+    if not found.solved:
+        return other
+    out = np.zeros_like(other)
+    out[touching] = projected(found.x[:n].reshape(-1, 3), mu)
+    return out
+
+
+def _with_less_excess(carried: Array, t: Array, *choices: Array) -> Array:
+    """Of several forces, frame by frame, those with the least sum of squares of torques beyond limits."""
+    over = [np.square(np.maximum(np.abs(t - _carried(carried, w)) - 1.0, 0.0)).sum(axis=1) for w in choices]
+    best = np.argmin(over, axis=0)
+    return np.asarray(np.stack(choices)[best, np.arange(len(t))])
 
 
 def _typical(limit: Array, weight: float) -> float:

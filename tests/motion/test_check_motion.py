@@ -253,6 +253,27 @@ class TestASecondWay:
             else:
                 assert not self.feasible(report, i, radius=1.0, limits=None)
 
+    @pytest.mark.parametrize("share", [1.0, 0.4, 0.1])
+    def test_forces_and_torques_are_those_of_the_motion(self, hard, share):
+        """M a + h = S^T tau + J^T f and what is missing on the base, with forces in their cones, whether possible or not."""
+        report = check_motion(hard, friction=0.3, torque_limits=share, self_collision=False)
+        m, robot = hard, hard.robot
+        f, weight = report.forces, hard.robot.mass * 9.81
+        assert (np.hypot(f[..., 0], f[..., 1]) <= 0.3 * f[..., 2] + 1e-9 * weight).all()
+        assert not f[~report.lanes.touches].any()
+        for i in range(0, m.n, 4):
+            state = m.state(i)
+            left = state.M @ m.a[i] + state.h - robot.actuation.T @ report.tau[i]
+            for g, sole in enumerate(robot.soles()):
+                X, J, _, _ = state.moving(sole.frame, sole.placement, pin.LOCAL_WORLD_ALIGNED)
+                for corner, force in zip(sole.corners, f[i, report.lanes.points.group == g], strict=True):
+                    left -= (J[:3] - pin.skew(X.rotation @ corner) @ J[3:]).T @ force
+            assert np.abs(left[6:]).max() < 1e-9 * weight
+            R = pin.Quaternion(m.q[i, 3:7]).toRotationMatrix()
+            F = R @ left[:3]
+            wrench = np.concatenate([F, R @ left[3:6] + np.cross(m.q[i, :3] - state.com, F)])
+            assert np.allclose(wrench, report.missing[i], atol=1e-5 * weight)
+
     def test_what_motors_allow(self, g1):
         """121 frames at a limit that breaks part of them: there is an excess where no torques are within limits."""
         deep = Motion.of_arrays(g1, *squats(g1, depth=1.6), noise=DECIMALS)
