@@ -17,6 +17,8 @@ import numpy as np
 from rbd.arrays import Array
 
 STEPS = 80
+_LAST_STEPS = 5
+"""Of the round that takes away what is left of rows that ought to vanish; it starts next to its answer."""
 EXACT = 1e-13
 """Newton's method ends where the gradient is this, over numbers around one."""
 _HALVINGS = 30
@@ -115,11 +117,19 @@ class Stage:
     steep: Array
 
 
-def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeFits:
-    """Answers of the last of some stages, of n problems; arguments as `nearest_in_cones`.
+def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], held: slice | None = None) -> ConeFits:
+    """Answers of the last of some stages, of n problems.
 
     From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by
-    need a few each.
+    need a few each. A finite weight leaves a little of the rows that ought to vanish: one round of the method of multipliers,
+    which aims as far beyond as they fell short, takes that away.
+
+    Args:
+        A: As of `nearest_in_cones`.
+        d: Likewise.
+        mu: Likewise.
+        stages: The last of them is the problem.
+        held: Rows that ought to vanish: of a large weight, and with a solution.
     """
     n, m, k, _ = A.shape
     flat = A.reshape(n, m, 3 * k)
@@ -129,7 +139,20 @@ def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeF
         r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps += more
         w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
-    return ConeFits(w, _left(flat, d, w), gradient, steps)
+    left = _left(flat, d, w)
+    if held is None or not stages:
+        return ConeFits(w, left, gradient, steps)
+    last = stages[-1]
+    beyond = d.copy()
+    beyond[:, held] += left[:, held]
+    r, new_gradient, more = _newton(flat, beyond, w0, r, mu, _Rows(last.weight, last.steep), last.sigma, _LAST_STEPS)
+    again = projected(last.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+    rest = _left(flat, d, again)
+    better = np.abs(rest[:, held]).max(axis=1) < np.abs(left[:, held]).max(axis=1)
+    return ConeFits(
+        np.where(better[:, None, None], again, w), np.where(better[:, None], rest, left),
+        np.where(better, new_gradient, gradient), steps + more,
+    )  # fmt: skip
 
 
 def _left(flat: Array, d: Array, w: Array) -> Array:
@@ -162,7 +185,9 @@ def _pull(A: Array, r: Array) -> Array:
     return np.matmul(r[:, None], A)[:, 0]
 
 
-def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sigma: float) -> tuple[Array, Array, Array]:
+def _newton(
+    A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sigma: float, most: int = STEPS
+) -> tuple[Array, Array, Array]:
     """(r, largest entry of the gradient, steps) at the least of phi*(r) - d r + |P(w0 + sigma A^T r)|^2 / (2 sigma)."""
     n, m, _ = A.shape
     k = w0.shape[1]
@@ -171,7 +196,7 @@ def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sig
     size = np.maximum(1.0, np.abs(d).max(axis=1, initial=0.0))
     x = w0 + sigma * _pull(A, r).reshape(n, k, 3)
     value = _dual(x, r, d, mu, rows, sigma)
-    for _ in range(STEPS):
+    for _ in range(most):
         here, Ai, ri = x[at], A[at], r[at]
         u, curve = rows.slope(ri)
         g = u - d[at] + np.matmul(Ai, projected(here, mu).reshape(len(at), -1, 1))[..., 0]
