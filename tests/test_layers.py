@@ -31,7 +31,8 @@ mechanism
 control
 simulation
 planar
-visual testing studies motion
+motion
+visual testing studies
 cli
 __main__
 """

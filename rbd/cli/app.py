@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 import typer
 from rich.progress import track
 
+from rbd.cli.checking import check
 from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show
 from rbd.cli.standing import region, stand
 from rbd.cli.terminal import (
@@ -60,6 +61,7 @@ def rbd(
 
 app.command()(stand)
 app.command()(region)
+app.command()(check)
 
 
 @app.command()

@@ -19,7 +19,11 @@ from rbd.motion.motion import Motion
 from rbd.motion.self_collision import SelfCollisions
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import xarray
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Shares of the weight at which the summary reads the curve."""
@@ -179,21 +183,11 @@ class MotionReport:
         The height is the median over the frames of the lowest point. Contacts are found again.
         """
         down = fitted_ground(self.lanes.places) - self.lanes.ground if len(self.lanes.points) else 0.0
-        q = self.motion.q.copy()
-        q[:, 2] -= down
-        said = f"lifted by {-down:.4f} m, so that the lowest points stand on the floor."
-        moved = replace(self.motion, q=q, contacts=None, notes=(*self.motion.notes, said))
-        return self.checked_again(moved)
+        return self.checked_again(self.motion.lifted(-down))
 
     def filtered(self, cutoff: float) -> MotionReport:
         """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
-        m = self.motion
-        noise = 0.0 if m.derivation is None else m.derivation.noise_q
-        said = f"accelerations above {as_float(cutoff):g} Hz were taken away."
-        lower = Motion.of_arrays(
-            m.robot, m.t, m.q, source=m.source, notes=(*m.notes, said), cutoff=cutoff, noise=noise, ground=m.ground
-        )
-        return self.checked_again(lower)
+        return self.checked_again(self.motion.filtered(cutoff))
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""
@@ -233,6 +227,24 @@ class MotionReport:
             "settings": {k: v for k, v in asdict(self.settings).items() if k != "torque_speed"},
             "notes": [*self.motion.notes, *self.lanes.notes],
         }
+
+    def export(self, path: str | os.PathLike[str], **settings: Any) -> Path:
+        """Write it as one page that plays the motion; returns its path. Settings are those of `rbd.visual.export_report`."""
+        from rbd.visual.motion_page import export_report
+
+        return export_report(path, self, **settings)
+
+    def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
+        """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
+        from rbd.visual.motion_page import plot_report
+
+        return plot_report(axes, self)
+
+    def show(self, *, speed: float = 1.0) -> None:
+        """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.show_report`."""
+        from rbd.visual.motion_page import show_report
+
+        show_report(self, speed=speed)
 
     def __repr__(self) -> str:
         return f"MotionReport({self.motion.source!r}, {self.n} frames, {100 * self.share_possible:.1f} % possible)"

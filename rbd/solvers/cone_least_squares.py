@@ -17,15 +17,19 @@ import numpy as np
 from rbd.arrays import Array
 
 STEPS = 80
-_LAST_STEPS = 5
-"""Of the round that takes away what is left of rows that ought to vanish; it starts next to its answer."""
 EXACT = 1e-13
 """Newton's method ends where the gradient is this, over numbers around one."""
+_ROUNDING = 1e-15
+"""Of sigma A^T r over sigma and the largest entry of r: what is left of the gradient by rounding."""
 _HALVINGS = 30
 _ARMIJO = 1e-4
-_TINY = 1e-300
-_SIGMA, _ROUNDS = 1e6, 4
-"""Of the proximal point algorithm: each round takes away a millionth of what the proximal term left."""
+_TINY = 1e-200
+_SIGMAS = (1e2, 1e4) + 10 * (1e6,)
+"""Of the rounds of the proximal point algorithm, each started from the last."""
+_REPEATED = 2
+"""How often what balance misses is added to its aim."""
+_SETTLED = 1e-8
+"""A problem is done where a round moves its dual answer by less than this share of it, or by `EXACT`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,15 +94,15 @@ def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
     gradient, steps = np.zeros(n), np.zeros(n, int)
     rows = _Rows(np.ones(m), np.zeros(m))
     at = np.arange(n)
-    for _ in range(_ROUNDS):
+    for sigma in _SIGMAS:
         if not len(at):
             break
-        found, gradient[at], more = _newton(flat[at], d[at], w[at], r[at], mu, rows, _SIGMA)
+        found, gradient[at], more = _newton(flat[at], d[at], w[at], r[at], mu, rows, sigma)
         steps[at] += more
         moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
         r[at] = found
-        w[at] = projected(w[at] + _SIGMA * _pull(flat[at], found).reshape(-1, k, 3), mu)
-        at = at[moved > EXACT]
+        w[at] = projected(w[at] + sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
+        at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
     return ConeFits(w, _left(flat, d, w), gradient, steps)
 
 
@@ -117,19 +121,14 @@ class Stage:
     steep: Array
 
 
-def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], held: slice | None = None) -> ConeFits:
-    """Answers of the last of some stages, of n problems.
+def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0) -> ConeFits:
+    """Answers of the last of some stages, of n problems; arguments as `nearest_in_cones`.
+
+    The first `exact` rows are then met to rounding: the last stage is solved again with what they missed added to d, as in the
+    method of multipliers.
 
     From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by
-    need a few each. A finite weight leaves a little of the rows that ought to vanish: one round of the method of multipliers,
-    which aims as far beyond as they fell short, takes that away.
-
-    Args:
-        A: As of `nearest_in_cones`.
-        d: Likewise.
-        mu: Likewise.
-        stages: The last of them is the problem.
-        held: Rows that ought to vanish: of a large weight, and with a solution.
+    need a few each.
     """
     n, m, k, _ = A.shape
     flat = A.reshape(n, m, 3 * k)
@@ -139,20 +138,13 @@ def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], held: sl
         r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps += more
         w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
-    left = _left(flat, d, w)
-    if held is None or not stages:
-        return ConeFits(w, left, gradient, steps)
-    last = stages[-1]
-    beyond = d.copy()
-    beyond[:, held] += left[:, held]
-    r, new_gradient, more = _newton(flat, beyond, w0, r, mu, _Rows(last.weight, last.steep), last.sigma, _LAST_STEPS)
-    again = projected(last.sigma * _pull(flat, r).reshape(n, k, 3), mu)
-    rest = _left(flat, d, again)
-    better = np.abs(rest[:, held]).max(axis=1) < np.abs(left[:, held]).max(axis=1)
-    return ConeFits(
-        np.where(better[:, None, None], again, w), np.where(better[:, None], rest, left),
-        np.where(better, new_gradient, gradient), steps + more,
-    )  # fmt: skip
+    aim = d.copy()
+    for _ in range(_REPEATED if exact else 0):
+        aim[:, :exact] += _left(flat, d, w)[:, :exact]
+        r, gradient, more = _newton(flat, aim, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
+        steps += more
+        w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+    return ConeFits(w, _left(flat, d, w), gradient, steps)
 
 
 def _left(flat: Array, d: Array, w: Array) -> Array:
@@ -185,9 +177,7 @@ def _pull(A: Array, r: Array) -> Array:
     return np.matmul(r[:, None], A)[:, 0]
 
 
-def _newton(
-    A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sigma: float, most: int = STEPS
-) -> tuple[Array, Array, Array]:
+def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sigma: float) -> tuple[Array, Array, Array]:
     """(r, largest entry of the gradient, steps) at the least of phi*(r) - d r + |P(w0 + sigma A^T r)|^2 / (2 sigma)."""
     n, m, _ = A.shape
     k = w0.shape[1]
@@ -196,12 +186,12 @@ def _newton(
     size = np.maximum(1.0, np.abs(d).max(axis=1, initial=0.0))
     x = w0 + sigma * _pull(A, r).reshape(n, k, 3)
     value = _dual(x, r, d, mu, rows, sigma)
-    for _ in range(most):
+    for _ in range(STEPS):
         here, Ai, ri = x[at], A[at], r[at]
         u, curve = rows.slope(ri)
         g = u - d[at] + np.matmul(Ai, projected(here, mu).reshape(len(at), -1, 1))[..., 0]
         gradient[at] = np.abs(g).max(axis=1, initial=0.0)
-        open_ = gradient[at] > EXACT * size[at]
+        open_ = gradient[at] > EXACT * size[at] + _ROUNDING * sigma * np.abs(ri).max(axis=1, initial=0.0)
         if not open_.any():
             break
         if not open_.all():

@@ -2,6 +2,7 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.visual.animation import export_motion, motion_sheet, replay
+from rbd.visual.motion_page import export_report, plot_report, show_report
 from rbd.visual.page import find_browser, screenshot
 from rbd.visual.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
 from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
@@ -18,6 +19,7 @@ __all__ = [
     "contact_sheet",
     "export_motion",
     "export_planar",
+    "export_report",
     "find_browser",
     "motion_sheet",
     "plot_ellipses",
@@ -30,11 +32,13 @@ __all__ = [
     "plot_ranges",
     "plot_region",
     "plot_split",
+    "plot_report",
     "plot_sticks",
     "plot_wrench_cone",
     "replay",
     "replay_planar",
     "screenshot",
+    "show_report",
 ]
 
 

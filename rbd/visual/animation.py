@@ -83,9 +83,9 @@ def export_motion(
     """
     target = a_page(path)
     shown = checked(trajectory)
-    motion, scene = _staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
+    motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
     first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
-    begin = first if start is None else _a_time("start", start, first, last)
+    begin = first if start is None else a_time("start", start, first, last)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
     scene.stage_motion(motion.whole(shown.events, settings), motion.around(follows))
@@ -135,7 +135,7 @@ def motion_sheet(
     shown = checked(trajectory)
     at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
-    motion, scene = _staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
+    motion, scene = staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
@@ -168,18 +168,31 @@ def replay(
     shown = checked(trajectory)
     if scene is not None and not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
-    motion, used = _staged(shown, LIVE_FPS, speed, external, scene=scene)
-    settings = {"title": shown.robot.name, "follow": motion.goes_far(FAR), "trace": False}
-    used.stage_motion(motion.opening(settings), motion.around(bool(settings["follow"])))
+    motion, used = staged(shown, LIVE_FPS, speed, external, scene=scene)
+    play_live(motion, used, shown.robot.name, float(speed), opened=scene is not None)
+
+
+def play_live(motion: MotionPage, scene: Scene, title: str, speed: float, *, opened: bool = False) -> None:
+    """Show frames live, paced by the clock, from the first to the last; Ctrl-C ends it.
+
+    Args:
+        motion: The frames.
+        scene: The scene that `staged` made.
+        title: Headline.
+        speed: Seconds of motion a second.
+        opened: Whether the scene is in a browser already; else it is opened, and closed afterwards.
+    """
+    settings = {"title": title, "follow": motion.goes_far(FAR), "trace": False}
+    scene.stage_motion(motion.opening(settings), motion.around(bool(settings["follow"])))
     try:
         with contextlib.suppress(KeyboardInterrupt):
-            if scene is None:
-                used.open()
-                used.wait_for_viewer(VIEWER_SECONDS)
-            _pace(motion, used, float(speed))
+            if not opened:
+                scene.open()
+                scene.wait_for_viewer(VIEWER_SECONDS)
+            _pace(motion, scene, speed)
     finally:
-        if scene is None:
-            used.close()
+        if not opened:
+            scene.close()
 
 
 def checked(trajectory: object) -> Trajectory:
@@ -238,7 +251,7 @@ def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
         time.sleep(max(0.0, (times[i] - times[0]) / speed - (time.monotonic() - began)))
 
 
-def _staged(
+def staged(
     trajectory: Trajectory,
     fps: float | None,
     speed: float,
@@ -270,7 +283,12 @@ def _a_title(title: str | None, trajectory: Trajectory) -> str:
     return title or str(trajectory.robot.name)
 
 
-def _a_time(what: str, value: object, first: float, last: float) -> float:
+def a_time(what: str, value: object, first: float, last: float) -> float:
+    """A time from the first to the last of a motion [s].
+
+    Raises:
+        InputError: if it is outside, or none.
+    """
     t = as_float(value)
     # A time that was computed as the end may lie a rounding beyond it.
     if not first - 1e-9 <= t <= last + 1e-9:
@@ -284,4 +302,4 @@ def _picture_times(times: Sequence[float] | Array | int, first: float, last: flo
     given = as_array("times", times)
     if given.ndim != 1 or not 1 <= len(given) <= MOST_PICTURES:
         raise InputError(f"times have the shape {given.shape}; expected 1 to {MOST_PICTURES} times in a list.")
-    return [_a_time("a time", float(t), first, last) for t in given]
+    return [a_time("a time", float(t), first, last) for t in given]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -56,14 +56,16 @@ class Track:
     """Forces at some points over time.
 
     Attributes:
-        name: Of the contact, or of the frame that is pushed.
+        name: Of the contact, or of what pushes.
         points: In W, shape (n, k, 3) [m]; NaN where there is no such point at that time.
         forces: On the robot, in W, shape (n, k, 3) [N]; zero without contact.
+        color: Of what is no contact, as '#rrggbb'.
     """
 
     name: str
     points: Array
     forces: Array
+    color: str = PUSH_COLOR
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "forces", np.nan_to_num(self.forces, nan=0.0, posinf=0.0, neginf=0.0))
@@ -235,7 +237,7 @@ def _pushed(robot: CheckedModel, q: Sequence[Array], times: Array, external: Pus
         points, forces = np.full((len(q), 1, 3), np.nan), np.zeros((len(q), 1, 3))
         for i, point, force in seen:
             points[i, 0], forces[i, 0] = point, force
-        tracks.append(Track(name, points, forces))
+        tracks.append(Track(f"push on {name}", points, forces))
     return tuple(tracks)
 
 
@@ -249,6 +251,7 @@ class MotionPage:
         sizes: Of the scene's marks.
         ground: Whether there is a ground for the centre of mass to drop a line to.
         weight_N: The robot's weight [N].
+        lanes: {mode of the frames that is no contact's: its colour}, of those with a lane above the bar.
     """
 
     frames: Frames
@@ -256,6 +259,7 @@ class MotionPage:
     sizes: Sizes
     ground: bool
     weight_N: float
+    lanes: Mapping[str, str] = field(default_factory=dict)
 
     @lazy
     def words(self) -> list[str]:
@@ -372,7 +376,8 @@ class MotionPage:
             {"name": t.name, "color": colors[t.name], "points": t.points.shape[1], "stretches": self._stretches(t.name)}
             for t in frames.contacts
         ]
-        pushes = [{"name": f"push on {t.name}", "color": PUSH_COLOR, "points": 1} for t in frames.pushes]
+        pushes = [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes]
+        lanes = [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in self.lanes.items()]
         drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
         note = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
         return {
@@ -381,6 +386,7 @@ class MotionPage:
             "contacts": contacts,
             "pushes": pushes,
             "others": list(frames.modes)[len(contacts) :],
+            "lanes": lanes,
             "words": self.words,
             "com": COM_COLOR if len(frames.com) else "",
             "ground": self.ground,

@@ -130,7 +130,7 @@ def _page(title: str, start: str, *, connect: str) -> str:
         policy=_POLICY.format(connect=connect),
         style=_text("rbd.visual", "stage.css") + _text("rbd.visual", "animation.css"),
         meshcat=_text("meshcat", "viewer/dist/main.min.js"),
-        stage="\n".join(_text("rbd.visual", name) for name in ("stage.js", "animation.js", "timeline.js")),
+        stage="\n".join(_text("rbd.visual", name) for name in ("stage.js", "animation.js", "curves.js", "timeline.js")),
         start=start,
     )
 

@@ -147,9 +147,12 @@ class Stage {
     const bar = this.player && this.player.footer.offsetHeight;
     const foot = bar ? bar + 12 : 0;
     const margin = 0.93;
+    // Curves take the right side of a wide window.
+    const curves = this.player && this.player.curves && this.player.curves.panel.offsetWidth;
+    const beside = curves ? curves + 14 : 0;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
-    const side = (full * (width - shift)) / height;
+    const side = (full * (width - shift - beside)) / height;
     const three = (p) => new T.Vector3(p[0], p[2], -p[1]);
     const back = three(this.view.direction).normalize();
     const right = new T.Vector3(0, 1, 0).cross(back).normalize();
@@ -186,7 +189,7 @@ class Stage {
     camera.aspect = width / height;
     camera.near = distance / 100;
     camera.far = distance * 50;
-    camera.setViewOffset(width, height, -shift / 2, (foot - drop) / 2, width, height);
+    camera.setViewOffset(width, height, (beside - shift) / 2, (foot - drop) / 2, width, height);
     camera.position.copy(target).addScaledVector(back, distance);
     this.viewer.controls.target.copy(target);
     const carried = this.carried;

@@ -27,6 +27,7 @@ class Player {
     this.playing = false;
     this.digits = Math.max(2, Math.min(6, 2 - Math.floor(Math.log10(this.last - this.first))));
     this.build();
+    this.curves = motion.charts ? new Curves(motion, (t) => this.go(t), this.footer) : null;
     this.seek(this.asked() ?? motion.start);
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
     window.addEventListener("hashchange", () => this.seek(this.asked() ?? this.t));
@@ -84,6 +85,7 @@ class Player {
     this.done.style.width = `${share}%`;
     this.knob.style.left = `${share}%`;
     this.clock.textContent = `${this.t.toFixed(this.digits)} / ${this.last.toFixed(this.digits)} s`;
+    if (this.curves) this.curves.set(this.t);
     this.bar.setAttribute("aria-valuenow", this.t.toFixed(6));
     this.bar.setAttribute("aria-valuetext", `${this.t.toFixed(this.digits)} seconds`);
     const past = this.motion.events.filter((event) => event.t <= this.t + 1e-9);
@@ -214,7 +216,8 @@ class Player {
     this.play(false);
   }
 
-  // A lane for each contact: filled while it touches, striped while it slips; its events as marks on it.
+  // A lane for each contact: filled while it touches, striped while it slips; its events as marks on it. Below them the lanes
+  // of whatever else is true at times, with its name.
   lanes(parent, make) {
     const percent = (t) => 100 * (t - this.first) / (this.last - this.first);
     const hint = make("div", "hint", parent);
@@ -232,6 +235,18 @@ class Player {
         stretch.style.width = `${percent(to) - percent(from)}%`;
       }
     });
+    for (const { name, color, stretches } of this.motion.lanes) {
+      const lane = make("div", "lane named", lanes);
+      lane.title = name;
+      where.set(name, { lane, color });
+      for (const [from, to] of stretches) {
+        const stretch = make("div", "", lane);
+        stretch.style.color = color;
+        stretch.style.left = `${percent(from)}%`;
+        stretch.style.width = `${percent(to) - percent(from)}%`;
+      }
+      make("span", "", lane, name);
+    }
     const rest = this.motion.events.some((event) => !where.has(event.name)) ? make("div", "lane", lanes) : null;
     for (const event of this.motion.events) {
       const { lane, color } = where.get(event.name) || { lane: rest, color: "#1f2933" };

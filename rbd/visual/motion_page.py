@@ -1,0 +1,354 @@
+"""A report on a motion as a page, as curves, or live: forces, the missing wrench, contacts and causes over time."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.causes import CAUSES
+from rbd.motion.report import MotionReport
+from rbd.simulation.motion import OPEN, SLIPS, STICKS, Event
+from rbd.visual.animation import FAR, a_time, checked, play_live, staged
+from rbd.visual.animation_frames import MOST_NUMBERS, MotionPage, Track
+from rbd.visual.page import write_page
+from rbd.visual.plots import an_axis, frame
+from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, contact_colors, distinct_colors
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+MOMENT_ARM = 0.3
+"""A missing moment is drawn as the force that has it at this distance [m], as the report weighs it."""
+MOMENT_COLOR = "#8a2f4f"
+MOST_FPS = 120.0
+"""Motions of a higher rate are shown at the page's own."""
+MOTORS = 4
+"""Motors with a curve of their own: those that are used most. Of all others the largest is drawn."""
+_GREY = "#9aa5b1"
+_CURVE, _FINE = 1.6, 0.9
+_YES = "yes"
+
+
+@dataclass(frozen=True)
+class WorstFrame(Event):
+    """The worst frame of a cause, as a mark on the bar.
+
+    Attributes:
+        words: What it says.
+    """
+
+    words: str = ""
+
+    def __str__(self) -> str:
+        return self.words
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A report in the form of a trajectory that can be shown; heights are those above the floor.
+
+    Attributes:
+        robot: The robot.
+        t: Times, shape (n,) [s].
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv).
+        points: {contact: its points in W, shape (n, k, 3) [m]}, of contacts that ever touch.
+        point_forces: {contact: the forces there, shape (n, k, 3) [N]}.
+        modes: {contact or cause: its mode at each frame}.
+        events: Touches, and the worst frame of each cause.
+    """
+
+    robot: CheckedModel
+    t: Array
+    q: Array
+    v: Array
+    points: Mapping[str, Array]
+    point_forces: Mapping[str, Array]
+    modes: Mapping[str, Sequence[str]]
+    events: tuple[Event, ...]
+
+    @classmethod
+    def of(cls, report: MotionReport) -> Played:
+        """That of a report."""
+        motion, lanes = report.motion, report.lanes
+        q, places = np.array(motion.q), lanes.places - [0.0, 0.0, lanes.ground]
+        q[:, 2] -= lanes.ground
+        points, forces, modes = {}, {}, {}
+        events: list[Event] = []
+        for g, contact in enumerate(lanes.contacts):
+            own = lanes.points.group == g
+            on: Array = np.asarray(lanes.touches[:, own].any(axis=1))
+            slips = lanes.slides[:, own].any(axis=1)
+            if not on.any():
+                continue
+            name = str(contact.name)
+            points[name], forces[name] = places[:, own], report.forces[:, own]
+            modes[name] = np.where(slips, SLIPS, np.where(on, STICKS, OPEN)).tolist()
+            for i in (np.flatnonzero(np.diff(on)) + 1).tolist():
+                corner = int(lanes.touches[i if on[i] else i - 1, own].argmax())
+                events.append(Event(float(motion.t[i]), name, "touches" if on[i] else "leaves", corner))
+        for cause in CAUSES:
+            if (found := report.of_cause(cause)).any():
+                modes[cause] = np.where(found, _YES, OPEN).tolist()
+                events.append(_worst(report, cause))
+        return cls(motion.robot, motion.t, q, motion.v, points, forces, modes, tuple(events))
+
+
+def export_report(
+    path: str | PathLike[str],
+    report: MotionReport,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    title: str | None = None,
+    start: float | None = None,
+    follow: bool | None = None,
+    trace: bool = False,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+) -> Path:
+    """Write the report as one HTML page that needs no network and no server; returns its path.
+
+    The robot moves with its contact forces and with the wrench that is missing, as a force at the centre of mass and as a
+    moment over 0.3 m. Above the bar are a lane for each contact and one for each cause, with a mark at its worst frame; beside
+    the robot are curves of the missing wrench, of torques and of friction. Page up and page down go from mark to mark; keys and
+    settings are those of `rbd.visual.export_motion`.
+
+    Args:
+        path: Of the page, ends in .html.
+        report: What `rbd.check_motion` returned, of two frames at least.
+        fps: Frames a second of playback at `speed`; by default those of the motion, up to 120.
+        speed: Seconds of motion a second at first.
+        title: Headline; by default the motion's source and the share of frames that are possible.
+        start: Time at which the page opens [s]; by default the frame in which most is missing, the first if nothing is.
+        follow: Whether the camera initially follows the robot; by default if it travels far.
+        trace: Whether to draw the path of the centre of mass.
+        seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
+        arrow_per_weight: Length of an arrow as large as the robot's weight [m].
+
+    Raises:
+        InputError: no report, one of a single frame, invalid settings.
+        PictureError: the file cannot be written.
+    """
+    target = a_page(path)
+    played = checked_report(report)
+    page, scene = _staged(report, played, _fps(report) if fps is None else fps, speed, seen_from, arrow_per_weight)
+    first, last = float(played.t[0]), float(played.t[-1])
+    bad = ~report.possible
+    worst = float(played.t[int(np.argmax(np.where(bad, report.missing_scaled, -1.0)))]) if bad.any() else first
+    begin = worst if start is None else a_time("start", start, first, last)
+    follows = page.goes_far(FAR) if follow is None else bool(follow)
+    headline = title or f"{report.motion.source}: {_percent(100.0 * report.share_possible)} % possible"
+    settings = {"title": headline, "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
+    around = page.around(follows)
+    scene.stage_motion(page.whole(played.events, {**settings, "charts": charts(report)}), around)
+    write_page(target, scene.page(headline))
+    return target
+
+
+def show_report(report: MotionReport, *, speed: float = 1.0) -> None:
+    """Show the motion live in the browser, with its forces and the missing wrench; returns when it is over.
+
+    Args:
+        report: What `rbd.check_motion` returned, of two frames at least.
+        speed: Seconds of motion a second.
+
+    Raises:
+        InputError: no report, one of a single frame, an invalid speed.
+    """
+    page, scene = _staged(report, checked_report(report), 30.0, speed)
+    play_live(page, scene, report.motion.source, float(speed))
+
+
+def checked_report(report: object) -> Played:
+    """A report in the form that can be shown.
+
+    Raises:
+        InputError: it is none, or it has a single frame.
+    """
+    if not isinstance(report, MotionReport):
+        raise InputError(f"report is {report!r:.80}; expected what rbd.check_motion returned.")
+    played = Played.of(report)
+    checked(played)
+    return played
+
+
+def charts(report: MotionReport) -> dict[str, object]:
+    """The curves of a page: titles, limits and packed values over the times of the report."""
+    threshold = 100.0 * report.settings.threshold
+    missing = 100.0 * report.missing_scaled
+    shown = [
+        _chart(
+            "missing wrench, % of the weight", threshold, 5.0 * threshold, 98.0,
+            [("3 × noise", _GREY, 300.0 * report.open, _FINE), ("missing", WRENCH_COLOR, missing, _CURVE)],
+        )
+    ]  # fmt: skip
+    if motors := _motors(report):
+        shown.append(_chart("motor torques, % of their limits", 100.0, 120.0, 99.5, motors))
+    names = [str(contact.name) for contact in report.lanes.contacts]
+    colors = contact_colors(Played.of(report).points)
+    soles = [(name, colors[name], 100.0 * report.used_friction[:, g], _CURVE) for g, name in enumerate(names) if name in colors]
+    if soles:
+        shown.append(_chart(f"friction used, % (coefficient {report.friction:g})", 100.0, 120.0, 99.5, soles))
+    return {"times": _packed(report.motion.t), "charts": shown}
+
+
+def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> list[Artist]:
+    """Curves over time: the missing wrench with its threshold and its noise, and the torques in % of their limits.
+
+    Frames that are not possible are shaded.
+
+    Args:
+        axes: Matplotlib axes for the missing wrench, or two, the second for the torques; None: both on a new figure, that of
+            `artists[0].figure`.
+        report: What `rbd.check_motion` returned.
+
+    Returns:
+        The lines of the missing wrench, three times the noise and the threshold, then those of the torques and their limit,
+        then the shades.
+
+    Raises:
+        InputError: no report, or what are no axes; no Matplotlib.
+    """
+    if not isinstance(report, MotionReport):
+        raise InputError(f"report is {report!r:.80}; expected what rbd.check_motion returned.")
+    given = _two_axes(axes)
+    t, missing = report.motion.t, given[0]
+    drawn: list[Artist] = [
+        *missing.plot(t, 100.0 * report.missing_scaled, color=WRENCH_COLOR, lw=_CURVE, label="missing", zorder=3),
+        *missing.plot(t, 300.0 * report.open, color=_GREY, lw=1.2, label="three times the noise", zorder=2),
+        missing.axhline(threshold := 100.0 * report.settings.threshold, color="0.2", lw=_FINE, ls="--", label="threshold"),
+    ]
+    missing.set_ylim(0.0, _top(100.0 * report.missing_scaled, 3.0 * threshold, 100.0))
+    missing.set_ylabel("missing wrench [% of the weight]")
+    if len(given) > 1:
+        for name, color, values, width in _motors(report):
+            drawn += given[1].plot(t, values, color=color, lw=width, label=name, zorder=2 if color == _GREY else 3)
+        drawn.append(given[1].axhline(100.0, color="0.2", lw=_FINE, ls="--", label="limit"))
+        given[1].set_ylabel("torque [% of its limit]")
+        given[1].set_ylim(bottom=0.0)
+    for ax in given:
+        low, high = ax.get_ylim()
+        drawn.append(
+            ax.fill_between(t, low, high, where=~report.possible, color="#d55e00", alpha=0.10, lw=0.0, step="mid",
+                            label="not possible")
+        )  # fmt: skip
+        ax.set_ylim(low, high)
+        ax.set_xlim(float(t[0]), float(t[-1]))
+        frame(ax, "y")
+        ax.legend(frameon=False, fontsize=8, ncols=2)
+    given[-1].set_xlabel("time [s]")
+    return drawn
+
+
+def _fps(report: MotionReport) -> float | None:
+    """The motion's own rate, so that each picture is one of its frames; None where those would be too many."""
+    rate = report.motion.rate
+    width = 8 * report.motion.robot.model.njoints + 6 * len(report.lanes.names)
+    return rate if rate <= MOST_FPS and report.n * width <= MOST_NUMBERS else None
+
+
+def _two_axes(axes: Any) -> list[Axes]:
+    if axes is None:
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            raise InputError("plots need Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
+        return list(Figure(figsize=(8.0, 5.6), layout="constrained").subplots(2, sharex=True))
+    given = list(np.ravel(np.asarray(axes, dtype=object)))
+    if not 1 <= len(given) <= 2:
+        raise InputError(f"axes are {len(given)}; expected one, or two.")
+    for ax in given:
+        an_axis(ax)
+    return given
+
+
+def _staged(
+    report: MotionReport,
+    played: Played,
+    fps: float | None,
+    speed: float,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+) -> tuple[MotionPage, Any]:
+    """The frames with the missing wrench beside the contact forces, and a scene with the robot at its start."""
+    page, scene = staged(played, fps, speed, None, True, seen_from, arrow_per_weight)  # type: ignore[arg-type]
+    frames = page.frames
+    at = frames.times
+    missing = np.column_stack([np.interp(at, played.t, column) for column in report.missing.T])
+    com = frames.com if len(frames.com) else np.zeros((len(at), 3))
+    pushes = (
+        Track("missing force", com[:, None], missing[:, None, :3], WRENCH_COLOR),
+        Track(f"missing moment / {MOMENT_ARM:g} m", com[:, None], missing[:, None, 3:] / MOMENT_ARM, MOMENT_COLOR),
+    )
+    lanes = {cause: color for cause, color in cause_colors().items() if cause in frames.modes}
+    return replace(page, frames=replace(frames, pushes=pushes), lanes=lanes), scene
+
+
+def cause_colors() -> dict[str, str]:
+    """A colour for every cause, other than those of the first contacts."""
+    return dict(zip(CAUSES, distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) :], strict=True))
+
+
+def _worst(report: MotionReport, cause: str) -> WorstFrame:
+    i = int(report.worst(cause, 1)[0])
+    t = float(report.motion.t[i])
+    told = f"{t:.3f} s: {cause}, worst frame {i}"
+    if cause in ("floats", "friction", "tips"):
+        told += f", {_percent(100.0 * report.missing_scaled[i])} % of the weight missing"
+    if cause == "motor":
+        j = int(np.argmax(report.excess[i]))
+        told += f", {report.motion.robot.actuated_names[j]} {_percent(100.0 * report.excess[i, j])} % beyond its limit"
+    if cause == "sinks":
+        told += f", {-1e3 * float(report.lanes.heights[i].min()):.0f} mm below the floor"
+    return WorstFrame(t, cause, cause, words=told)
+
+
+def _motors(report: MotionReport) -> list[tuple[str, str, Array, float]]:
+    """Curves of the motors that are used most, and the largest of all others; none without limits."""
+    used = 100.0 * report.used_torque
+    if not np.isfinite(report.limit).any():
+        return []
+    order = np.argsort(-used.max(axis=0), kind="stable")
+    most, others = order[:MOTORS], order[MOTORS:]
+    names = report.motion.robot.actuated_names
+    rest = [("largest of the others", _GREY, used[:, others].max(axis=1), _FINE)] if len(others) else []
+    return rest + [
+        (names[j].removesuffix("_joint"), color, used[:, j], _CURVE) for j, color in zip(most, CONTACT_COLORS, strict=False)
+    ]
+
+
+def _chart(
+    title: str, limit: float, least_top: float, percentile: float, lines: Sequence[tuple[str, str, Array, float]]
+) -> dict[str, object]:
+    values = np.concatenate([line[2] for line in lines])
+    return {
+        "title": title,
+        "limit": limit,
+        "top": _top(values, least_top, percentile),
+        "lines": [{"name": n, "color": c, "values": _packed(x), "width": w} for n, c, x, w in lines],
+    }
+
+
+def _top(values: Array, least: float, percentile: float) -> float:
+    """Where an axis ends: a peak beyond the percentile is cut off."""
+    finite = values[np.isfinite(values)]
+    return max(least, 1.08 * float(np.percentile(finite, percentile))) if len(finite) else least
+
+
+def _percent(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 or value == 0.0 else f"{value:.2g}"
+
+
+def _packed(values: Array) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode("ascii")
