@@ -59,6 +59,9 @@ if _TYPE_CHECKING:
     from rbd.motion.checking import (
         check_motion as check_motion,
     )
+    from rbd.motion.measured import (
+        estimate_forces as estimate_forces,
+    )
     from rbd.motion.motion import (
         Motion as Motion,
     )
@@ -122,6 +125,7 @@ _NAMES = {
     "rbd.model.dynamics": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.motion.checking": "check_motion",
+    "rbd.motion.measured": "estimate_forces",
     "rbd.motion.motion": "Motion",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",

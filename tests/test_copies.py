@@ -130,6 +130,18 @@ def motions() -> Iterator[object]:
     yield stopped
 
 
+def measured() -> Iterator[object]:
+    """Contact forces from measurements."""
+    box = rbd.load_robot(URDF / "box.urdf")
+    feet = [rbd.PointContact(name, "box", offset=(x, 0.0, 0.0), friction=0.5) for name, x in (("a", 0.1), ("b", -0.1))]
+    noise = rbd.motion.SensorNoise(v=1e-3, a=0.1)
+    found = rbd.estimate_forces(box.at(), np.zeros(6), feet, noise=noise)
+    assert found.open and str(found) and found.deviations and found.contacts and found.corner_forces
+    observer = rbd.motion.MomentumObserver(box, feet, bandwidth=5.0, torques=False)
+    falls = rbd.simulate(box.at(), [], duration=0.02, step=0.01, progress=False)
+    yield from (noise, found, *found.open, observer.run(falls), observer)
+
+
 def mechanisms() -> Iterator[object]:
     """What the analysis of loops and wheels returns."""
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
@@ -196,7 +208,7 @@ def found() -> dict[type, list[Any]]:
     """{class: instances} of all questions above."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        questions = (contact_answers, motions, mechanisms, more_constraints, reference_motions, planar_chains)
+        questions = (contact_answers, motions, measured, mechanisms, more_constraints, reference_motions, planar_chains)
         return instances([answer for ask in questions for answer in ask()])
 
 

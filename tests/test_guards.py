@@ -285,6 +285,12 @@ def use_word(word: Any, kind: Any) -> Any:
         KINDS.update(before)
 
 
+def use_measured(*given: Any, ask: Any = rbd.estimate_forces, **named: Any) -> Any:
+    """What explains a motion, what is left, and its covariance."""
+    found = ask(*given, **named)
+    return found.row_forces, found.residual, found.tau, found.net, found.row_covariance
+
+
 def use_ground(on: Any) -> Any:
     """How far a point and a sole are from a plane."""
     contacts = rbd.PointContact("toe", "box", on=on), rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.05), on=on)
@@ -456,6 +462,29 @@ CASES: dict[str, Case] = {
         rbd.inverse_dynamics,
         {"state": STATE, "a": np.zeros(BOLT.nv), "contacts": FEET, "external": np.zeros(BOLT.nv), "friction": "cone"}
         | {"objective": rbd.statics.Effort(forces=1e-3), "margin": 0.1, "rest_speed": 1e-6},
+    ),
+    "estimate_forces": Case(
+        use_measured,
+        {"state": MOVING, "a": V, "contacts": FEET, "tau": TAU, "noise": rbd.motion.SensorNoise(a=0.1, tau=0.2)}
+        | {"external": np.zeros(BOLT.nv)},
+        30,
+    ),
+    "motion.estimate_forces_along": Case(
+        lambda **given: rbd.motion.estimate_forces_along(TRAJECTORY, **given).net,
+        {"contacts": FLOOR, "tau": np.zeros((4, 0)), "a": np.zeros((4, 6)), "touches": np.ones((4, 1), bool)}
+        | {"noise": rbd.motion.SensorNoise(a=0.1), "external": np.zeros(6)},
+        30,
+    ),
+    "motion.SensorNoise": Case(
+        lambda **given: use_measured(STATE, V, FEET, TAU, noise=rbd.motion.SensorNoise(**given)),
+        {"q": 1e-4, "v": 1e-3, "a": 0.1, "tau": 0.1},
+        30,
+    ),
+    "motion.MomentumObserver": Case(
+        lambda t, state, tau, **given: use_measured(ask=rbd.motion.MomentumObserver(**given).update, t=t, state=state, tau=tau),
+        {"robot": BOLT, "contacts": FEET, "bandwidth": 20.0, "torques": True, "held": False, "t": 0.1, "state": MOVING}
+        | {"tau": TAU, "noise": rbd.motion.SensorNoise(v=1e-3, tau=0.2)},
+        30,
     ),
     "Effort": Case(
         lambda **given: rbd.hold(STATE, FEET, objective=rbd.statics.Effort(**given)),
@@ -774,6 +803,9 @@ MADE_BY_RBD = {
     "Derivation",
     "Answer",
     "Trajectory",
+    "ForceEstimate",
+    "ForceHistory",
+    "OpenComponents",
     "Event",
     "ContactPoints",
     "Solutions",
@@ -1015,6 +1047,8 @@ def public() -> Iterator[str]:
             value = getattr(place, name)
             if inspect.ismodule(value) or not callable(value) or name in MADE_BY_RBD or room + name in INNER:
                 continue
+            if place is not rbd and name in rbd.__all__ and getattr(rbd, name) is value:
+                continue  # asked by its name on top
             if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, Enum)):
                 continue
             if names is None and inspect.ismodule(place) and (value.__module__ != place.__name__ or isinstance(value, type)):

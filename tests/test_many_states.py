@@ -18,7 +18,7 @@ import rbd
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
 from rbd.many import Solutions, StateStatus
 from rbd.many.warned import WARNINGS
-from rbd.prepared.contact_dynamics import MOST, MOST_BODIES
+from rbd.prepared.kept import MOST, MOST_BODIES
 from rbd.prepared.many import prepared_blocks
 
 URDF = Path(__file__).parents[1] / "urdf"

@@ -29,7 +29,7 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
     [
         ("visual", "pages, plots"),
-        ("motion", "reference\nmotions"),
+        ("motion", "reference motions,\nmeasured forces"),
         ("testing", "checks of your\nown kinds"),
         ("studies", "both laws,\nsolvers"),
     ],

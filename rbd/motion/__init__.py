@@ -1,23 +1,34 @@
-"""Reference motions: read, made, edited and differentiated; and checked: is this motion possible?"""
+"""Motions over time: reference motions, read, made, edited and checked; measured ones, and the contact forces behind them."""
 
 from rbd.modules import submodule as _submodule
 from rbd.motion.causes import CAUSES
 from rbd.motion.checking import check_motion
 from rbd.motion.contact_detection import find_contacts
 from rbd.motion.derivation import Derivation, derivatives
+from rbd.motion.force_estimate import ForceEstimate, OpenComponents
 from rbd.motion.lanes import Lanes
 from rbd.motion.making import minimum_jerk
+from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_along
 from rbd.motion.motion import Motion
+from rbd.motion.observer import MomentumObserver
 from rbd.motion.report import MotionReport
+from rbd.motion.sensor_noise import SensorNoise
 
 __all__ = [
     "CAUSES",
     "Derivation",
+    "ForceEstimate",
+    "ForceHistory",
     "Lanes",
+    "MomentumObserver",
     "Motion",
     "MotionReport",
+    "OpenComponents",
+    "SensorNoise",
     "check_motion",
     "derivatives",
+    "estimate_forces",
+    "estimate_forces_along",
     "find_contacts",
     "minimum_jerk",
 ]

@@ -26,9 +26,9 @@ CARRIES = 0.02
 """A contact with less of the weight than this carries nothing."""
 EXCESS = 0.01
 """A torque beyond its limit by less, over the limit, is there by the tolerance of the program."""
-_GRIP = 50.0
+_GRIP = 10.0
 """A coefficient of friction that holds anything."""
-_WIDE_M = 5.0
+_WIDE_M = 1.5
 """Half the side of a floor under the robot on which nothing tips [m]."""
 _JUMP = 0.03
 """Steps off the mean of their neighbours by less are no jumps [m, rad] ..."""

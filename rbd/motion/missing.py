@@ -86,11 +86,11 @@ def least_effort(
         T = carried[:, moved]
         stacked, aims = np.concatenate([A, T], axis=1), np.concatenate([net, t[:, moved]], axis=1)
         bounded = np.concatenate([np.zeros(6), np.isfinite(limit[moved]).astype(float)])
-        forces = staged_fits(stacked, aims, mu, _stages(bounded, len(moved))).w
+        forces = staged_fits(stacked, aims, mu, _stages(bounded, len(moved)), exact=6).w
         tau = t - _carried(carried, forces)
         over = np.flatnonzero((np.abs(tau) > 1.0)[:, np.isfinite(limit)].any(axis=1))
         if len(over):
-            again = staged_fits(stacked[over], aims[over], mu, _stages(bounded, len(moved), limits=True))
+            again = staged_fits(stacked[over], aims[over], mu, _stages(bounded, len(moved), limits=True), exact=6)
             forces[over] = again.w
             tau[over] = t[over] - _carried(carried[over], again.w)
     assert forces.shape == (n, k, 3)

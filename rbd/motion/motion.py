@@ -69,7 +69,9 @@ class Motion:
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
-            getattr(self, name).flags.writeable = False
+            own = getattr(self, name).view()  # whoever gave an array may go on to write to it
+            own.flags.writeable = False
+            object.__setattr__(self, name, own)
 
     @classmethod
     def of_arrays(
@@ -83,7 +85,7 @@ class Motion:
         source: str = "arrays",
         notes: Sequence[str] = (),
         window: float = 0.2,
-        order: int = 3,
+        order: int = 4,
         cutoff: float | None = None,
         noise: float | Array = 0.0,
         ground: float = 0.0,
@@ -147,7 +149,7 @@ class Motion:
         joints: Sequence[str] | None = None,
         units: str | None = None,
         window: float = 0.2,
-        order: int = 3,
+        order: int = 4,
         cutoff: float | None = None,
         ground: float | None = None,
         progress: bool = True,
@@ -378,6 +380,10 @@ class Motion:
 
     def __len__(self) -> int:
         return self.n
+
+    def __str__(self) -> str:
+        how = "v and a were given" if self.derivation is None else f"v and a by {self.derivation}"
+        return "\n".join([repr(self), *(f"  {line}" for line in (how, *self.notes))])
 
     def __repr__(self) -> str:
         times = f"{self.t[0]:g} to {self.t[-1]:g} s at {self.rate:.4g} Hz"

@@ -183,21 +183,11 @@ class MotionReport:
         The height is the median over the frames of the lowest point. Contacts are found again.
         """
         down = fitted_ground(self.lanes.places) - self.lanes.ground if len(self.lanes.points) else 0.0
-        q = self.motion.q.copy()
-        q[:, 2] -= down
-        said = f"lifted by {-down:.4f} m, so that the lowest points stand on the floor."
-        moved = replace(self.motion, q=q, contacts=None, notes=(*self.motion.notes, said))
-        return self.checked_again(moved)
+        return self.checked_again(self.motion.lifted(-down))
 
     def filtered(self, cutoff: float) -> MotionReport:
         """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
-        m = self.motion
-        noise = 0.0 if m.derivation is None else m.derivation.noise_q
-        said = f"accelerations above {as_float(cutoff):g} Hz were taken away."
-        lower = Motion.of_arrays(
-            m.robot, m.t, m.q, source=m.source, notes=(*m.notes, said), cutoff=cutoff, noise=noise, ground=m.ground
-        )
-        return self.checked_again(lower)
+        return self.checked_again(self.motion.filtered(cutoff))
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""

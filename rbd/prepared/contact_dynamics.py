@@ -19,7 +19,7 @@ from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.contact_bodies import ContactBodies
-from rbd.prepared.sites import Site, covered
+from rbd.prepared.kept import kept_bodies, kept_form
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.contact_newton import ContactNewton
 from rbd.solvers.point_law import law_residual
@@ -30,8 +30,6 @@ _FEW = 16
 """Points up to which one matrix tells which are inside their cones."""
 EXACT = 1e-10
 """Scaled merit of Newton's method below which its weights are judged."""
-MOST, MOST_BODIES = 64, 16
-"""Sets of contacts, and of bodies in contact, that are kept with a robot."""
 
 
 class Found(NamedTuple):
@@ -202,34 +200,9 @@ def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynami
     Raises:
         FrameNotFound: with the nearest names.
     """
-    kept: dict[object, ContactDynamics | None] = robot.kept
-    try:
-        return kept[contacts]
-    except KeyError:
-        pass
-    except TypeError:  # objects that cannot be keys
-        return None
-    made = None
-    if covered(robot, contacts):
-        own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
-        made = ContactDynamics(_bodies(robot, tuple([Site.of(robot, contact) for contact in own])), own)
-    keep(kept, contacts, made, MOST)
-    return made
-
-
-def _bodies(robot: CheckedModel, sites: tuple[Site, ...]) -> ContactBodies:
-    """Bodies in contact, kept by the values of their sites: contacts are often made anew, with another friction."""
-    kept: dict[object, ContactBodies] = robot.kept_bodies
-    key = tuple([site.key for site in sites])
-    found = kept.get(key)
-    if found is None:
-        found = ContactBodies(robot, sites)
-        keep(kept, key, found, MOST_BODIES)
+    found: ContactDynamics | None = kept_form(robot, contacts, contacts, _made)
     return found
 
 
-def keep(kept: dict, key: object, value: object, most: int) -> None:
-    """Keep a value under a key, and at most so many of them."""
-    while len(kept) >= most:  # the oldest goes; another thread may be faster
-        kept.pop(next(iter(kept)), None)
-    kept[key] = value
+def _made(robot: CheckedModel, contacts: tuple[Contact, ...]) -> ContactDynamics:
+    return ContactDynamics(kept_bodies(robot, contacts, ContactBodies), contacts)

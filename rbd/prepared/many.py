@@ -15,8 +15,8 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
-from rbd.prepared.contact_dynamics import EXACT, MOST, MOST_BODIES, ContactDynamics, keep
-from rbd.prepared.sites import Site, covered
+from rbd.prepared.contact_dynamics import EXACT, ContactDynamics
+from rbd.prepared.kept import keep, kept_bodies, kept_form
 from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.cones import WrenchCone
 from rbd.problem.ground import TOUCHES
@@ -274,27 +274,9 @@ def prepared_blocks(robot: CheckedModel, contacts: tuple[object, ...]) -> Contac
     Raises:
         FrameNotFound: with the nearest names.
     """
-    key, kept = (ContactBlocks, *contacts), robot.kept
-    try:
-        found: ContactBlocks | None = kept[key]
-        return found
-    except KeyError:
-        pass
-    except TypeError:  # objects that cannot be keys
-        return None
-    made = None
-    if covered(robot, contacts):
-        own: tuple[Contact, ...] = contacts  # type: ignore[assignment]
-        made = ContactBlocks(_bodies(robot, [Site.of(robot, contact) for contact in own]), own)
-    keep(kept, key, made, MOST)
-    return made
-
-
-def _bodies(robot: CheckedModel, sites: list[Site]) -> BlockBodies:
-    """Bodies in contact, kept by the values of their sites: contacts are often made anew."""
-    key, kept = (BlockBodies, *[site.key for site in sites]), robot.kept_bodies
-    found: BlockBodies | None = kept.get(key)
-    if found is None:
-        found = BlockBodies(robot, sites)
-        keep(kept, key, found, MOST_BODIES)
+    found: ContactBlocks | None = kept_form(robot, (ContactBlocks, *contacts), contacts, _made)
     return found
+
+
+def _made(robot: CheckedModel, contacts: tuple[Contact, ...]) -> ContactBlocks:
+    return ContactBlocks(kept_bodies(robot, contacts, BlockBodies), contacts)

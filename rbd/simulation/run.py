@@ -322,7 +322,7 @@ class _Bar:
 
         pace = "{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"
         self._progress = Progress(
-            TextColumn(self._doing),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TextColumn(pace if self._doing == "simulating" else "{task.percentage:.0f} %, left"),
             TimeRemainingColumn(),
@@ -330,5 +330,5 @@ class _Bar:
             auto_refresh=False,
             transient=True,
         )
-        self._task = self._progress.add_task("", total=self._end - self._start, pace=0.0)
+        self._task = self._progress.add_task(self._doing, total=self._end - self._start, pace=0.0)
         self._progress.start()

@@ -19,11 +19,17 @@ from rbd.arrays import Array
 STEPS = 80
 EXACT = 1e-13
 """Newton's method ends where the gradient is this, over numbers around one."""
+_ROUNDING = 1e-15
+"""Of sigma A^T r over sigma and the largest entry of r: what is left of the gradient by rounding."""
 _HALVINGS = 30
 _ARMIJO = 1e-4
-_TINY = 1e-300
-_SIGMA, _ROUNDS = 1e6, 4
-"""Of the proximal point algorithm: each round takes away a millionth of what the proximal term left."""
+_TINY = 1e-200
+_SIGMAS = (1e2, 1e4) + 10 * (1e6,)
+"""Of the rounds of the proximal point algorithm, each started from the last."""
+_REPEATED = 2
+"""How often what balance misses is added to its aim."""
+_SETTLED = 1e-8
+"""A problem is done where a round moves its dual answer by less than this share of it, or by `EXACT`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +94,15 @@ def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
     gradient, steps = np.zeros(n), np.zeros(n, int)
     rows = _Rows(np.ones(m), np.zeros(m))
     at = np.arange(n)
-    for _ in range(_ROUNDS):
+    for sigma in _SIGMAS:
         if not len(at):
             break
-        found, gradient[at], more = _newton(flat[at], d[at], w[at], r[at], mu, rows, _SIGMA)
+        found, gradient[at], more = _newton(flat[at], d[at], w[at], r[at], mu, rows, sigma)
         steps[at] += more
         moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
         r[at] = found
-        w[at] = projected(w[at] + _SIGMA * _pull(flat[at], found).reshape(-1, k, 3), mu)
-        at = at[moved > EXACT]
+        w[at] = projected(w[at] + sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
+        at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
     return ConeFits(w, _left(flat, d, w), gradient, steps)
 
 
@@ -115,8 +121,11 @@ class Stage:
     steep: Array
 
 
-def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeFits:
+def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0) -> ConeFits:
     """Answers of the last of some stages, of n problems; arguments as `nearest_in_cones`.
+
+    The first `exact` rows are then met to rounding: the last stage is solved again with what they missed added to d, as in the
+    method of multipliers.
 
     From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by
     need a few each.
@@ -127,6 +136,12 @@ def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage]) -> ConeF
     w = w0
     for stage in stages:
         r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
+        steps += more
+        w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+    aim = d.copy()
+    for _ in range(_REPEATED if exact else 0):
+        aim[:, :exact] += _left(flat, d, w)[:, :exact]
+        r, gradient, more = _newton(flat, aim, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps += more
         w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
     return ConeFits(w, _left(flat, d, w), gradient, steps)
@@ -176,7 +191,7 @@ def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sig
         u, curve = rows.slope(ri)
         g = u - d[at] + np.matmul(Ai, projected(here, mu).reshape(len(at), -1, 1))[..., 0]
         gradient[at] = np.abs(g).max(axis=1, initial=0.0)
-        open_ = gradient[at] > EXACT * size[at]
+        open_ = gradient[at] > EXACT * size[at] + _ROUNDING * sigma * np.abs(ri).max(axis=1, initial=0.0)
         if not open_.any():
             break
         if not open_.all():

@@ -27,7 +27,7 @@ def _made(name: str, kept: Path, g1: rbd.Robot) -> rbd.Trajectory:
 
 @pytest.fixture(scope="session")
 def squat(kept: Path, g1: rbd.Robot) -> rbd.Trajectory:
-    """Down by 8 cm and up again."""
+    """Down by 6 cm and up again."""
     return _made("squat", kept, g1)
 
 
@@ -45,5 +45,5 @@ def four_steps(kept: Path, g1: rbd.Robot) -> rbd.Trajectory:
 
 @pytest.fixture(scope="session")
 def fall(kept: Path, g1: rbd.Robot) -> rbd.Trajectory:
-    """Down onto its knees."""
+    """Over the front edges of its soles."""
     return _made("fall", kept, g1)

@@ -229,8 +229,18 @@ class TestLiftedAndFiltered:
         assert np.abs(smooth.v[40:-40, 3:6] - [0.3, 0.0, 4.0]).max() < 1e-4
 
 
+def test_three_frames_are_too_few_for_a_low_pass(reach):
+    """Nothing is smoothed silently by nothing."""
+    with pytest.raises(InputError, match="four frames"):
+        reach.cut(0.0, 0.02).filtered(10.0)
+
+
 def test_arrays_cannot_be_changed(reach):
-    """Read-only, also in copies that were changed."""
+    """Read-only, also in copies that were changed; whoever gave an array may still write to his own."""
+    t, q = np.array([0.0, 1.0]), np.array(reach.q[:2])
+    rest = np.zeros((2, reach.robot.nv))
+    Motion(reach.robot, t, q, rest, rest.copy())
+    t[0] = -1.0
     for motion in (reach, reach.mirror(), reach.cut(0.5, 1.0)):
         with pytest.raises(ValueError, match="read-only"):
             motion.q[0, 0] = 1.0

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import pickle
 import tempfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import hypothesis
 import hypothesis.strategies as st
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import rbd
@@ -71,6 +74,26 @@ class TestRoundTrips:
         assert again.derivation.noise_q[-1] == pytest.approx(10.0**-decimals / np.sqrt(12.0))
         assert any("normalised" in note for note in again.notes)
         assert any("all 29 joints of g1" in note for note in again.notes)
+        text = str(again)
+        assert (
+            "half of an acceleration at" in text and "noise of q leaves up to" in text and all(n in text for n in again.notes)
+        )
+
+    @pytest.mark.parametrize("units", ["rad", "deg"])
+    def test_the_noise_of_decimals_is_that_of_the_file(self, g1, tmp_path, units):
+        """Standard deviation of what is read from what was written, of the base's place and turn, and of joints."""
+        rng, n = np.random.default_rng(11), 1500
+        t = np.arange(n) / 50.0
+        q = np.tile(g1.standing().q, (n, 1)) + 0.3 * np.sin(t[:, None] + rng.uniform(0.0, 6.0, g1.nq))
+        q[:, 3:7] = exponential(np.stack([0.3 * np.sin(1.1 * t), 0.4 * np.cos(1.7 * t), 0.9 * t], axis=1))
+        shown = q.copy()
+        shown[:, 7:] *= 180.0 / np.pi if units == "deg" else 1.0
+        np.savetxt(tmp_path / "d.csv", shown, fmt="%.3f", delimiter=",")
+        again = Motion.read(tmp_path / "d.csv", robot=g1, rate=50, units=units)
+        off = np.array([pin.difference(g1.model, a, b) for a, b in zip(q, again.q, strict=True)])
+        found, stated = off.std(axis=0), again.derivation.noise_q
+        for part in (slice(0, 3), slice(3, 6), slice(6, None)):
+            assert np.sqrt((found[part] ** 2).mean()) == pytest.approx(np.sqrt((stated[part] ** 2).mean()), rel=0.06)
 
     def test_our_own_file_to_the_last_bit(self, dance, g1, tmp_path):
         """With how v and a came from q, with notes and ground; and without a robot given."""
@@ -425,6 +448,26 @@ def test_rubbish_is_refused_or_read_right(g1, data: bytes, suffix: str) -> None:
         assert np.abs(np.array([float(cell) for cell in row.split(",")])[-29:] - q[7:]).max() < 1e-12
 
 
+@hypothesis.settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@hypothesis.given(at=st.integers(0, 10**6), bits=st.integers(1, 255), cut=st.booleans())
+def test_a_damaged_archive_is_refused_or_read_right(g1, at: int, bits: int, cut: bool) -> None:
+    """One byte changed, or the end cut off: an error of ours, or the numbers that were written."""
+    t, q = np.arange(6) / 30.0, np.tile(g1.standing().q, (6, 1))
+    content = io.BytesIO()
+    np.savez(content, t=t, q=q, fps=np.array(30))
+    data = bytearray(content.getvalue())
+    data[at % len(data)] ^= bits
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.npz"
+        path.write_bytes(bytes(data[: at % len(data)] if cut else data))
+        try:
+            motion = Motion.read(path, robot=g1)
+        except rbd.RbdError as error:
+            assert len(str(error)) < 1500
+            return
+    assert (motion.t == t).all() and np.abs(motion.q - q).max() < 1e-15
+
+
 def test_many_rows_are_read_block_by_block(g1, tmp_path, monkeypatch) -> None:
     """Blocks that end within lines give the same table, and errors the same line."""
     rows = 4000
@@ -436,6 +479,11 @@ def test_many_rows_are_read_block_by_block(g1, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("rbd.motion.csv_files.BLOCK", 10_007)
     pieces = Motion.read(path, robot=g1, rate=100, progress=False)
     assert (pieces.q == whole.q).all() and (pieces.a == whole.a).all() and whole.n == rows
+    told: list[float] = []
+    monkeypatch.setattr("rbd.motion.csv_files.progress_of", lambda times, **given: nullcontext(told.append))
+    Motion.read(path, robot=g1, rate=100)
+    size = path.stat().st_size
+    assert len(told) > 50 and told == sorted(told) and told[-1] == size
     text = path.read_text().split("\n")
     text[3210] = text[3210].replace("0.800000", "zero", 1)
     path.write_text("\n".join(text))

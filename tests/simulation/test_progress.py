@@ -73,6 +73,16 @@ def test_a_long_run_shows_a_bar_that_goes_away(terminal: Terminal, monkeypatch):
     assert text.rfind(SHOW) > text.rfind(HIDE) >= 0 and "\x1b[2K" in text[text.rfind("real time") :]
 
 
+def test_other_work_tells_its_share(terminal: Terminal, monkeypatch):
+    """What is done, whatever its name is, and how much of it; no simulated time."""
+    monkeypatch.setattr(entry, "PATIENCE", 0.0)
+    with redirect_stderr(terminal), progress_of([0.0, 8.0], doing="reading [b]{x}.csv") as told:
+        entry.time.now += 2.0
+        told(2.0)
+    text = terminal.getvalue()
+    assert "reading [b]{x}.csv" in text and "25 %" in text and "real time" not in text
+
+
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("broken")])
 def test_the_terminal_is_whole_after_ctrl_c_and_errors(terminal: Terminal, monkeypatch, stop: BaseException):
     """The cursor comes back, and the exception goes on."""

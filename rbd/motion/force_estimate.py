@@ -1,0 +1,259 @@
+"""`ForceEstimate`: contact forces explained from measurements, with residuals, covariance and what the data leave open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array, add_wrench, lazy, null_space
+from rbd.model.state import State
+from rbd.motion.force_fit import ForceFit
+from rbd.motion.sensor_noise import force_scale
+from rbd.problem.answer import ContactForce, corner_split
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.rows import Rows
+
+DETERMINED = 1e-7
+"""A force component with a smaller share in what the data leave open is determined by them."""
+
+
+@dataclass(frozen=True)
+class OpenComponents:
+    """Force components of some constraints that no measured coordinate feels.
+
+    Attributes:
+        names: The constraints. Of several, forces of one are balanced by those of the others.
+        count: How many independent components.
+    """
+
+    names: tuple[str, ...]
+    count: int
+
+    def __str__(self) -> str:
+        internal = "internal " if len(self.names) > 1 else ""
+        return f"{' and '.join(self.names)}: {self.count} {internal}component{'s' if self.count > 1 else ''} unknown"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceEstimate:
+    """Contact forces from measurements: M a + h - tau_ext - S^T tau = J^T f by least squares, f in the contacts' sets.
+
+    Attributes:
+        state: The measured state.
+        rows: Rows of the contacts and other constraints.
+        measured: Which coordinates have an equation without unknown torques, shape (nv,), of truth values.
+        generalised: What the forces have to explain, M a + h - tau_ext - S^T tau (of an observer its low-pass), shape (nv,)
+            [N, N m]; of motors without a measured torque with tau = 0.
+        sets: The force sets, contacts at rest.
+        fit: The weights of the forces, and what the data say of them.
+        row_covariance: Covariance of the row forces, shape (m, m), or None without noise. See `covariance`.
+        torques: The torques that were measured, shape (nu,), or None.
+    """
+
+    state: State
+    rows: Sequence[Rows]
+    measured: Array
+    generalised: Array
+    sets: ForceSet
+    fit: ForceFit
+    row_covariance: Array | None
+    torques: Array | None
+
+    @lazy
+    def row_forces(self) -> Array:
+        """Forces of all rows, stacked, shape (m,) [N, N m]."""
+        return np.asarray(self.sets.G @ self.fit.w)
+
+    @lazy
+    def slices(self) -> dict[str, slice]:
+        """{constraint: its entries of `row_forces`}."""
+        ends = np.cumsum([0, *[len(r) for r in self.rows]])
+        return {r.name: slice(int(i), int(j)) for r, i, j in zip(self.rows, ends[:-1], ends[1:], strict=True)}
+
+    @lazy
+    def forces(self) -> dict[str, Array]:
+        """{constraint: force (3,), or wrench (6,) at the patch's centre}, on the robot, world axes [N, N m].
+
+        A constraint without a resultant (a function, a joint) gives its row forces (m,).
+        """
+        return {r.name: _in_world(r) @ self.row_forces[self.slices[r.name]] for r in self.rows}
+
+    @lazy
+    def contacts(self) -> dict[str, ContactForce]:
+        """Normal and tangential parts, friction used and centre of pressure of each contact."""
+        return {r.name: ContactForce.of(r.patch, self.forces[r.name]) for r in self.rows if r.patch is not None}
+
+    @lazy
+    def corner_forces(self) -> dict[str, Array]:
+        """{contact: (k, 3)} [N], world axes: one split of the wrench among the corners, which no measurement here decides."""
+        out = dict[str, Array]()
+        for i, r in enumerate(self.rows):
+            if r.patch is not None:
+                held = not len(r) or at_rest(r.cone).bilateral
+                part = self.row_forces[self.slices[r.name]]
+                out[r.name] = corner_split(r, part) if held else self.sets.at_points(self.fit.w, i) @ r.patch.axes.T
+        return out
+
+    @lazy
+    def _explained(self) -> Array:
+        """J^T f, shape (nv,)."""
+        return sum([r.J.T @ self.row_forces[self.slices[r.name]] for r in self.rows], np.zeros(len(self.generalised)))
+
+    @lazy
+    def residual(self) -> Array:
+        """M a + h - tau_ext - S^T tau - J^T f, shape (nv,) [N, N m]: what no allowed contact force explains.
+
+        Zero at motors whose torque was not measured: there `tau` is what it has to be.
+        """
+        return np.where(self.measured, self.generalised - self._explained, 0.0)
+
+    @lazy
+    def tau(self) -> Array:
+        """The measured torques; without them, those that go with the motion and these forces, shape (nu,) [N, N m]."""
+        if self.torques is not None:
+            return self.torques.copy()
+        return np.asarray((self.generalised - self._explained)[self.state.robot.actuated])
+
+    @lazy
+    def net(self) -> Array:
+        """Wrench of all contacts with the surroundings about the centre of mass, world axes, shape (6,) [N, N m]."""
+        total = [0.0] * 6
+        for r in self._outside:
+            assert r.patch is not None
+            add_wrench(total, self.forces[r.name].tolist(), r.patch.point.tolist(), self.state.com.tolist())
+        return np.array(total)
+
+    @property
+    def _outside(self) -> list[Rows]:
+        """Contacts that are not between two bodies of the robot."""
+        return [r for r in self.rows if r.patch is not None and r.patch.against is None]
+
+    # ------------------------------------------------------------------------------------------------ what the data leave open
+
+    @lazy
+    def _open(self) -> Array:
+        """Orthonormal basis of the row forces, in units of the scales of their rows, that no measured coordinate feels."""
+        m = len(self.row_forces)
+        if not m or not self.measured.any():
+            return np.eye(m)
+        J = np.concatenate([r.J for r in self.rows]).T[self.measured] / force_scale(self.state)[self.measured, None]
+        return null_space(J / self._row_scales)
+
+    @lazy
+    def _row_scales(self) -> Array:
+        """Length of each row's column over all coordinates, shape (m,)."""
+        J = np.concatenate([r.J for r in self.rows]).T / force_scale(self.state)[:, None]
+        return np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+
+    @lazy
+    def unknown(self) -> Array:
+        """Row forces that the data cannot see, as columns, shape (m, d): added to `row_forces` they change nothing measured."""
+        return self._open / self._row_scales[:, None] if len(self.row_forces) else np.zeros((0, 0))
+
+    @lazy
+    def open(self) -> tuple[OpenComponents, ...]:
+        """Which components the data leave open, grouped by the constraints that they couple.
+
+        The forces given are those of least norm: of the corners' forces [N], of other row forces in their units. How the
+        corners of a sole share its wrench is always open, and not listed.
+        """
+        P = self._open @ self._open.T
+        groups = list[set[str]]()
+        for one, i in self.slices.items():
+            coupled = {name for name, j in self.slices.items() if np.abs(P[i, j]).max(initial=0.0) > DETERMINED}
+            if coupled:
+                joined = [g for g in groups if g & coupled]
+                groups = [g for g in groups if not g & coupled] + [set.union({one}, coupled, *joined)]
+        out = []
+        for group in groups:
+            names = tuple(name for name in self.slices if name in group)
+            out.append(OpenComponents(names, round(sum(float(np.trace(P[self.slices[n], self.slices[n]])) for n in names))))
+        return tuple(out)
+
+    # --------------------------------------------------------------------------------------------------------------- covariance
+
+    @lazy
+    def covariance(self) -> dict[str, Array] | None:
+        """{constraint: covariance of `forces`, shape (k, k)}; None without noise.
+
+        To first order, on the active set: limits that hold the estimate back (friction, contacts that only push) stay active,
+        the curvature of cones and the bias that limits cause are left out, and so are errors of the model. Components that the
+        data leave open count as known, zero where the least norm puts them: `deviations` is infinite there.
+        """
+        if self.row_covariance is None:
+            return None
+        C = self.row_covariance
+        return {r.name: _in_world(r) @ C[s, s] @ _in_world(r).T for r, s in zip(self.rows, self.slices.values(), strict=True)}
+
+    @lazy
+    def deviations(self) -> dict[str, Array] | None:
+        """{constraint: standard deviations of `forces`}; infinite of what the data leave open. None without noise."""
+        if self.covariance is None:
+            return None
+        out = dict[str, Array]()
+        unknown = self.unknown / np.maximum(np.abs(self.unknown).max(axis=0, initial=0.0), 1e-300)
+        for r in self.rows:
+            seen = np.linalg.norm(_in_world(r) @ unknown[self.slices[r.name]], axis=1) <= DETERMINED
+            out[r.name] = np.where(seen, np.sqrt(np.maximum(self.covariance[r.name].diagonal(), 0.0)), math.inf)
+        return out
+
+    @lazy
+    def net_covariance(self) -> Array | None:
+        """Covariance of `net`, shape (6, 6), as `covariance`; None without noise."""
+        if self.row_covariance is None:
+            return None
+        T = np.zeros((6, len(self.row_forces)))
+        for r in self._outside:
+            assert r.patch is not None
+            maps = _in_world(r)
+            for column in range(len(r)):
+                total = [0.0] * 6
+                add_wrench(total, maps[:, column].tolist(), r.patch.point.tolist(), self.state.com.tolist())
+                T[:, self.slices[r.name].start + column] = total
+        return np.asarray(T @ self.row_covariance @ T.T)
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of the squares of what is left, in standard deviations; expected about `degrees` where the noise is as given.
+
+        Without noise: over effort limits and the weight, with no expectation.
+        """
+        return float(self.fit.left @ self.fit.left)
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of `chi_square`: measured coordinates less what was fitted to them."""
+        return int(self.measured.sum()) - self.fit.rank
+
+    def __repr__(self) -> str:
+        worst = float(np.abs(self.residual).max(initial=0.0))
+        return f"ForceEstimate({self.state.robot.name!r}, {len(self.rows)} constraints, largest residual {worst:.1e})"
+
+    def __str__(self) -> str:
+        robot = self.state.robot
+        base = self.residual[robot.unactuated]
+        lines = [
+            f"forces of {robot.name} from {int(self.measured.sum())} of {robot.nv} coordinates: largest residual "
+            f"{np.abs(base).max(initial=0.0):.3g} N (N m) where no motor is"
+            + ("" if self.torques is None else f", {np.abs(self.residual[robot.actuated]).max(initial=0.0):.3g} at the motors")
+        ]
+        for name, contact in self.contacts.items():
+            lines.append(f"  {name:<16}{contact}")
+        plain = [r.name for r in self.rows if r.patch is None and len(r)]
+        lines += [f"  {name:<15} force {np.array2string(self.forces[name], precision=4)}" for name in plain]
+        if self.open:
+            choice = "least norm" if self.fit.least_norm else "about least norm"
+            lines.append(f"  {'; '.join(map(str, self.open))} (taken: {choice})")
+        if self.deviations is not None:
+            for name, s in self.deviations.items():
+                lines.append(f"  {name:<16}+- {np.array2string(s, precision=3)}")
+            lines.append(f"  chi-square {self.chi_square:.3g} of {self.degrees} degrees of freedom")
+        return "\n".join(lines)
+
+
+def _in_world(r: Rows) -> Array:
+    """Map from row forces to what `forces` gives."""
+    return np.eye(len(r)) if r.resultant is None else r.resultant
