@@ -182,7 +182,9 @@ def reference_motions() -> Iterator[object]:
     box = rbd.load_robot(URDF / "box.urdf")
     made = rbd.motion.minimum_jerk(box, [box.neutral(), box.neutral()], [0.0, 0.2])
     derived = rbd.Motion.of_arrays(box, made.t, made.q, noise=1e-6)
-    yield from (made, derived, derived.derivation)
+    report = rbd.check_motion(derived, ground="fit")
+    assert str(report)
+    yield from (made, derived, derived.derivation, report, report.lanes)
 
 
 def planar_chains() -> Iterator[object]:

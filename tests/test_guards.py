@@ -32,6 +32,7 @@ from rbd.visual import (
     contact_sheet,
     export_motion,
     export_planar,
+    export_report,
     motion_sheet,
     plot_ellipses,
     plot_energy,
@@ -42,12 +43,14 @@ from rbd.visual import (
     plot_pushes,
     plot_ranges,
     plot_region,
+    plot_report,
     plot_split,
     plot_sticks,
     plot_wrench_cone,
     replay,
     replay_planar,
     screenshot,
+    show_report,
 )
 
 set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
@@ -798,9 +801,45 @@ CASES |= {
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
     "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),
 }
+CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
+CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}
+
+
+SWAY_REPORT = rbd.check_motion(**CHECKED)
+
+
+def use_check(**given: Any) -> Any:
+    """What a check computes."""
+    report = rbd.check_motion(**given)
+    return report.causes.astype(float), report.missing, report.forces, report.tau, report.score
+
+
+CASES |= {
+    "check_motion": Case(use_check, CHECKED, 20),
+    "motion.check_motion": Case(use_check, CHECKED, 5),
+    "visual.plot_report": Case(
+        lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
+    ),
+    "visual.show_report": Case(show_report, {"report": "none", "speed": 0.5}, 10),
+    "visual.export_report": Case(
+        export_report,
+        {
+            **{"path": "/nowhere/x.html", "report": SWAY_REPORT, "fps": 30.0, "speed": 1.0, "title": "x", "start": 0.0},
+            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5},
+        },
+        10,
+    ),
+    "motion.find_contacts": Case(
+        lambda **given: [(x := rbd.motion.find_contacts(**given)).heights, x.touches.astype(float), x.ground],
+        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 5e-3},
+        20,
+    ),
+}
 MADE_BY_RBD = {
     "Motion",
     "Derivation",
+    "Lanes",
+    "MotionReport",
     "Answer",
     "Trajectory",
     "ForceEstimate",
@@ -1020,6 +1059,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
         "visual.replay_planar",
         "Motion.save",
     }
+    refused |= {"visual.show_report", "visual.export_report"}
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 

@@ -159,7 +159,7 @@ def _limits(limit: Array, given: bool | float) -> Array:
     if isinstance(given, bool | np.bool_):
         return limit if given else np.full_like(limit, np.inf)
     share = as_float(given)
-    if not 0.0 < share < 1e6:
+    if not 1e-6 <= share < 1e6:
         raise InputError(f"torque_limits is {given!r:.80}; expected True, False, or a share of the file's limits, 0.6.")
     return np.asarray(limit * share)
 
