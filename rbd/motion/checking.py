@@ -22,6 +22,8 @@ from rbd.motion.self_collision import self_collisions
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
+FEW = 16
+"""Of robots that touch with more points than this so many fewer frames."""
 OPEN = 3.0
 """A wrench is missing where it is more than this many times what differentiation leaves open."""
 
@@ -123,17 +125,19 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array)
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
     names = {name: i for i, name in enumerate(why.CAUSES)}
-    for begin in range(0, motion.n, BLOCK):
-        at = slice(begin, begin + BLOCK)
+    step = max(BLOCK * FEW // max(len(lanes.points), FEW), 32)
+    for begin in range(0, motion.n, step):
+        at = slice(begin, begin + step)
         terms = FrameTerms.of(robot, motion.q[at], motion.v[at], motion.a[at], sigma)
-        places, touches = lanes.places[at], lanes.touches[at]
+        used = np.asarray(lanes.touches[at].any(axis=0))
+        points, places, touches = lanes.points.some(used), lanes.places[at][:, used], lanes.touches[at][:, used]
         A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
         b = terms.wrench / scale
         left, start = least_wrench(A, b, mu)
         size = np.linalg.norm(left, axis=1)
         out.missing[at], out.missing_scaled[at], out.open[at] = left * scale, size, terms.wrench_noise
-        effort = least_effort(terms, lanes.points, places, touches, A, b - left, start, mu, limit)
-        out.forces[at], out.tau[at] = effort.forces, effort.tau
+        effort = least_effort(terms, points, places, touches, A, b - left, start, mu, limit)
+        out.forces[at.start : at.stop, used], out.tau[at] = effort.forces, effort.tau
         noise = NOISE * terms.M_size[:, robot.actuated] / limit
         out.excess[at] = excess = np.where(effort.excess > why.EXCESS + noise, effort.excess, 0.0)
         most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
