@@ -862,8 +862,6 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Motion",
-    "Lanes",
-    "MotionReport",
     "Derivation",
     "Lanes",
     "MotionReport",
