@@ -752,17 +752,6 @@ def use_motion(motion: Any) -> Any:
     return motion
 
 
-def use_report(report: Any) -> Any:
-    """The numbers of a check; those that a contact without load has not are left out."""
-    numbers = (report.causes, report.missing, report.open, report.forces, report.tau, report.excess, report.nearest_a)
-    return *numbers, report.score, np.nan_to_num(report.used_friction), np.nan_to_num(report.edge_margin)
-
-
-def use_lanes(lanes: Any) -> Any:
-    """The numbers of lanes; speeds where points touch."""
-    return lanes.touches, lanes.slides, lanes.heights, np.nan_to_num(lanes.speeds), lanes.noise, lanes.ground
-
-
 def use_save(**given: Any) -> Any:
     """Nothing that is saved; a place that is none of the test's is not written to."""
     given["path"] = given["path"] if isinstance(given["path"], str) and "nowhere" in given["path"] else "x"
@@ -802,20 +791,6 @@ CASES |= {
             **{"path": SWAY_FILE, "robot": BOLT, "rate": 20.0, "quaternion": "xyzw", "joints": list(BOLT.actuated_names)},
             **{"units": "rad", "window": 0.2, "order": 3, "cutoff": 5.0, "ground": 0.0, "progress": False},
         },
-        30,
-    ),
-    "check_motion": Case(
-        lambda **given: use_report(rbd.check_motion(**given)),
-        {
-            **{"motion": SWAY, "friction": 0.7, "torque_limits": 0.8, "contacts": None, "ground": 0.0, "threshold": 0.02},
-            **{"bodies": False, "self_collision": False, "torque_speed": {BOLT.actuated_names[0]: (2.0, 9.0)}},
-            "rest_speed": 0.005,
-        },
-        30,
-    ),
-    "motion.find_contacts": Case(
-        lambda **given: use_lanes(rbd.motion.find_contacts(**given)),
-        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 0.005},
         30,
     ),
     "Motion.state": Case(SWAY.state, {"i": 3}, 10),
@@ -1105,8 +1080,7 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
-    here = [name for name in rbd.motion.__all__ if name not in rbd.__all__]  # the others are asked on top
-    rooms += [("motion.", rbd.motion, here), ("Motion.", rbd.Motion, None)]
+    rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:
         for name in names or [n for n in dir(place) if not n.startswith("_")]:
