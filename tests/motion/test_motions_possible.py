@@ -12,6 +12,8 @@ from rbd.arrays import Array
 from rbd.motion import CAUSES, Lanes, find_contacts
 
 NAMES = ("squat", "crouch", "four_steps", "fall")
+NET = 1e-9
+"""Of the weight, and of 0.3 m times the weight."""
 STEP = 1.0 / 300.0
 """Of the simulation [s]: a switch is somewhere within one."""
 
@@ -99,19 +101,21 @@ def test_the_net_wrench_is_that_of_the_simulation(simulated: rbd.Trajectory) -> 
     assert np.linalg.norm(np.cross(arms, off).sum(axis=1), axis=1).max() < NET * 0.3 * weight
 
 
-NET = 1e-9
-
-
+@pytest.mark.parametrize("order", [3, 5])
 @pytest.mark.parametrize("rate", [30, 60])
-def test_a_file_of_six_decimals_has_the_force_of_the_simulation(simulated: rbd.Trajectory, rate: int, tmp_path: Path) -> None:
+def test_a_file_of_six_decimals_has_the_force_of_the_simulation(
+    simulated: rbd.Trajectory, rate: int, order: int, tmp_path: Path
+) -> None:
+    """Polynomials of order 3 cut off more of fast changes: with them 3 % of the weight hold, and 0.5 % in fewer frames."""
     path = file_of(simulated, rate, tmp_path / "motion.csv")
-    motion = rbd.Motion.read(path, robot=simulated.robot, rate=rate, order=5, progress=False)
+    motion = rbd.Motion.read(path, robot=simulated.robot, rate=rate, order=order, progress=False)
     report = rbd.check_motion(motion, self_collision=False)
     assert motion.derivation is not None
     far = apart(motion, switches(simulated), 0.5 * motion.derivation.window)
     force = true_forces(simulated)[:: 300 // rate].sum(axis=1)
     off = np.linalg.norm(report.forces.sum(axis=1) - force, axis=1) / (motion.robot.mass * 9.81)
-    assert far.sum() >= 0.5 * motion.n
-    assert (off[far] < 0.005).mean() >= 0.95
     assert off[far].max() < 0.03
+    if order == 5:
+        assert (off[far] < 0.005).mean() >= 0.95
+    assert far.sum() >= 0.5 * motion.n or simulated.t[-1] - simulated.t[0] < 1.0
     assert report.possible[far].all(), {cause: np.flatnonzero(report.of_cause(cause)) for cause in CAUSES}
