@@ -32,6 +32,7 @@ from rbd.visual import (
     contact_sheet,
     export_motion,
     export_planar,
+    export_report,
     motion_sheet,
     plot_ellipses,
     plot_energy,
@@ -42,12 +43,14 @@ from rbd.visual import (
     plot_pushes,
     plot_ranges,
     plot_region,
+    plot_report,
     plot_split,
     plot_sticks,
     plot_wrench_cone,
     replay,
     replay_planar,
     screenshot,
+    show_report,
 )
 
 set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
@@ -749,6 +752,17 @@ def use_motion(motion: Any) -> Any:
     return motion
 
 
+def use_report(report: Any) -> Any:
+    """The numbers of a check; those that a contact without load has not are left out."""
+    numbers = (report.causes, report.missing, report.open, report.forces, report.tau, report.excess, report.nearest_a)
+    return *numbers, report.score, np.nan_to_num(report.used_friction), np.nan_to_num(report.edge_margin)
+
+
+def use_lanes(lanes: Any) -> Any:
+    """The numbers of lanes; speeds where points touch."""
+    return lanes.touches, lanes.slides, lanes.heights, np.nan_to_num(lanes.speeds), lanes.noise, lanes.ground
+
+
 def use_save(**given: Any) -> Any:
     """Nothing that is saved; a place that is none of the test's is not written to."""
     given["path"] = given["path"] if isinstance(given["path"], str) and "nowhere" in given["path"] else "x"
@@ -790,6 +804,20 @@ CASES |= {
         },
         30,
     ),
+    "check_motion": Case(
+        lambda **given: use_report(rbd.check_motion(**given)),
+        {
+            **{"motion": SWAY, "friction": 0.7, "torque_limits": 0.8, "contacts": None, "ground": 0.0, "threshold": 0.02},
+            **{"bodies": False, "self_collision": False, "torque_speed": {BOLT.actuated_names[0]: (2.0, 9.0)}},
+            "rest_speed": 0.005,
+        },
+        30,
+    ),
+    "motion.find_contacts": Case(
+        lambda **given: use_lanes(rbd.motion.find_contacts(**given)),
+        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 0.005},
+        30,
+    ),
     "Motion.state": Case(SWAY.state, {"i": 3}, 10),
     "Motion.with_contacts": Case(lambda contacts: use_motion(SWAY.with_contacts(contacts)), {"contacts": None}, 10),
     "Motion.resample": Case(lambda rate: use_motion(SWAY.resample(rate)), {"rate": 30.0}, 20),
@@ -798,9 +826,45 @@ CASES |= {
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
     "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),
 }
+CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
+CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}
+
+
+SWAY_REPORT = rbd.check_motion(**CHECKED)
+
+
+def use_check(**given: Any) -> Any:
+    """What a check computes."""
+    report = rbd.check_motion(**given)
+    return report.causes.astype(float), report.missing, report.forces, report.tau, report.score
+
+
+CASES |= {
+    "check_motion": Case(use_check, CHECKED, 20),
+    "motion.check_motion": Case(use_check, CHECKED, 5),
+    "visual.plot_report": Case(
+        lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
+    ),
+    "visual.show_report": Case(show_report, {"report": "none", "speed": 0.5}, 10),
+    "visual.export_report": Case(
+        export_report,
+        {
+            **{"path": "/nowhere/x.html", "report": SWAY_REPORT, "fps": 30.0, "speed": 1.0, "title": "x", "start": 0.0},
+            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5},
+        },
+        10,
+    ),
+    "motion.find_contacts": Case(
+        lambda **given: [(x := rbd.motion.find_contacts(**given)).heights, x.touches.astype(float), x.ground],
+        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 5e-3},
+        20,
+    ),
+}
 MADE_BY_RBD = {
     "Motion",
     "Derivation",
+    "Lanes",
+    "MotionReport",
     "Answer",
     "Trajectory",
     "ForceEstimate",
@@ -1020,6 +1084,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
         "visual.replay_planar",
         "Motion.save",
     }
+    refused |= {"visual.show_report", "visual.export_report"}
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 
@@ -1040,7 +1105,8 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
-    rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
+    here = [name for name in rbd.motion.__all__ if name not in rbd.__all__]  # the others are asked on top
+    rooms += [("motion.", rbd.motion, here), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:
         for name in names or [n for n in dir(place) if not n.startswith("_")]:

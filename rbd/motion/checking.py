@@ -22,6 +22,8 @@ from rbd.motion.self_collision import self_collisions
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
+FEW = 16
+"""Of robots that touch with more points than this so many fewer frames."""
 OPEN = 3.0
 """A wrench is missing where it is more than this many times what differentiation leaves open."""
 
@@ -82,7 +84,6 @@ def check_motion(
     column = {name: table[:, i] for i, name in enumerate(why.CAUSES)}
     weight = wrench_scale(robot)[0]
     column["sinks"][:] = (lanes.heights < -why.SINKS_M).any(axis=1)
-    column["slides"][:] = why.sliding(lanes, found.forces, weight)
     column["joint limit"][:] = why.beyond_position(motion).any(axis=1)
     column["speed limit"][:] = why.beyond_speed(motion).any(axis=1)
     column["torque-speed"][:] = why.beyond_curves(motion, found.tau, curves)
@@ -123,21 +124,24 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array)
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
     names = {name: i for i, name in enumerate(why.CAUSES)}
-    for begin in range(0, motion.n, BLOCK):
-        at = slice(begin, begin + BLOCK)
+    step = max(BLOCK * FEW // max(len(lanes.points), FEW), 32)
+    for begin in range(0, motion.n, step):
+        at = slice(begin, begin + step)
         terms = FrameTerms.of(robot, motion.q[at], motion.v[at], motion.a[at], sigma)
-        places, touches = lanes.places[at], lanes.touches[at]
+        used = np.asarray(lanes.touches[at].any(axis=0))
+        points, places, touches = lanes.points.some(used), lanes.places[at][:, used], lanes.touches[at][:, used]
         A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
         b = terms.wrench / scale
         left, start = least_wrench(A, b, mu)
         size = np.linalg.norm(left, axis=1)
         out.missing[at], out.missing_scaled[at], out.open[at] = left * scale, size, terms.wrench_noise
-        effort = least_effort(terms, lanes.points, places, touches, A, b - left, start, mu, limit)
-        out.forces[at], out.tau[at] = effort.forces, effort.tau
+        effort = least_effort(terms, points, places, touches, A, b - left, start, mu, limit)
+        out.forces[at.start : at.stop, used], out.tau[at] = effort.forces, effort.tau
         noise = NOISE * terms.M_size[:, robot.actuated] / limit
         out.excess[at] = excess = np.where(effort.excess > why.EXCESS + noise, effort.excess, 0.0)
         most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
         out.causes[at, names["motor"]] = excess.any(axis=1)
+        out.causes[at, names["slides"]] = why.sliding(A, b, lanes.slides[at][:, used], size, most, mu)
         bad = np.flatnonzero(size > most)
         if len(bad):
             some = terms.some(bad)
@@ -159,7 +163,7 @@ def _limits(limit: Array, given: bool | float) -> Array:
     if isinstance(given, bool | np.bool_):
         return limit if given else np.full_like(limit, np.inf)
     share = as_float(given)
-    if not 0.0 < share < 1e6:
+    if not 1e-6 <= share < 1e6:
         raise InputError(f"torque_limits is {given!r:.80}; expected True, False, or a share of the file's limits, 0.6.")
     return np.asarray(limit * share)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_flag
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -49,6 +49,7 @@ def find_contacts(
     """
     if not isinstance(motion, Motion):
         raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
+    check_flag("bodies", bodies)
     slow = as_float(rest_speed)
     if not 0.0 <= slow < 1e3:
         raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s].")

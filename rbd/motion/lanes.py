@@ -55,6 +55,11 @@ class Lanes:
         """Whether any point of a contact touches, shape (n,)."""
         return np.asarray(self.touches[:, self._chosen(name)].any(axis=1))
 
+    def at_frames(self, chosen: Array) -> Lanes:
+        """The same contacts in some of the frames, by a mask or indices."""
+        arrays = ("t", "touches", "slides", "heights", "speeds", "places", "noise")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in arrays})
+
     def with_touch(self, name: str, start: float, end: float, touches: bool = True) -> Lanes:
         """A copy in which a point, or all points of a contact, touch from start to end, or do not.
 

@@ -28,6 +28,7 @@ from rbd.motion.derivation import (
 )
 from rbd.motion.frames import check_rate, check_shape, normalise, times_of
 from rbd.motion.interpolation import cubic, interpolated_q
+from rbd.motion.lanes import Lanes
 from rbd.motion.reading import read_frames
 from rbd.motion.symmetry import mirrored, symmetry_of
 from rbd.motion.writing import a_motion_path, write_bodies, write_csv, write_motion
@@ -64,7 +65,7 @@ class Motion:
     source: str = "arrays"
     notes: tuple[str, ...] = ()
     derivation: Derivation | None = None
-    contacts: Any = None
+    contacts: Lanes | None = None
     ground: float = 0.0
 
     def __post_init__(self) -> None:
@@ -248,8 +249,10 @@ class Motion:
             raise InputError(f"frame {i!r:.80} of a motion; expected a whole number from {-self.n} to {self.n - 1}.")
         return State(self.robot, self.q[i], self.v[i])
 
-    def with_contacts(self, contacts: Any) -> Motion:
-        """The same motion with given contacts: `Lanes`, or None to have them found."""
+    def with_contacts(self, contacts: Lanes | None) -> Motion:
+        """The same motion with given contacts, or None to have them found."""
+        if contacts is not None and (not isinstance(contacts, Lanes) or not np.array_equal(contacts.t, self.t)):
+            raise InputError(f"contacts is {contacts!r:.80}; expected Lanes of this motion: rbd.motion.find_contacts(motion).")
         return replace(self, contacts=contacts)
 
     def resample(self, rate: float) -> Motion:
@@ -270,10 +273,8 @@ class Motion:
         note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz."
         if self.derivation is not None:
             return self._changed(note, t=t, q=q)
-        v, a = cubic(self.t, self.v, self.a, t), np.empty((len(t), self.robot.nv))
-        for k in range(self.robot.nv):
-            a[:, k] = np.interp(t, self.t, self.a[:, k])
-        return self._changed(note, t=t, q=q, v=v, a=a)
+        a = np.stack([np.interp(t, self.t, x) for x in self.a.T], axis=1)
+        return self._changed(note, t=t, q=q, v=cubic(self.t, self.v, self.a, t), a=a)
 
     def cut(self, start: float | None = None, end: float | None = None) -> Motion:
         """The frames from one time to another [s], both included; times remain as they are.
@@ -289,7 +290,8 @@ class Motion:
                 f"no frame is from {start!r:.40} to {end!r:.40} s; the motion is from {self.t[0]:g} to {self.t[-1]:g} s."
             )
         given = {name: getattr(self, name)[chosen] for name in ("t", "q", "v", "a")}
-        return self._changed(f"cut to {given['t'][0]:g} to {given['t'][-1]:g} s.", **given)
+        lanes = self.contacts and self.contacts.at_frames(chosen)
+        return self._changed(f"cut to {given['t'][0]:g} to {given['t'][-1]:g} s.", contacts=lanes, **given)
 
     def mirror(self) -> Motion:
         """Left and right exchanged, by the names of the joints, across the plane y = 0 of the world.
@@ -332,7 +334,7 @@ class Motion:
         q = low_passed(self.robot, self.q, check_cutoff(cutoff, self.t))
         noise = 0.0 if self.derivation is None else self.derivation.noise_q
         v, a, how = derivatives(self.robot, self.t, self.q, method="low-pass", cutoff=cutoff, noise=noise)
-        return self._changed(f"smoothed by a low-pass at {cutoff:g} Hz.", keep=True, q=q, v=v, a=a, derivation=how)
+        return self._changed(f"smoothed by a low-pass at {cutoff:g} Hz.", contacts=self.contacts, q=q, v=v, a=a, derivation=how)
 
     def save(self, path: str | os.PathLike[str], *, kind: str = "motion", header: bool = True, decimals: int = 6) -> None:
         """Write it to a file that `read` reads; an existing one is replaced only when the new one is complete.
@@ -367,10 +369,10 @@ class Motion:
         else:
             write_bodies(where, self.robot, self.t, self.q, self.v)
 
-    def _changed(self, note: str, *, keep: bool = False, **fields: Any) -> Motion:
-        """A copy with other arrays, v and a derived again where they are not given; its contacts are left out unless `keep`."""
+    def _changed(self, note: str, **fields: Any) -> Motion:
+        """A copy with other arrays, v and a derived again where they are not given; contacts are left out unless given too."""
         notes = [*self.notes, note]
-        if self.contacts is not None and not keep:
+        if self.contacts is not None and "contacts" not in fields:
             fields["contacts"] = None
             notes.append("contacts given before were left out.")
         if "v" not in fields and self.derivation is not None:

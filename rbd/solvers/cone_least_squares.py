@@ -89,9 +89,11 @@ def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
         mu: Coulomb's coefficient of all points.
     """
     n, m, k, _ = A.shape
-    flat = A.reshape(n, m, 3 * k)
     w, r = np.zeros((n, k, 3)), np.zeros((n, m))
     gradient, steps = np.zeros(n), np.zeros(n, int)
+    if not k:
+        return ConeFits(w, d.copy(), gradient, steps)
+    flat = A.reshape(n, m, 3 * k)
     rows = _Rows(np.ones(m), np.zeros(m))
     at = np.arange(n)
     for sigma in _SIGMAS:

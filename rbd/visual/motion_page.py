@@ -341,9 +341,11 @@ def _chart(
 
 
 def _top(values: Array, least: float, percentile: float) -> float:
-    """Where an axis ends: a peak beyond the percentile is cut off."""
+    """Where an axis ends: a peak that would hide all else, four times the percentile, is cut off."""
     finite = values[np.isfinite(values)]
-    return max(least, 1.08 * float(np.percentile(finite, percentile))) if len(finite) else least
+    if not len(finite):
+        return least
+    return max(least, 1.08 * min(float(finite.max()), 4.0 * max(float(np.percentile(finite, percentile)), least)))
 
 
 def _percent(value: float) -> str:

@@ -11,7 +11,7 @@ from test_derivation import flight
 
 import rbd
 from rbd.errors import InputError
-from rbd.motion import Motion, derivatives, minimum_jerk
+from rbd.motion import Motion, derivatives, find_contacts, minimum_jerk
 from rbd.motion.rotations import exponential
 from rbd.motion.symmetry import ACROSS, other_side, symmetry_of
 
@@ -127,6 +127,10 @@ class TestOtherRates:
         part = reach.cut(0.5, 1.0)
         assert (part.t[0], part.t[-1], part.n) == (pytest.approx(0.5), pytest.approx(1.0), 51)
         assert (part.a == reach.a[50:101]).all() and "cut to 0.5 to 1 s" in part.notes[-1]
+        lanes = find_contacts(reach)
+        assert (reach.with_contacts(lanes).cut(0.5, 1.0).contacts.touches == lanes.touches[50:101]).all()
+        with pytest.raises(InputError, match="expected Lanes of this motion"):
+            part.with_contacts(lanes)
         assert reach.cut().n == reach.n and reach.cut(start=1.0).n == 101
         with pytest.raises(InputError, match="from 0 to 2 s"):
             reach.cut(5.0)
@@ -192,7 +196,7 @@ class TestLiftedAndFiltered:
 
     def test_lifted_moves_the_base_alone(self, reach):
         """Up along z; v and a are those of before, and given contacts are left out, which is said."""
-        up = reach.with_contacts("lanes").lifted(0.03)
+        up = reach.with_contacts(find_contacts(reach)).lifted(0.03)
         assert np.abs(up.q[:, 2] - reach.q[:, 2] - 0.03).max() < 1e-15
         assert (np.delete(up.q, 2, axis=1) == np.delete(reach.q, 2, axis=1)).all() and (up.a == reach.a).all()
         assert up.contacts is None and up.notes[-2:] == ("lifted by 0.03 m.", "contacts given before were left out.")
@@ -206,14 +210,15 @@ class TestLiftedAndFiltered:
         slow, fast = np.sin(2.0 * np.pi * 0.5 * t), np.sin(2.0 * np.pi * 15.0 * t + 0.3)
         q[:, 12] += 0.2 * slow + 0.01 * fast
         motion = Motion.of_arrays(g1, t, q)
-        smooth = motion.with_contacts("lanes").filtered(5.0)
+        lanes = find_contacts(motion)
+        smooth = motion.with_contacts(lanes).filtered(5.0)
         left = (smooth.q - g1.standing().q)[60:-60, 12]
         both = np.stack([slow, np.sin(2.0 * np.pi * 15.0 * t), np.cos(2.0 * np.pi * 15.0 * t)], axis=1)[60:-60]
         sizes = np.linalg.lstsq(both, left, rcond=None)[0]
         assert sizes[0] == pytest.approx(0.2, rel=1e-5)
         ratio = (np.sin(np.pi * 15.0 / 60.0) / np.sin(np.pi * 5.0 / 60.0)) ** 6  # of the discrete third differences
         assert np.hypot(*sizes[1:]) == pytest.approx(0.01 / (1.0 + ratio), rel=1e-3)
-        assert smooth.contacts == "lanes" and smooth.derivation.cutoff == 5.0 and "smoothed" in smooth.notes[-1]
+        assert smooth.contacts is lanes and smooth.derivation.cutoff == 5.0 and "smoothed" in smooth.notes[-1]
         for bad in (0.0, -1.0, 31.0, float("nan"), None):
             with pytest.raises(InputError, match="cutoff"):
                 motion.filtered(bad)
