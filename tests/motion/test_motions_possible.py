@@ -60,6 +60,22 @@ def file_of(trajectory: rbd.Trajectory, rate: int, path: Path) -> Path:
     return path
 
 
+def test_the_motions_are_what_they_are_called(
+    squat: rbd.Trajectory, crouch: rbd.Trajectory, four_steps: rbd.Trajectory, fall: rbd.Trajectory
+) -> None:
+    assert np.ptp(squat.com[:, 2]) == pytest.approx(0.06, abs=2e-3)
+    assert abs(squat.com[-1, 2] - squat.com[0, 2]) < 2e-3
+    assert crouch.com[-1, 2] - crouch.com[0, 2] == pytest.approx(-0.12, abs=2e-3)
+    for name in ("left_sole", "right_sole"):
+        feet = four_steps.points[name].mean(axis=1)
+        assert feet[-1, 0] - feet[0, 0] == pytest.approx(0.45, abs=5e-3)
+        lifted = (four_steps.point_forces[name][:, :, 2] <= 0.0).all(axis=1) & (feet[:, 2] > 0.02)
+        assert np.count_nonzero(np.diff(lifted.astype(int)) == 1) == 2
+    toes = max(fall.points[name][0, :, 0].max() for name in ("left_sole", "right_sole"))
+    assert fall.com[-1, 0] > toes + 0.2  # nothing brings it back
+    assert fall.com[-1, 2] < fall.com[0, 2] - 0.05
+
+
 def test_with_recorded_velocities_and_accelerations_nothing_is_missing(simulated: rbd.Trajectory) -> None:
     report = rbd.check_motion(rbd.Motion.of_trajectory(simulated), self_collision=False)
     assert report.missing_scaled.max() < 1e-9
