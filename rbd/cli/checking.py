@@ -103,7 +103,7 @@ def check(
         loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir)
         ranking = Ranking(least_possible)
         steps = [*chosen] if one else track(chosen, "checking", console=open_console(errors=True), transient=True)
-        pages = {} if html is None else _pages(html, chosen)
+        pages = {} if html is None else pages_of(html, chosen)
         written: list[tuple[str, Path]] = []
         for file in steps:
             try:
@@ -279,8 +279,12 @@ def _check_outputs(
         raise InputError(f"--html is {str(html)!r:.300}; of {len(files)} motions expected a folder for their pages.")
 
 
-def _pages(html: Path, files: Sequence[str]) -> dict[str, Path]:
-    """{file: its page}."""
+def pages_of(html: Path, files: Sequence[str]) -> dict[str, Path]:
+    """{file: its page}; those of several in the folder `html`, which is made.
+
+    Raises:
+        InputError: the folder cannot be made.
+    """
     if len(files) == 1:
         return {files[0]: html}
     try:
