@@ -182,7 +182,6 @@ def reference_motions() -> Iterator[object]:
     box = rbd.load_robot(URDF / "box.urdf")
     made = rbd.motion.minimum_jerk(box, [box.neutral(), box.neutral()], [0.0, 0.2])
     derived = rbd.Motion.of_arrays(box, made.t, made.q, noise=1e-6)
-    assert str(rbd.check_motion(derived, ground="fit"))
     yield from (made, derived, derived.derivation)
     g1 = rbd.load_robot("g1")
     held = rbd.Motion.of_arrays(g1, [0.0, 0.1, 0.2], np.repeat(g1.standing().q[None], 3, axis=0))

@@ -12,7 +12,6 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.contact_detection import NOISE
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
-from rbd.motion.lanes import Lanes
 from rbd.motion.missing import least_wrench
 from rbd.motion.motion import Motion
 
@@ -22,8 +21,8 @@ CAUSES = (
 )  # fmt: skip
 SINKS_M = 0.01
 """A point lower than this below the floor sinks [m]."""
-CARRIES = 0.02
-"""A contact with less of the weight than this carries nothing."""
+_SAME = 1e-6
+"""Missing wrenches that differ by less of the weight are the same."""
 EXCESS = 0.01
 """A torque beyond its limit by less, over the limit, is there by the tolerance of the program."""
 _GRIP = 10.0
@@ -73,12 +72,24 @@ def without_balance(
     return nothing | (neither & ~both), slips | both, tips | both
 
 
-def sliding(lanes: Lanes, forces: Array, weight: float) -> Array:
-    """Frames in which a contact slides that carries more than a fiftieth of the weight, shape (n,)."""
-    out = np.zeros(len(lanes.t), bool)
-    for g in range(len(lanes.contacts)):
-        own = lanes.points.group == g
-        out |= lanes.slides[:, own].any(axis=1) & (forces[:, own, 2].sum(axis=1) > CARRIES * weight)
+def sliding(A: Array, b: Array, slides: Array, size: Array, most: Array, mu: float) -> Array:
+    """Frames that need a force at a point that slides, shape (n,): without these points more is missing than may be.
+
+    A foot that the robot could as well lift does not carry, and may glide along the floor.
+
+    Args:
+        A: Scaled map of forces at the points that touch, shape (n, 6, k, 3).
+        b: Scaled wrench that is needed, shape (n, 6).
+        slides: Which points slide, shape (n, k).
+        size: What is missing with all points, shape (n,).
+        most: How much may be missing, shape (n,).
+        mu: Friction.
+    """
+    out = np.zeros(len(b), bool)
+    at = np.flatnonzero(slides.any(axis=1))
+    if len(at):
+        left, _ = least_wrench(np.where(slides[at][:, None, :, None], 0.0, A[at]), b[at], mu)
+        out[at] = np.linalg.norm(left, axis=1) > np.maximum(most[at], size[at] + _SAME)
     return out
 
 

@@ -84,7 +84,6 @@ def check_motion(
     column = {name: table[:, i] for i, name in enumerate(why.CAUSES)}
     weight = wrench_scale(robot)[0]
     column["sinks"][:] = (lanes.heights < -why.SINKS_M).any(axis=1)
-    column["slides"][:] = why.sliding(lanes, found.forces, weight)
     column["joint limit"][:] = why.beyond_position(motion).any(axis=1)
     column["speed limit"][:] = why.beyond_speed(motion).any(axis=1)
     column["torque-speed"][:] = why.beyond_curves(motion, found.tau, curves)
@@ -142,6 +141,7 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array)
         out.excess[at] = excess = np.where(effort.excess > why.EXCESS + noise, effort.excess, 0.0)
         most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
         out.causes[at, names["motor"]] = excess.any(axis=1)
+        out.causes[at, names["slides"]] = why.sliding(A, b, lanes.slides[at][:, used], size, most, mu)
         bad = np.flatnonzero(size > most)
         if len(bad):
             some = terms.some(bad)
