@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -181,7 +182,7 @@ class Ranking:
                 words = ", ".join(f"{name} {count}" for name, count in causes[:CAUSES_SHOWN])
                 more = f" and {len(causes) - CAUSES_SHOWN} more" if len(causes) > CAUSES_SHOWN else ""
                 table.add_row(
-                    file, str(x["frames"]), f"{x['duration_s']:.2f}", f"{100.0 * x['possible']:.1f} %", f"{x['score']:.1f}",
+                    file, str(x["frames"]), f"{x['duration_s']:.2f}", f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %", f"{x['score']:.1f}",
                     f"{100.0 * x['missing_median']:.2f} %", words + more,
                 )  # fmt: skip
             console.print(table)
