@@ -181,8 +181,9 @@ class Ranking:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
                 words = ", ".join(f"{name} {count}" for name, count in causes[:CAUSES_SHOWN])
                 more = f" and {len(causes) - CAUSES_SHOWN} more" if len(causes) > CAUSES_SHOWN else ""
+                possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
                 table.add_row(
-                    file, str(x["frames"]), f"{x['duration_s']:.2f}", f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %", f"{x['score']:.1f}",
+                    file, str(x["frames"]), f"{x['duration_s']:.2f}", possible, f"{x['score']:.1f}",
                     f"{100.0 * x['missing_median']:.2f} %", words + more,
                 )  # fmt: skip
             console.print(table)
