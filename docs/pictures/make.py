@@ -189,6 +189,21 @@ def inverse_dynamics() -> Path:
     return PICTURES / "inverse_dynamics.png"
 
 
+def motion_check() -> Path:
+    """The page of `docs/motions.md`: G1 raises its arms and leans, at the frame in which most is missing."""
+    g1 = rbd.load_robot("g1")
+    stands = g1.standing().q
+    raises, leans = stands.copy(), stands.copy()
+    for side in ("left", "right"):
+        raises[g1.joints[f"{side}_shoulder_pitch_joint"].q] = -1.5
+    leans[g1.joints["waist_pitch_joint"].q] = 0.5
+    motion = rbd.motion.minimum_jerk(g1, [stands, raises, leans, stands], [0.0, 0.8, 1.4, 2.2])
+    report = rbd.check_motion(motion)
+    with tempfile.TemporaryDirectory() as folder:
+        page = report.export(Path(folder) / "lean.html", title="G1 leans forward", arrow_per_weight=0.8)
+        return screenshot(page, PICTURES / "motion_check.png", width=1200, height=720)
+
+
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
     width, height = 560, 440
@@ -230,6 +245,6 @@ def _example(name: str) -> ModuleType:
 
 if __name__ == "__main__":
     singles = (talos, fists, mechanisms, robots, crouch, inverse_dynamics, poses, hand_on_a_wall, where_it_can_stand)
-    scenes = (make() for make in singles)
+    scenes = (make() for make in (*singles, motion_check))
     for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
         print(made.relative_to(TOP))

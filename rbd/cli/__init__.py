@@ -1,4 +1,4 @@
-"""The command line: `rbd stand`, `rbd region`, `rbd simulate`, `rbd mechanism`, `rbd plane` and their reports."""
+"""The command line: `rbd stand`, `rbd region`, `rbd check`, `rbd simulate`, `rbd mechanism`, `rbd plane` and their reports."""
 
 from rbd.modules import submodule as _submodule
 

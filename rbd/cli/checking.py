@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -103,7 +104,7 @@ def check(
         loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir)
         ranking = Ranking(least_possible)
         steps = [*chosen] if one else track(chosen, "checking", console=open_console(errors=True), transient=True)
-        pages = {} if html is None else _pages(html, chosen)
+        pages = {} if html is None else pages_of(html, chosen)
         written: list[tuple[str, Path]] = []
         for file in steps:
             try:
@@ -180,8 +181,9 @@ class Ranking:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
                 words = ", ".join(f"{name} {count}" for name, count in causes[:CAUSES_SHOWN])
                 more = f" and {len(causes) - CAUSES_SHOWN} more" if len(causes) > CAUSES_SHOWN else ""
+                possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
                 table.add_row(
-                    file, str(x["frames"]), f"{x['duration_s']:.2f}", f"{100.0 * x['possible']:.1f} %", f"{x['score']:.1f}",
+                    file, str(x["frames"]), f"{x['duration_s']:.2f}", possible, f"{x['score']:.1f}",
                     f"{100.0 * x['missing_median']:.2f} %", words + more,
                 )  # fmt: skip
             console.print(table)
@@ -279,8 +281,12 @@ def _check_outputs(
         raise InputError(f"--html is {str(html)!r:.300}; of {len(files)} motions expected a folder for their pages.")
 
 
-def _pages(html: Path, files: Sequence[str]) -> dict[str, Path]:
-    """{file: its page}."""
+def pages_of(html: Path, files: Sequence[str]) -> dict[str, Path]:
+    """{file: its page}; those of several in the folder `html`, which is made.
+
+    Raises:
+        InputError: the folder cannot be made.
+    """
     if len(files) == 1:
         return {files[0]: html}
     try:

@@ -129,7 +129,7 @@ def export_report(
         report: What `rbd.check_motion` returned, of two frames at least.
         fps: Frames a second of playback at `speed`; by default those of the motion, up to 120.
         speed: Seconds of motion a second at first.
-        title: Headline; by default the motion's source and the share of frames that are possible.
+        title: Headline; by default the motion's source and how many frames are possible.
         start: Time at which the page opens [s]; by default the frame in which most is missing, the first if nothing is.
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
@@ -148,7 +148,7 @@ def export_report(
     worst = float(played.t[int(np.argmax(np.where(bad, report.missing_scaled, -1.0)))]) if bad.any() else first
     begin = worst if start is None else a_time("start", start, first, last)
     follows = page.goes_far(FAR) if follow is None else bool(follow)
-    headline = title or f"{report.motion.source}: {_percent(100.0 * report.share_possible)} % possible"
+    headline = title or f"{report.motion.source}: {int(report.possible.sum())} of {report.n} frames possible"
     settings = {"title": headline, "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
     around = page.around(follows)
     scene.stage_motion(page.whole(played.events, {**settings, "charts": charts(report)}), around)
@@ -341,9 +341,11 @@ def _chart(
 
 
 def _top(values: Array, least: float, percentile: float) -> float:
-    """Where an axis ends: a peak beyond the percentile is cut off."""
+    """Where an axis ends: a peak that would hide all else, four times the percentile, is cut off."""
     finite = values[np.isfinite(values)]
-    return max(least, 1.08 * float(np.percentile(finite, percentile))) if len(finite) else least
+    if not len(finite):
+        return least
+    return max(least, 1.08 * min(float(finite.max()), 4.0 * max(float(np.percentile(finite, percentile)), least)))
 
 
 def _percent(value: float) -> str:

@@ -12,6 +12,8 @@ from rbd.arrays import Array
 from rbd.motion import CAUSES, Lanes, find_contacts
 
 NAMES = ("squat", "crouch", "four_steps", "fall")
+NET = 1e-9
+"""Of the weight, and of 0.3 m times the weight."""
 STEP = 1.0 / 300.0
 """Of the simulation [s]: a switch is somewhere within one."""
 
@@ -58,6 +60,22 @@ def file_of(trajectory: rbd.Trajectory, rate: int, path: Path) -> Path:
     return path
 
 
+def test_the_motions_are_what_they_are_called(
+    squat: rbd.Trajectory, crouch: rbd.Trajectory, four_steps: rbd.Trajectory, fall: rbd.Trajectory
+) -> None:
+    assert np.ptp(squat.com[:, 2]) == pytest.approx(0.06, abs=2e-3)
+    assert abs(squat.com[-1, 2] - squat.com[0, 2]) < 2e-3
+    assert crouch.com[-1, 2] - crouch.com[0, 2] == pytest.approx(-0.12, abs=2e-3)
+    for name in ("left_sole", "right_sole"):
+        feet = four_steps.points[name].mean(axis=1)
+        assert feet[-1, 0] - feet[0, 0] == pytest.approx(0.45, abs=5e-3)
+        lifted = (four_steps.point_forces[name][:, :, 2] <= 0.0).all(axis=1) & (feet[:, 2] > 0.02)
+        assert np.count_nonzero(np.diff(lifted.astype(int)) == 1) == 2
+    toes = max(fall.points[name][0, :, 0].max() for name in ("left_sole", "right_sole"))
+    assert fall.com[-1, 0] > toes + 0.2  # nothing brings it back
+    assert fall.com[-1, 2] < fall.com[0, 2] - 0.05
+
+
 def test_with_recorded_velocities_and_accelerations_nothing_is_missing(simulated: rbd.Trajectory) -> None:
     report = rbd.check_motion(rbd.Motion.of_trajectory(simulated), self_collision=False)
     assert report.missing_scaled.max() < 1e-9
@@ -99,19 +117,22 @@ def test_the_net_wrench_is_that_of_the_simulation(simulated: rbd.Trajectory) -> 
     assert np.linalg.norm(np.cross(arms, off).sum(axis=1), axis=1).max() < NET * 0.3 * weight
 
 
-NET = 1e-9
-
-
+@pytest.mark.parametrize("order", [3, None])
 @pytest.mark.parametrize("rate", [30, 60])
-def test_a_file_of_six_decimals_has_the_force_of_the_simulation(simulated: rbd.Trajectory, rate: int, tmp_path: Path) -> None:
+def test_a_file_of_six_decimals_has_the_force_of_the_simulation(
+    simulated: rbd.Trajectory, rate: int, order: int | None, tmp_path: Path
+) -> None:
+    """Polynomials of order 3 cut off more of fast changes: with them 3 % of the weight hold, and 0.5 % in fewer frames."""
     path = file_of(simulated, rate, tmp_path / "motion.csv")
-    motion = rbd.Motion.read(path, robot=simulated.robot, rate=rate, order=5, progress=False)
+    settings = {} if order is None else {"order": order}
+    motion = rbd.Motion.read(path, robot=simulated.robot, rate=rate, progress=False, **settings)
     report = rbd.check_motion(motion, self_collision=False)
     assert motion.derivation is not None
     far = apart(motion, switches(simulated), 0.5 * motion.derivation.window)
     force = true_forces(simulated)[:: 300 // rate].sum(axis=1)
     off = np.linalg.norm(report.forces.sum(axis=1) - force, axis=1) / (motion.robot.mass * 9.81)
-    assert far.sum() >= 0.5 * motion.n
-    assert (off[far] < 0.005).mean() >= 0.95
     assert off[far].max() < 0.03
+    if order is None:
+        assert (off[far] < 0.005).mean() >= 0.95
+    assert far.sum() >= 0.5 * motion.n or simulated.t[-1] - simulated.t[0] < 1.0
     assert report.possible[far].all(), {cause: np.flatnonzero(report.of_cause(cause)) for cause in CAUSES}

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import export_report, find_browser, plot_report, screenshot, show_report
+from rbd.visual import Scene, export_report, find_browser, plot_report, screenshot, show_report
 from rbd.visual.motion_page import MOMENT_ARM, Played, cause_colors
 
 UP = 24
@@ -126,7 +126,7 @@ def test_the_page_opens_where_most_is_missing(report, told, tmp_path):
     assert told["start"] == pytest.approx(report.motion.t[report.missing_scaled.argmax()])
     other = export_report(tmp_path / "x.html", report, start=0.1, title="Hangs").read_text(encoding="utf-8")
     assert '"start": 0.1' in other and "<title>Hangs</title>" in other
-    assert told["title"].startswith("hangs.csv: ") and told["title"].endswith("% possible")
+    assert told["title"] == f"hangs.csv: {report.possible.sum()} of {N} frames possible"
 
 
 def test_contacts_that_never_touch_are_left_out(report):
@@ -159,6 +159,18 @@ def test_plots_draw_the_report(report):
     assert report.motion.t[UP - 2] < shade.min() <= report.motion.t[UP] and shade.max() == pytest.approx(report.motion.t[-1])
     assert len(plot_report(None, report)[0].figure.axes) == 2
     assert len(report.plot(Figure().subplots())) == 4  # one pair of axes: the missing wrench alone
+
+
+def test_the_live_view_goes_through_the_frames(report, monkeypatch):
+    """It opens one browser, sends the missing force with the last frame, and does not wait for a viewer for ever."""
+    opened, sent = [], []
+    monkeypatch.setattr("webbrowser.open", lambda address, new: opened.append(address))
+    monkeypatch.setattr("rbd.visual.animation.VIEWER_SECONDS", 0.05)
+    monkeypatch.setattr(Scene, "stage_moment", lambda self, moment: sent.append(json.loads(moment)["moment"]))
+    report.show(speed=20.0)
+    assert len(opened) == 1 and opened[0].startswith("http://127.0.0.1:")
+    assert sent[0]["t"] == 0.0 and sent[-1]["t"] == pytest.approx(report.motion.t[-1])
+    assert np.abs(numbers(sent[-1]["row"])[-9:-6] - report.missing[-1, :3]).max() < 1e-3
 
 
 def test_what_is_no_report_is_refused(report, tmp_path):

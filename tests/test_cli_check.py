@@ -1,0 +1,165 @@
+"""`rbd check`: one motion, many motions, what it writes, and its exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import rbd
+from rbd.cli.app import app
+from rbd.cli.checking import motion_files, pages_of
+
+runner = CliRunner()
+N, UP = 30, 20
+
+
+def run(*arguments: str | Path) -> tuple[int, str, str]:
+    """(exit code, what is printed, what is complained)."""
+    answer = runner.invoke(app, ["check", *map(str, arguments)])
+    if answer.exception is not None and not isinstance(answer.exception, SystemExit):
+        raise answer.exception
+    return answer.exit_code, answer.stdout, answer.stderr
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, g1) -> Path:
+    """Files of G1 at 30 Hz: it stands; it stands, then hangs 5 cm above the floor; one with a broken row; another text."""
+    place = tmp_path_factory.mktemp("motions")
+    q = np.tile(g1.standing().q, (N, 1))
+    np.savetxt(place / "stands.csv", q, delimiter=",", fmt="%.6f")
+    q[UP:, 2] += 0.05
+    np.savetxt(place / "hangs.csv", q, delimiter=",", fmt="%.6f")
+    (place / "notes.md").write_text("no motion")
+    return place
+
+
+G1 = ("--robot", "g1", "--rate", "30", "--no-self-collision")
+
+
+def test_a_robot_that_stands_is_possible(folder):
+    """Exit code 0, every frame possible; what was guessed of the file is said."""
+    code, out, err = run(folder / "stands.csv", *G1[:-1])
+    assert code == 0 and not err
+    assert "stands.csv: 30 frames of g1" in out and "possible   100.0 %" in out and "note:" in out
+
+
+def test_a_robot_that_hangs_is_not(folder, tmp_path):
+    """Exit code 1; the numbers of the file, and of the arrays, are those of check_motion."""
+    paths = {name: tmp_path / f"hangs.{name}" for name in ("html", "json", "npz", "png")}
+    code, out, _ = run(
+        folder / "hangs.csv", *G1, "--html", paths["html"], "--json", paths["json"],
+        "--save", paths["npz"], "--plot", paths["png"]
+    )  # fmt: skip
+    assert code == 1 and "floats" in out
+    assert all(str(path) in out and path.stat().st_size > 1000 for name, path in paths.items() if name != "json")
+    report = rbd.check_motion(rbd.Motion.read(folder / "hangs.csv", robot="g1", rate=30))
+    data = json.loads(paths["json"].read_text())
+    assert data["exit_code"] == 1 and data["failed"] == [] and len(data["motions"]) == 1
+    numbers = data["motions"][0]
+    assert numbers["file"] == str(folder / "hangs.csv") and numbers["rank"] == 1
+    assert numbers["possible"] == report.share_possible and numbers["score"] == report.score
+    frames = numbers["per_frame"]
+    assert frames["possible"] == report.possible.tolist() and frames["t_s"] == report.motion.t.tolist()
+    assert sorted(frames["causes"]["floats"]) == np.flatnonzero(report.of_cause("floats")).tolist()
+    assert frames["missing"] == report.missing_scaled.tolist()
+    assert paths["html"].read_text().startswith("<!DOCTYPE html>")
+
+
+def test_many_motions_are_ranked_and_a_bad_one_does_not_stop_them(folder, tmp_path):
+    """The folder's motions, best first; of the broken file the reason; exit code 2; a page for each that was checked."""
+    broken = tmp_path / "broken.csv"
+    broken.write_text((folder / "stands.csv").read_text() + "1,2,3\n")
+    code, out, _ = run(broken, folder, *G1, "--html", tmp_path / "pages", "--json", tmp_path / "all.json")
+    assert code == 2
+    assert out.index("stands.csv") < out.index("hangs.csv") < out.index("broken.csv")
+    assert "2 motions, best first" in out and "not checked: 1 file" in out
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert [Path(m["file"]).name for m in data["motions"]] == ["stands.csv", "hangs.csv"]
+    assert [m["rank"] for m in data["motions"]] == [1, 2] and data["motions"][0]["score"] > data["motions"][1]["score"]
+    assert [f["file"] for f in data["failed"]] == [str(broken)] and "31" in data["failed"][0]["error"]
+    assert sorted(path.name for path in (tmp_path / "pages").iterdir()) == ["hangs.html", "stands.html"]
+
+
+def test_many_motions_have_one_exit_code(folder):
+    """1 where one of them is not possible; 0 where so many frames as are asked for are."""
+    assert run(folder, *G1)[0] == 1
+    assert run(folder, *G1, "--least-possible", "0.6")[0] == 0
+
+
+def test_settings_reach_the_check(folder, tmp_path):
+    """The floor at 5 cm is where the robot hangs, and above where it stood; without torque limits none is exceeded."""
+    out = tmp_path / "x.json"
+    code, _, _ = run(folder / "hangs.csv", *G1, "--ground", "0.05", "--from", "0.8", "--json", out)
+    numbers = json.loads(out.read_text())["motions"][0]
+    assert code == 0 and numbers["ground_m"] == 0.05 and numbers["frames"] == N - 24
+    code, said, _ = run(folder / "stands.csv", *G1, "--torque-limits", "0.01")
+    assert code == 1 and "motor" in said
+    assert run(folder / "stands.csv", *G1, "--torque-limits", "none")[0] == 0
+
+
+def test_lifted_and_filtered_motions_stand_beside_the_first(folder, tmp_path):
+    """The file says both; a robot that always hangs 3 cm high is possible once it is put onto the floor."""
+    q = np.loadtxt(folder / "stands.csv", delimiter=",") + 0.03 * np.eye(36)[2]
+    np.savetxt(tmp_path / "high.csv", q, delimiter=",", fmt="%.6f")
+    assert run(tmp_path / "high.csv", *G1)[0] == 1
+    code, out, _ = run(tmp_path / "high.csv", *G1, "--lift", "--filter", "6", "--json", tmp_path / "x.json")
+    numbers = json.loads((tmp_path / "x.json").read_text())["motions"][0]
+    assert code == 0 and "0.0 -> 100.0 %" in out
+    assert numbers["possible"] == 1.0 and numbers["before"]["possible"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("nowhere.csv",), "nowhere.csv"),
+        (("stands.csv", "--rate", "-3"), "--rate is -3"),
+        (("stands.csv", "--friction", "-1"), "--friction is -1"),
+        (("stands.csv", "--threshold", "nan"), "--threshold is nan"),
+        (("stands.csv", "--torque-limits", "all"), "--torque-limits is 'all'"),
+        (("stands.csv", "--torque-limits", "-1"), "--torque-limits is -1"),
+        (("stands.csv", "--ground", "low"), "--ground is 'low'"),
+        (("stands.csv", "--quaternion", "zyx"), "--quaternion is 'zyx'"),
+        (("stands.csv", "--units", "turns"), "--units is 'turns'"),
+        (("stands.csv", "--joints", "a,,b"), "--joints is"),
+        (("stands.csv", "--least-possible", "2"), "--least-possible is 2"),
+        (("stands.csv", "--html", "x.pdf"), "--html is"),
+        (("stands.csv", "--html", "stands.csv.html", "--json", "stands.csv"), "one file"),
+        (("stands.csv", "hangs.csv", "--html", "pages.html"), "expected a folder"),
+        (("stands.csv", "hangs.csv", "--save", "x.npz"), "--save is for one motion"),
+        (("stands.csv", "hangs.csv", "--json", "hangs.csv"), "one file"),
+        (("*.npz",), "no file is like"),
+        ((".hidden",), "has no motion"),
+        (("stands.csv", "--robot", "g2"), "g2"),
+    ],
+)
+def test_bad_input_is_refused(folder, monkeypatch, arguments, said):
+    """Exit code 2, in terms of the options; nothing is written."""
+    monkeypatch.chdir(folder)
+    (folder / ".hidden").mkdir(exist_ok=True)
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    robot = () if "--robot" in arguments else ("--robot", "g1")
+    rate = () if "--rate" in arguments else ("--rate", "30")
+    code, out, err = run(*arguments, *robot, *rate)
+    assert code == 2 and said in err and "Traceback" not in err, (out, err)
+    assert before == {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_files_are_found_in_folders_and_by_patterns(folder, monkeypatch):
+    """Each once, in order; other files of a folder are not motions."""
+    monkeypatch.chdir(folder)
+    assert motion_files(["stands.csv", "*.csv"]) == ["stands.csv", "hangs.csv"]
+    assert [Path(name).name for name in motion_files([str(folder)])] == ["hangs.csv", "stands.csv"]
+
+
+def test_pages_of_one_name_stay_apart(tmp_path):
+    """Motions of one name in two folders get a page each; a folder that cannot be made is refused."""
+    pages = pages_of(tmp_path / "pages", ["a/dance.csv", "b/dance.csv", "b/walk.npz"])
+    assert [path.name for path in pages.values()] == ["dance.html", "dance_2.html", "walk.html"]
+    assert (tmp_path / "pages").is_dir() and pages_of(tmp_path / "x.html", ["a.csv"]) == {"a.csv": tmp_path / "x.html"}
+    (tmp_path / "file").write_text("")
+    with pytest.raises(rbd.RbdError, match="cannot be made"):
+        pages_of(tmp_path / "file" / "pages", ["a.csv", "b.csv"])
