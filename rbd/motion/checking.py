@@ -24,6 +24,8 @@ BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
 FEW = 16
 """Of robots that touch with more points than this so many fewer frames."""
+CARRIED = 1e-3
+"""A sole that carries less of the weight has no centre of pressure to speak of."""
 OPEN = 3.0
 """A wrench is missing where it is more than this many times what differentiation leaves open."""
 
@@ -202,7 +204,3 @@ def _edge_margins(lanes: Lanes, forces: Array, weight: float) -> Array:
         normals, offsets = half_planes(convex_hull(contact.corners[:, :2]))
         out[on, g] = (centre @ normals.T - offsets).min(axis=1)
     return out
-
-
-CARRIED = 1e-3
-"""A sole that carries less of the weight has no centre of pressure to speak of."""
