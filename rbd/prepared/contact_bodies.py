@@ -22,8 +22,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import blas
 
-from rbd.arrays import Array, block_diagonal, max_abs
+from rbd.arrays import Array, block_diagonal, max_abs, zeros
 from rbd.model.checked_model import CheckedModel
 from rbd.model.forks import renewed_after_fork
 from rbd.prepared.sites import Site
@@ -33,6 +34,8 @@ DEPENDENT = 1e-9
 """Pivots of the contact rows below this, over the largest: rows that may be dependent."""
 _SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
+_STILL = 1e-15
+"""Squares of a body's velocity up to this leave its centripetal acceleration in the rounding."""
 TURNS = 1e-13
 """Centripetal accelerations up to this are rounding [m/s2]."""
 
@@ -119,12 +122,14 @@ class ContactBodies:
 
     def _centripetal(self) -> Array | None:
         """Row accelerations -(w x v) of patches that move: what Pinocchio's spatial acceleration lacks; None if zero."""
-        out, moves = np.zeros(self.m), False
+        out, moves = zeros(self.m), False
         for site, rows, velocity in zip(self.sites, self._rows, self._velocities, strict=True):
-            if site.size == 6:
-                x, y, z, p, q, r = velocity.vector.tolist()
+            u = velocity.vector
+            if site.size == 6 and blas.ddot(u, u) > TURNS:  # |w x v| is at most half of that
+                x, y, z, p, q, r = u.tolist()
                 turn = (r * y - q * z, p * z - r * x, q * x - p * y)
                 if not max(map(abs, turn)) <= TURNS:
+                    out = out if moves else np.zeros(self.m)
                     out[rows.start : rows.start + 3] = turn
                     moves = True
         return out if moves else None
@@ -193,8 +198,10 @@ class ContactBodies:
         c = self._accelerate.dot(seen)
         if not at_rest:
             for rows, A, twist in zip(self._rows, self._to_contact, self._twists, strict=True):
-                x, y, z, p, q, r = A.dot(twist.vector).tolist()
-                c[rows.start : rows.start + 3] += q * z - r * y, r * x - p * z, p * y - q * x
+                u = twist.vector
+                if blas.ddot(u, u) > _STILL:
+                    x, y, z, p, q, r = A.dot(u).tolist()
+                    c[rows.start : rows.start + 3] += q * z - r * y, r * x - p * z, p * y - q * x
         if turned:
             for i in self._points:
                 c[self._rows[i]] = self.placements[i].rotation.dot(c[self._rows[i]])
