@@ -33,6 +33,7 @@ import bench_answers
 import bench_pages
 from bench_analysis import derivative_rows, fall_rows, hessian_rows, linkage_rows, millisecond_rows
 from bench_draws import Draws
+from bench_motion import motion_rows
 from bench_planar import planar_rows
 from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
 from bench_timing import Row, table_of, versions
@@ -80,6 +81,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "derivatives": lambda: derivative_rows(draws_of("talos")),
     "hessian": lambda: hessian_rows(draws_of("talos").robot),
     "linkage": linkage_rows,
+    "motion": lambda: motion_rows(draws_of("g1").robot),
 }
 """Groups of rows that make the first table."""
 OTHERS: dict[str, tuple[str, Callable[[], list[Row]]]] = {
