@@ -225,7 +225,7 @@ def checked_file(
         between: From when to when [s].
         cutoff: Check it again without what is faster than this [Hz].
         lift: Check it again, put onto the floor.
-        progress: Show a bar while it is read.
+        progress: Show a bar while it is read and checked.
 
     Raises:
         InputError: of what cannot be read or checked.
@@ -236,7 +236,7 @@ def checked_file(
     motion = Motion.read(file, robot=robot, progress=progress, **reading)
     if between != (None, None):
         motion = motion.cut(*between)
-    report = check_motion(motion, **settings)
+    report = check_motion(motion, progress=progress, **settings)
     if cutoff is not None:
         report = report.filtered(cutoff)
     return report.lifted() if lift else report

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ from rbd.motion.missing import least_effort, least_wrench, nearest_acceleration
 from rbd.motion.motion import Motion
 from rbd.motion.report import CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
+from rbd.simulation.run import progress_of
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
@@ -42,6 +43,7 @@ def check_motion(
     self_collision: bool = True,
     torque_speed: Mapping[str, tuple[float, float]] | None = None,
     rest_speed: float = REST_SPEED,
+    progress: bool = True,
 ) -> MotionReport:
     """Which frames of a motion are possible, and why the others are not.
 
@@ -62,6 +64,7 @@ def check_motion(
         self_collision: Whether bodies are tested against each other.
         torque_speed: {joint: (stall torque [N m], no-load speed [rad/s])}: less torque at higher speed, in a straight line.
         rest_speed: Fastest motion of a point that holds [m/s].
+        progress: Show a bar on a terminal where it takes long.
 
     Raises:
         InputError: of what is no motion, no coefficient, no share; a robot without a floating base, with passive joints or
@@ -78,10 +81,13 @@ def check_motion(
     limit = _limits(robot.effort_limit, torque_limits)
     check_flag("self_collision", self_collision)
     check_flag("bodies", bodies)
+    check_flag("progress", progress)
     curves = why.speed_curves(robot, torque_speed)
     settings = CheckSettings(mu, torque_limits, ground, most, bodies, self_collision, torque_speed, rest_speed)
     lanes = _lanes(motion, contacts, settings)
-    found = balance(motion, lanes, settings, limit)
+    span = (0.0, float(motion.n))
+    with progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
+        found = balance(motion, lanes, settings, limit, told)
     table = found.causes
     column = {name: table[:, i] for i, name in enumerate(why.CAUSES)}
     weight = wrench_scale(robot)[0]
@@ -112,7 +118,7 @@ class Balance:
         self.nearest_a = a.copy()
 
 
-def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array) -> Balance:
+def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array, done: Callable[[float], None]) -> Balance:
     """What is missing in each frame, with forces, torques and the causes that dynamics knows.
 
     Args:
@@ -120,6 +126,7 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array)
         lanes: Its contacts.
         settings: Friction and threshold.
         limit: Torque limits, shape (nu,).
+        done: Called with the number of frames that are done, after each block.
     """
     robot, mu = motion.robot, settings.friction
     out = Balance(motion.n, len(lanes.points), robot.nu, motion.a)
@@ -151,6 +158,7 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array)
             for name, mask in zip(("floats", "friction", "tips"), told, strict=True):
                 out.causes[begin + bad, names[name]] = mask
             out.nearest_a[begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu)
+        done(float(begin + step))
     return out
 
 
