@@ -179,6 +179,11 @@ def cross_rows(a: Array, b: Array) -> Array:
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u]).T
 
 
+def each_times(matrices: Array, vectors: Array) -> Array:
+    """The product of each matrix with its vector, shape (..., m), of stacks (..., m, n) and (..., n) of real numbers."""
+    return np.asarray(np.vecdot(matrices, vectors[..., None, :]))  # np.matvec came with NumPy 2.2
+
+
 def block_diagonal(blocks: Sequence[Array]) -> Array:
     """Matrices along the diagonal; zero elsewhere."""
     out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))

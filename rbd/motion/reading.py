@@ -110,8 +110,7 @@ def _of_arrays_in(
         motion = Trajectory.load(path, robot)
         notes = ("v and a are those of the trajectory.",)
         return Frames(motion.robot, motion.t, motion.q, motion.v, motion.a, notes=notes)
-    found = of_npz(path, robot, rate, quaternion, joints, units)
-    return found
+    return of_npz(path, robot, rate, quaternion, joints, units)
 
 
 def _is_trajectory(path: Path) -> bool:

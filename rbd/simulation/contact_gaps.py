@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rbd.arrays import Array, inertia_factor, lazy, max_abs
+from rbd.arrays import Array, each_times, inertia_factor, lazy, max_abs
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
 from rbd.mechanism.stage_solver import OWED
@@ -99,7 +99,7 @@ def _sizes(start: State) -> Array:
     """
     solids, out = _solids_of(start.robot), np.ones(start.robot.nv)
     R, p = start.joint_places(range(1, len(solids.roots) + 1))
-    centres = p + np.matvec(R, solids.levers)
+    centres = p + each_times(R, solids.levers)
     for root in np.unique(solids.roots):
         tree = solids.roots == root
         heavy = tree & (solids.masses > 0.0)

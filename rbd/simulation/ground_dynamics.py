@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_rows, is_finite, max_abs, rank_of, zeros
+from rbd.arrays import Array, cross_rows, each_times, is_finite, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.state import State
 from rbd.simulation.bases import compiled_steps
@@ -116,8 +116,8 @@ class GroundDynamics:
         pin.forwardKinematics(self._model, self._data, state.q)
         X, of = self._places.take(self._joints, axis=0), self._bodies.of
         R = self._rotations(X)[of]
-        arms = np.matvec(R, self._bodies.centred)
-        points = X[of, 9:] + np.matvec(R, self._bodies.arms)
+        arms = each_times(R, self._bodies.centred)
+        points = X[of, 9:] + each_times(R, self._bodies.arms)
         out = []
         for source, (at, _) in zip(self._points.sources, self.layout.spans, strict=True):
             assert isinstance(source, OnGround | Grounds)
@@ -258,7 +258,7 @@ class GroundDynamics:
         moved = (P @ A.ravel()) * h + u - answer.velocity
         if np.vdot(V, V) > _STANDS:  # spatial accelerations are not classical
             inwards = cross_rows(w[of], V[of, :3] + cross_rows(w[of], arms))
-            moved += h * np.matvec(Q, inwards).ravel()
+            moved += h * each_times(Q, inwards).ravel()
         f, size = forces.reshape(-1, 3), max(1.0, max_abs(applied), max_abs(forces))
         moved[~np.repeat(f.any(axis=1), 3)] = 0.0
         outside = float((np.hypot(f[:, 0], f[:, 1]) - self._mu * f[:, 2]).max(initial=0.0)) / max(1.0, max_abs(forces))
@@ -294,7 +294,7 @@ class GroundDynamics:
         motion = (V.reshape(-1, 6) * self._bodies.patches[:, None])[self._bodies.of]
         w = motion[:, 3:]
         acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._bodies.arms))
-        return np.matvec(self._turns_of(X), acceleration).ravel()
+        return each_times(self._turns_of(X), acceleration).ravel()
 
     def _agrees(self, start: State) -> bool:
         """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""
