@@ -16,7 +16,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-import proxsuite
+
+import rbd.solvers.qp  # first: it chooses ProxSuite's build, whose bits do not depend on the place of memory
+
+import proxsuite  # isort: skip
 from scipy.linalg import solve_banded
 
 import rbd
