@@ -173,9 +173,10 @@ def weights_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics)
     """Corner forces that add up to another wrench."""
     last = [np.zeros(form.force_set.size)]
 
-    def stale(w, *_):
-        last.append(last[-1] if w is None else w.copy())
-        return None if w is None else last[-2]
+    def stale(found, *_):
+        w, inside = found
+        last.append(w.copy() if inside else last[-1])
+        return (last[-2] if inside else w), inside
 
     _after(patch, form, "sticking", stale)
 
@@ -199,11 +200,8 @@ class _Changed:
     def __init__(self, newton, change: Callable) -> None:
         self.newton, self.change = newton, change
 
-    def forces(self, *args, coulomb: bool):
-        return self.change(self.newton.forces(*args, coulomb=coulomb))
-
-    def gauss_first(self, *args):
-        return self.change(self.newton.gauss_first(*args))
+    def found(self, *args, coulomb: bool):
+        return self.change(self.newton.found(*args, coulomb=coulomb))
 
 
 class _OtherLaw:
@@ -212,11 +210,8 @@ class _OtherLaw:
     def __init__(self, newton) -> None:
         self.newton = newton
 
-    def forces(self, *args, coulomb: bool):
+    def found(self, *args, coulomb: bool):
         return self.newton.forces(*args, coulomb=not coulomb)
-
-    def gauss_first(self, *args):
-        return self.forces(*args, coulomb=True)
 
 
 def the_other_law(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:

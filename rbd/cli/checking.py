@@ -82,7 +82,7 @@ def check(
 
     Each frame is tested by its equations of motion: whether forces of the floor within friction and torques within the motors'
     limits bring about the motion. Else it floats, tips, slips, or a motor is too weak. Feet below the floor or sliding,
-    limits of joints and speeds, jumps and self-collision are told as well.
+    limits of joints and speeds, jumps and self-collision are reported as well.
 
     Exit codes: 0 possible, 1 not possible, 2 bad input. For example:
 

@@ -56,7 +56,7 @@ class CheckedModel:
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
         kept: Prepared forms of sets of contacts, see `rbd.prepared`.
-        kept_bodies: Those of the bodies in contact.
+        kept_bodies: Those of the bodies in contact, also of `rbd.simulation`.
     """
 
     def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:

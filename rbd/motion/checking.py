@@ -24,7 +24,7 @@ from rbd.simulation.run import progress_of
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
 FEW = 16
-"""Of robots that touch with more points than this so many fewer frames."""
+"""Contact points up to which a block has `BLOCK` frames; with more points, blocks have fewer frames in proportion."""
 CARRIED = 1e-3
 """A sole that carries less of the weight has no centre of pressure to speak of."""
 OPEN = 3.0

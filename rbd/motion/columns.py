@@ -98,7 +98,7 @@ def columns_by_number(robot: CheckedModel, numbers: Array, joints: Sequence[str]
     A column more, that increases, in front is one of times.
 
     Raises:
-        InputError: no format has so many columns; names those that there are.
+        InputError: no format has this number of columns; the message lists the formats.
     """
     width, base = numbers.shape[1], BASE if robot.floating else 0
     if (

@@ -21,7 +21,7 @@ from rbd.simulation.trajectory_file import npz_arrays
 NEAR, TURNED = 1e-3, 5e-3
 """How far a body may be from where kinematics puts it: a millimetre, and an angle [rad] that four decimals leave."""
 PROVED = 500
-"""So many frames, evenly spread, prove an order of joints."""
+"""Number of frames, evenly spread, on which an order of joints is tested."""
 BODIES = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 
 

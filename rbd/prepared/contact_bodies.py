@@ -32,7 +32,7 @@ from rbd.problem.residuals import SOLVED
 
 DEPENDENT = 1e-9
 """Pivots of the contact rows below this, over the largest: rows that may be dependent."""
-_SETTINGS = (1e-10, 1e-10, 0.0, 1)
+SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
 _STILL = 1e-15
 """Squares of a body's velocity up to this leave its centripetal acceleration in the rounding."""
@@ -63,7 +63,7 @@ class ContactBodies:
             self._models.append(made)
             self._datas.append(made.createData())
         pin.initConstraintDynamics(model, data, self._models, self._datas)
-        self._settings = pin.ProximalSettings(*_SETTINGS)
+        self._settings = pin.ProximalSettings(*SETTINGS)
         self._factors = data.constraint_chol
         self.m = m = sum(site.size for site in sites)
         ends = np.cumsum([site.size for site in sites])

@@ -22,14 +22,13 @@ from rbd.prepared.contact_bodies import ContactBodies
 from rbd.prepared.kept import kept_bodies, kept_form
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.contact_newton import ContactNewton
+from rbd.solvers.newton import FOUND
 from rbd.solvers.point_law import law_residual
 
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
 _FEW = 16
 """Points up to which one matrix tells which are inside their cones."""
-EXACT = 1e-10
-"""Scaled merit of Newton's method below which its weights are judged."""
 
 
 class Found(NamedTuple):
@@ -109,18 +108,21 @@ class ContactDynamics:
                 return False
         return True
 
-    def sticking(self, forces: Array) -> Array | None:
-        """Weights of minimum norm of row forces, if they are in their cones."""
-        T, w = self.force_set, self._least_norm.dot(forces)
+    def sticking(self, forces: Array) -> tuple[Array, bool]:
+        """(weights of minimum norm of row forces, whether they are in their cones)."""
+        w = self._least_norm.dot(forces)
+        return w, self.inside(w)
+
+    def inside(self, w: Array) -> bool:
+        """Whether weights are in their cones, shape (p,)."""
+        T = self.force_set
         if self._room is None:
-            x, y, n = w[T.cone_at], w[T.cone_at + 1], T.mu * w[T.cone_at + 2]
-            room = n * n - x * x - y * y
-            return w if n[n.argmin()] >= 0.0 and room[room.argmin()] >= 0.0 else None
+            return in_cones(w, T.cone_at, T.mu)
         both = self._weights_and_squares
         both[: T.size] = w
         np.multiply(w, w, both[T.size :])
         room = self._room.dot(both)
-        return w if room[room.argmin()] >= 0.0 else None
+        return bool(room[room.argmin()] >= 0.0)
 
     def answer(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
@@ -145,9 +147,9 @@ class ContactDynamics:
             if not self.bilateral:
                 if not still and max(map(bodies.speed, self._frictional)) > rest_speed:
                     return None
-                w = self.sticking(forces)
-                if w is None:
-                    return self._slipping(q, v, generalised, a, forces, coulomb=coulomb, still=still)
+                w, inside = self.sticking(forces)
+                if not inside:
+                    return self._slipping(q, v, generalised, a, forces, w, coulomb=coulomb, still=still)
                 forces = self.G.dot(w)  # what is judged are the corner forces
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
@@ -156,17 +158,15 @@ class ContactDynamics:
             return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
 
     def _slipping(
-        self, q: Array, v: Array, generalised: Array, a: Array, held: Array, *, coulomb: bool, still: bool
+        self, q: Array, v: Array, generalised: Array, a: Array, held: Array, start: Array, *, coulomb: bool, still: bool
     ) -> Found | None:
-        """The law where the forces that hold all bodies are not in their cones."""
+        """The law where the forces that hold all bodies are not in their cones; searched from weights `start`."""
         if self._newton is None:
             return None
         bodies = self.bodies
         mobility = bodies.mobility()
-        free, start = -mobility.dot(held), self._least_norm.dot(held)
-        newton = self._newton
-        found = newton.gauss_first(mobility, free, start) if coulomb else newton.forces(mobility, free, start, coulomb=False)
-        if not found.merit <= EXACT:
+        found = self._newton.found(mobility, -mobility.dot(held), start, coulomb=coulomb)
+        if not found.merit <= FOUND:
             return None
         w = found.weights
         forces = self.G.dot(w)
@@ -177,6 +177,13 @@ class ContactDynamics:
         if not worst <= DOUBTFUL:
             return None
         return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
+
+
+def in_cones(w: Array, at: Array, mu: Array) -> bool:
+    """Whether the weights of each cone (tangent, tangent, normal from column `at` on) are in it."""
+    x, y, n = w[at], w[at + 1], mu * w[at + 2]
+    room = n * n - x * x - y * y
+    return bool(n[n.argmin()] >= 0.0 and room[room.argmin()] >= 0.0)
 
 
 def _room_of(T: ForceSet) -> Array:

@@ -62,7 +62,7 @@ def kept_bodies(
 
 
 def keep(kept: dict[Any, Any], key: object, value: object, most: int) -> None:
-    """Keep a value under a key, and at most so many of them."""
-    while len(kept) >= most:  # the oldest goes; another thread may be faster
+    """Store a value under a key; if there are `most` values already, the oldest is removed."""
+    while len(kept) >= most:  # another thread may have removed it
         kept.pop(next(iter(kept)), None)
     kept[key] = value

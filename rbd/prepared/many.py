@@ -15,14 +15,15 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
-from rbd.prepared.contact_dynamics import EXACT, ContactDynamics
+from rbd.prepared.contact_dynamics import ContactDynamics, in_cones
 from rbd.prepared.kept import keep, kept_bodies, kept_form
 from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.cones import WrenchCone
 from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.contact_newton import ContactNewton
-from rbd.solvers.point_law import LEAST_PUSH
+from rbd.solvers.newton import FOUND
+from rbd.solvers.point_law import LEAST_PUSH, of_points
 
 BLOCK = 512
 """States whose working arrays are in memory at a time; of two soles on a Talos 1.5 MB."""
@@ -112,12 +113,14 @@ class ContactBlocks(ContactDynamics):
                 return
             if not rests and max(map(speed, self._frictional)) > rest_speed:
                 method[i] = -1
-            elif mu is None:
+                return
+            least = self._least_norm.dot(held)
+            if mu is None:
                 room = possibly(held)
-                if not room[room.argmin()] >= 0.0 or self.sticking(held) is None:
-                    method[i] = 2 if self._slips(own, a[i], held, w[i], coulomb) else -1
-            elif not _in_cones(self._least_norm.dot(held), T.cone_at, mu[i]):
-                method[i] = 2 if self._slips(self._newton_of(mu[i]), a[i], held, w[i], coulomb) else -1
+                if not room[room.argmin()] >= 0.0 or not self.inside(least):
+                    method[i] = 2 if self._slips(own, a[i], held, w[i], least, coulomb) else -1
+            elif not in_cones(least, T.cone_at, mu[i]):
+                method[i] = 2 if self._slips(self._newton_of(mu[i]), a[i], held, w[i], least, coulomb) else -1
 
         with self.bodies.lock:
             places = self.bodies.motions(
@@ -168,20 +171,14 @@ class ContactBlocks(ContactDynamics):
             keep(self._newtons, key, found, _COEFFICIENTS)
         return found
 
-    def _slips(self, newton: ContactNewton | None, a: Array, f: Array, w: Array, coulomb: bool) -> bool:
+    def _slips(self, newton: ContactNewton | None, a: Array, f: Array, w: Array, start: Array, coulomb: bool) -> bool:
         """One row by Newton's method on the rows of the contact bodies, in place; whether it found an answer."""
         if newton is None:
             return False
-        mobility, start = self.bodies.mobility(), self._least_norm.dot(f)
+        mobility = self.bodies.mobility()
         free = -mobility.dot(f)
-        if coulomb:
-            found = newton.gauss_first(mobility, free, start)
-        else:
-            found = newton.forces(mobility, free, start, coulomb=False)
-            if not found.merit <= EXACT:  # most get there from Coulomb's forces, at a tenth of what the general way costs
-                other = newton.forces(mobility, free, start, coulomb=True)
-                found = newton.forces(mobility, free, other.weights, coulomb=False)
-        if not found.merit <= EXACT:
+        found = newton.found(mobility, free, start, coulomb=coulomb)
+        if not found.merit <= FOUND:
             return False
         a += self.bodies.moved(mobility.dot(found.wrench - f))
         f[:], w[:] = found.wrench, found.weights
@@ -197,25 +194,13 @@ class ContactBlocks(ContactDynamics):
             return out | {"feasibility": np.abs(c).max(axis=0), "cone": np.zeros(n), "complementarity": np.zeros(n)}
         f, w, mu = turned(f.T), turned(w.T), turned(mu.T)
         y, at = self.G.T @ c, T.cone_at
-        sinks = np.abs(y[self._lines]).max(axis=0, initial=0.0)
-        y_1, y_2, y_n, p_1, p_2, p_n = y[at], y[at + 1], y[at + 2], w[at], w[at + 1], w[at + 2]
-        sinks = np.maximum(sinks, -y_n.min(axis=0))
-        if not coulomb:
-            sinks = np.maximum(sinks, ((mu * np.hypot(y_1, y_2) - np.maximum(y_n, 0.0)) / (1.0 + mu)).max(axis=0))
-        rub = p_1 * p_1 + p_2 * p_2
-        push = np.maximum(np.sqrt(rub + p_n * p_n), LEAST_PUSH)
-        x_1, x_2, x_n = p_1 - push * y_1, p_2 - push * y_2, p_n - push * y_n
-        t = np.sqrt(x_1 * x_1 + x_2 * x_2)
-        if coulomb:
-            normal = np.maximum(x_n, 0.0)
-        else:
-            normal = np.where(t <= mu * x_n, x_n, np.maximum((mu * t + x_n) / (1.0 + mu * mu), 0.0))
-        cut = np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)
-        far = np.sqrt((cut * x_1 - p_1) ** 2 + (cut * x_2 - p_2) ** 2 + (normal - p_n) ** 2)
-        beyond = np.maximum(np.sqrt(rub) - mu * p_n, -p_n)
+        p_1, p_2, p_n = p = w[at], w[at + 1], w[at + 2]
+        sinks, far, push = of_points((y[at], y[at + 1], y[at + 2]), p, mu, coulomb=coulomb)
+        sinks = np.maximum(np.abs(y[self._lines]).max(axis=0, initial=0.0), sinks.max(axis=0))
+        beyond = np.maximum(np.hypot(p_1, p_2) - mu * p_n, -p_n)
         off = np.abs(f - self.G @ w) / np.maximum(np.abs(f), LEAST_PUSH)
         outside = np.maximum(np.maximum(beyond / push, 0.0).max(axis=0), off.max(axis=0))
-        return out | {"feasibility": sinks, "cone": outside, "complementarity": (far / push).max(axis=0)}
+        return out | {"feasibility": sinks, "cone": outside, "complementarity": far.max(axis=0)}
 
     def _in_world(
         self, found: Array, a: Array, f: Array, w: Array, mu: Array, residuals: dict[str, Array], method: Array,
@@ -260,12 +245,6 @@ class ContactBlocks(ContactDynamics):
                 corners_W = site.in_joint_axes(contact.corners) @ R.transpose(0, 2, 1) + p[:, None]
                 distant |= (np.abs(contact.plane.distances(corners_W.reshape(-1, 3))).reshape(n, -1) > TOUCHES).any(axis=1)
         return BlockAnswer(found, a, forces, corners, friction, pressures, residuals, method, distant, still)
-
-
-def _in_cones(w: Array, at: Array, mu: Array) -> bool:
-    x, y, n = w[at], w[at + 1], mu * w[at + 2]
-    room = n * n - x * x - y * y
-    return bool(n[n.argmin()] >= 0.0 and room[room.argmin()] >= 0.0)
 
 
 def prepared_blocks(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactBlocks | None:

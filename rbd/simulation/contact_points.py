@@ -70,7 +70,7 @@ class Layout:
 
     @lazy
     def everything(self) -> Array:
-        """All points: the same array for every set of all, so that it is known without a comparison, shape (k,)."""
+        """True for each point, shape (k,). Always the same array, so that `is` tells whether a set has all points."""
         return _constant(len(self.owners), True)
 
     @lazy

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +10,7 @@ import pinocchio as pin
 from rbd.arrays import Array, cross_matrix, rank_of
 from rbd.constraints.ground_points import OnGround
 from rbd.model.checked_model import CheckedModel
+from rbd.prepared.kept import MOST_BODIES, keep
 
 INDEPENDENT = 1e-6
 """Singular values below this, over the largest, are those of points on a line, or of dependent rows."""
@@ -99,12 +98,11 @@ class TouchingBodies:
     @classmethod
     def prepared(cls, robot: CheckedModel, grounds: Sequence[OnGround]) -> TouchingBodies:
         """Those of a robot and its contacts: computed once, and kept while the robot is in use."""
-        known, key = _PREPARED.setdefault(robot, {}), tuple(ground.contact for ground in grounds)
-        found = known.get(key)
+        known, key = robot.kept_bodies, (cls, *[ground.contact for ground in grounds])
+        found: TouchingBodies | None = known.get(key)
         if found is None:
-            while len(known) >= _MOST_PREPARED:
-                known.pop(next(iter(known)), None)
-            found = known[key] = cls(robot, grounds)
+            found = cls(robot, grounds)
+            keep(known, key, found, MOST_BODIES)
         return found
 
     def workspace(self, model: pin.Model) -> Workspace:
@@ -149,9 +147,6 @@ class Workspace:
         self.pushed = [self.forces[body.joint] for body in bodies]
 
 
-_PREPARED: WeakKeyDictionary[CheckedModel, dict[tuple[Any, ...], TouchingBodies]] = WeakKeyDictionary()
-_MOST_PREPARED = 8
-"""Sets of contacts that are kept with a robot."""
 MOST_SPARE = 2
 """Workspaces that are kept with a set of contacts."""
 

@@ -25,15 +25,12 @@ import pinocchio as pin
 from rbd.arrays import Array, cross_rows, each_times, is_finite, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.state import State
+from rbd.prepared.contact_bodies import DEPENDENT, SETTINGS
 from rbd.simulation.bases import compiled_steps
 from rbd.simulation.contact_points import Places, Points, Snapshot
 from rbd.simulation.ground_bodies import INDEPENDENT, MOST_SPARE, TouchingBodies, TurnedMap
 from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
 
-_SETTINGS = (1e-10, 1e-10, 0.0, 1)
-"""Of Pinocchio's proximal iterations: one, without regularisation, is exact where rows are independent."""
-_DEPENDENT = 1e-9
-"""Pivots of the bodies' rows below this, over the largest: rows that may be dependent go the general way."""
 _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
 _STANDS = 1e-15
@@ -61,7 +58,7 @@ class GroundDynamics:
         self._workspace = space = bodies.workspace(model)
         self._data, self._models, self._datas = space.data, space.models, space.contacts
         self._places, self._rates, self._accelerations = space.places, space.rates, space.accelerations
-        self._settings, self._factors = pin.ProximalSettings(*_SETTINGS), self._data.constraint_chol
+        self._settings, self._factors = pin.ProximalSettings(*SETTINGS), self._data.constraint_chol
         self._joints, self.size, self._row_velocity = bodies.joints, bodies.size, bodies.row_velocity
         self._target = np.zeros(self.size + model.nv)
         k = len(bodies.of)
@@ -159,7 +156,7 @@ class GroundDynamics:
             return self._free(q, v, applied, start, h)
         a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
         pivots = self._factors.D[: self.size]  # all are negative
-        if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < _DEPENDENT * pivots[pivots.argmin()]):
+        if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()]):
             return None
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)

@@ -7,7 +7,7 @@ the scale, does not grow with the scale.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -35,24 +35,36 @@ def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -
 
 def plain(accelerations: Array, w: Array, mu: Array, coulomb: bool) -> float:
     """`law_residual` in NumPy, of the points' accelerations, shape (3k,)."""
-    y, p = accelerations.reshape(-1, 3), w.reshape(-1, 3)
-    y_n = y[:, 2]
-    worst = max(0.0, -float(y_n.min()))
+    sinks, far, _ = of_points(accelerations.reshape(-1, 3).T, w.reshape(-1, 3).T, mu, coulomb=coulomb)
+    worst, farthest = float(sinks.max()), float(far.max())
+    return farthest if farthest != farthest else max(0.0, worst, farthest)
+
+
+def of_points(
+    y: Sequence[Array] | Array, p: Sequence[Array] | Array, mu: Array, *, coulomb: bool
+) -> tuple[Array, Array, Array]:
+    """(how far points' accelerations are from those allowed, their distance to the law, the scale of their forces).
+
+    Args:
+        y: Accelerations: tangent, tangent, normal, each of shape (k, ...).
+        p: Weights in their cones, likewise.
+        mu: Friction coefficients, shape (k, ...).
+        coulomb: Coulomb's law; else the convex one.
+    """
+    (y_1, y_2, y_n), (p_1, p_2, p_n) = y, p
+    sinks = -y_n
     if not coulomb:
-        slip = np.hypot(y[:, 0], y[:, 1])
-        worst = max(worst, float(((mu * slip - np.maximum(y_n, 0.0)) / (1.0 + mu)).max()))
-    push = np.maximum(np.sqrt(np.einsum("ij,ij->i", p, p)), LEAST_PUSH)
-    x = p - push[:, None] * y
-    t, n = np.hypot(x[:, 0], x[:, 1]), x[:, 2]
+        sinks = np.maximum(sinks, (mu * np.hypot(y_1, y_2) - np.maximum(y_n, 0.0)) / (1.0 + mu))
+    push = np.maximum(np.sqrt(p_1 * p_1 + p_2 * p_2 + p_n * p_n), LEAST_PUSH)
+    x_1, x_2, x_n = p_1 - push * y_1, p_2 - push * y_2, p_n - push * y_n
+    t = np.hypot(x_1, x_2)
     if coulomb:
-        normal = np.maximum(n, 0.0)
+        normal = np.maximum(x_n, 0.0)
     else:
-        normal = np.where(t <= mu * n, n, np.maximum((mu * t + n) / (1.0 + mu * mu), 0.0))
-    x[:, :2] *= np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)[:, None]
-    x[:, 2] = normal
-    x -= p
-    far = float((np.sqrt(np.einsum("ij,ij->i", x, x)) / push).max())
-    return far if far != far else max(worst, far)
+        normal = np.where(t <= mu * x_n, x_n, np.maximum((mu * t + x_n) / (1.0 + mu * mu), 0.0))
+    cut = np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)
+    far = np.sqrt((cut * x_1 - p_1) ** 2 + (cut * x_2 - p_2) ** 2 + (normal - p_n) ** 2)
+    return sinks, far / push, push
 
 
 @cache

@@ -296,7 +296,7 @@ def _staged(
 
 
 def cause_colors() -> dict[str, str]:
-    """A colour for every cause, other than those of the first contacts."""
+    """{cause: colour}; none is the colour of one of the first contacts."""
     return dict(zip(CAUSES, distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) :], strict=True))
 
 

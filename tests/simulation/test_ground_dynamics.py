@@ -239,7 +239,7 @@ def test_dependent_rows_step_the_general_way(monkeypatch):
     monkeypatch.setattr(StepSystem, "_general", lambda self, *given: asked.append(1) or general(self, *given))
     fast.solved(now, H)
     assert not asked
-    monkeypatch.setattr(ground_dynamics, "_DEPENDENT", 1.0)
+    monkeypatch.setattr(ground_dynamics, "DEPENDENT", 1.0)
     assert close(fast.solved(now, H).answer.v, known.answer.v) and asked
 
 

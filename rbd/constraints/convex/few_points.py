@@ -14,7 +14,7 @@ from rbd.arrays import Array
 LOWEST = 8
 """When contact points are reduced to a few, this many of the lowest are always included, so that none in contact is dropped."""
 DIRECTIONS = 8
-"""Seen from above, the farthest point in each of so many directions is chosen too."""
+"""The farthest point in each of this many horizontal directions is included too."""
 MOST_POINTS = LOWEST + DIRECTIONS
 TIPS = 0.1
 """A point at height h counts as nearer by h over this [rad]: points that touch only after a large tilt."""
