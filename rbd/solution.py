@@ -42,6 +42,15 @@ class Solution(Answer):
             points).
         chosen_corners: Corner forces chosen together with the multipliers; None: chosen on first use.
         choice: What they are, `force_choice`, where they were chosen.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> solution = rbd.solve(state, rbd.hold(state, feet).tau, feet)
+        >>> print(solution.status, solution.method, np.abs(solution.a).max() < 1e-9)
+        solved closed form True
+        >>> print(f"{solution.contacts['front_left'].friction_used:.1%} of the friction is used")
+        14.0% of the friction is used
     """
 
     others: tuple[Solution, ...] = ()

@@ -47,6 +47,12 @@ class ContactPoints:
         cones: Set of each point's forces, whose dimensions are the numbers of its rows.
         resultant: Maps the p row forces to the force (r = 3) or wrench (r = 6) on the robot in world axes, shape (r, p); None:
             the sum of the points' forces.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> points = solo.feet()[0].points(solo.standing())
+        >>> points.names, points.positions.round(3), points.gaps.round(6), points.J.shape
+        (('front_left:0',), array([[0.195, 0.169, 0.   ]]), array([0.]), (3, 18))
     """
 
     names: tuple[str, ...]

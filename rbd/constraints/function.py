@@ -57,7 +57,12 @@ class FunctionConstraint:
     Raises:
         InputError: if one of them is not a function.
 
-    >>> rod = rbd.FunctionConstraint("rod", lambda q: np.hypot(q[0], q[1]) - 1.0)
+    Example:
+        >>> bead = rbd.testing.box(mass=2.0)
+        >>> rod = rbd.FunctionConstraint("rod", lambda q: np.linalg.norm(q[:3]) - 1.0)  # 1 m from the origin
+        >>> solution = rbd.solve(rbd.State(bead, [0.6, 0, -0.8, 0, 0, 0, 1]), [], [rod])
+        >>> solution.a[:3].round(3), solution.forces["rod"].round(3)
+        (array([-4.709,  0.   , -3.532]), array([-15.696]))
     """
 
     name: str

@@ -51,7 +51,12 @@ class VelocityConstraint:
     Raises:
         InputError: A is neither a function nor a matrix.
 
-    >>> blade = rbd.VelocityConstraint("blade", [0.0, 1.0, 0.0])  # on a planar joint
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> belt = rbd.VelocityConstraint("belt", [1.0, 1.0])  # q1' + q2' = 0: the second link keeps its direction
+        >>> solution = rbd.solve(arm.at([0.0, 0.5]), [1.0, 0.0], [belt])
+        >>> solution.a.round(3), solution.forces["belt"].round(3)
+        (array([-10.286,  10.286]), array([-0.209]))
     """
 
     name: str
@@ -135,6 +140,13 @@ class KnifeEdge:
 
     Raises:
         InputError: a direction of zero length, a normal that is not of unit length.
+
+    Example:
+        >>> sleigh = rbd.testing.box(mass=4.0)
+        >>> blade = rbd.KnifeEdge("blade", "box", direction=(1, 0, 0))
+        >>> moving = rbd.State(sleigh, [0, 0, 0, 0, 0, 0, 1], [2.0, 0, 0, 0, 0, 1.5])  # at 2 m/s, turning at 1.5 rad/s
+        >>> rbd.solve(moving, [], [blade]).forces["blade"].round(3)  # m u w, towards the centre of the turn
+        array([ 0., 12.,  0.])
     """
 
     name: str

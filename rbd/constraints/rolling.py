@@ -95,6 +95,14 @@ class RollingBall(Rolling):
 
     `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes. Attributes as of
     `Rolling`.
+
+    Example:
+        >>> ball = rbd.testing.box(mass=1.0, size=(0.1, 0.1, 0.1))
+        >>> slope = rbd.Ground(point=(0, 0, 0), normal=(0.6, 0, 0.8))
+        >>> rolling = rbd.RollingBall("rolling", "box", radius=0.05, on=slope)
+        >>> solution = rbd.solve(rbd.State(ball, [0.03, 0, 0.04, 0, 0, 0, 1]), [], [rolling])
+        >>> solution.a[[0, 2, 4]].round(3)  # down the slope, turning about y
+        array([ 2.825, -2.119, 70.632])
     """
 
     def rows(self, state: State) -> Rows:
@@ -121,6 +129,13 @@ class RollingDisk(Rolling):
 
     Raises:
         InputError: an axis of zero length.
+
+    Example:
+        >>> disk = rbd.testing.box(mass=1.0, size=(0.5, 0.01, 0.5))
+        >>> coin = rbd.RollingDisk("coin", "box", radius=0.25)
+        >>> rolls = rbd.State(disk, [0, 0, 0.25, 0, 0, 0, 1], [0.5, 0, 0, 0, 2.0, 0])  # 0.5 m/s, 2 rad/s
+        >>> coin.rows(rolls).velocity, rbd.solve(rolls, [], [coin]).forces["coin"].round(3)
+        (array([0., 0., 0.]), array([0.  , 0.  , 9.81]))
     """
 
     axis: Sequence[float] | Array = field(default=(0.0, 1.0, 0.0), kw_only=True)
@@ -169,6 +184,13 @@ class RollingWheel(RollingDisk):
     its joints carry the weight. A vehicle free in space needs `RollingDisk`, or `friction=mu`: then the rows are those of
     the disk, with the normal, and the wheel may slip; that is refused if the vehicle has no motion along the normal. Its frame
     is on the wheel, which spins; attributes as of `RollingDisk`.
+
+    Example:
+        >>> wheel = rbd.testing.box(mass=1.0, size=(0.2, 0.02, 0.2))
+        >>> rolling = rbd.RollingWheel("rolling", "box", radius=0.1)
+        >>> moves = rbd.State(wheel, [0, 0, 0.1, 0, 0, 0, 1], [0.3, 0.05, 0, 0, 3.0, 0])
+        >>> rolling.rows(moves).velocity.round(6)  # it rolls along x, and slides sideways at 0.05 m/s
+        array([0.  ,  0.05])
     """
 
     def rows(self, state: State) -> Rows:

@@ -143,7 +143,14 @@ class HoldPosture:
         CannotHold: a posture that the motors cannot hold on its contacts, if all touch; names the limit that prevents it.
         NotAtRest: the ground moves.
 
-    >>> stand = rbd.control.HoldPosture(state, robot.feet(0.7))
+    Example:
+        >>> solo = rbd.load_robot("solo12", root="fixed")
+        >>> stand = rbd.control.HoldPosture(solo.at("standing"))
+        >>> bent = solo.at("standing").with_joints({"FL_KFE": -1.2})
+        >>> for state in (solo.at("standing"), bent):  # gravity compensation, and against the bend of the third joint
+        ...     print(stand(state, 0.0)[:3].round(3))
+        [ 0.099  0.097 -0.027]
+        [ 0.101  0.092 -0.032]
     """
 
     state: State

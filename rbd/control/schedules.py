@@ -48,7 +48,11 @@ class TorqueSchedule:
     Raises:
         InputError: times that do not increase, sizes that do not fit, numbers that are not finite.
 
-    >>> script = rbd.control.TorqueSchedule([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> table = rbd.control.TorqueSchedule([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
+        >>> [float(table(arm.at([0.0]), t)[0]) for t in (0.25, 0.5, 0.75, 2.0)]
+        [1.0, 2.0, 1.0, 0.0]
     """
 
     times: Sequence[float] | Array
@@ -105,7 +109,11 @@ class ZeroOrderHold:
     Raises:
         InputError: a controller that cannot be called, a period that is not above zero.
 
-    >>> slow = rbd.control.ZeroOrderHold(rbd.control.HoldPosture(state, robot.feet(0.7)), period=5e-3)
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> ramp = rbd.control.ZeroOrderHold(lambda state, t: np.array([10.0 * t]), period=0.2)
+        >>> [round(float(ramp(arm.at([0.0]), t)[0]), 3) for t in (0.0, 0.1, 0.2, 0.3, 0.4)]
+        [0.0, 0.0, 2.0, 2.0, 4.0]
     """
 
     controller: Controller
@@ -151,7 +159,12 @@ class Push:
     Raises:
         InputError: vectors that are not three finite numbers, a time that is not finite, a duration that is not above zero.
 
-    >>> push = rbd.control.Push("torso_2_link", (0.0, 20.0, 0.0), start=1.0, duration=0.1)
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> push = rbd.control.Push("box", (0.0, 20.0, 0.0), start=0.1, duration=0.2)
+        >>> motion = rbd.simulate(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), duration=0.4, step=0.1, external=push)
+        >>> push.impulse, motion.momentum[:, 1].round(6)
+        (array([0., 4., 0.]), array([0.      , 0.333333, 2.333333, 4.      , 4.      ]))
     """
 
     frame: str
@@ -205,6 +218,14 @@ class Pushes:
 
     Raises:
         InputError: an entry that is neither.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 98.1))  # always
+        >>> both = rbd.control.Pushes([lift, rbd.control.Push("box", (20.0, 0.0, 0.0), start=0.1, duration=0.2)])
+        >>> motion = rbd.simulate(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), duration=0.4, step=0.1, external=both)
+        >>> motion.momentum[-1, :3].round(6)  # 20 N for 0.2 s
+        array([ 4.,  0., 0.])
     """
 
     pushes: Sequence[Push | ExternalForce]

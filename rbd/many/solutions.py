@@ -22,6 +22,16 @@ class Solutions(ManyAnswers):
     Attributes:
         law: The law of all answers.
         rest_speed: As of `rbd.solve`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> pushes = np.zeros((3, solo.nv))
+        >>> pushes[:, 0] = [0.0, 5.0, 10.0]  # forward on the trunk [N]
+        >>> solutions = rbd.solve_many(solo, solo.standing().q, None, np.zeros(solo.nu), solo.feet(), external=pushes)
+        >>> solutions.a[:, 0].round(3), solutions.friction_used["front_left"].round(3)
+        (array([0.   ,  2.314,  4.629]), array([0.854, 0.805, 0.754]))
+        >>> print(solutions[2].status)
+        solved
     """
 
     law: Law

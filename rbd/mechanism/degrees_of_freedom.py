@@ -88,6 +88,14 @@ class Mobility:
         velocity_only: Whether some rows constrain only velocity; `finite` then refers to velocities, and
             `rbd.mechanism.integrability` gives the dimension of the reachable configurations.
         seed: Of the directions that were tried.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> found = rbd.mechanism.mobility(robot.at("assembled"))
+        >>> found.count.planar, found.instantaneous, found.finite, found.over_constrained
+        (True, 1, 1, False)
+        >>> print(found.verdict)
+        it moves with 1 degree of freedom: every velocity that J allows extends to a finite motion
     """
 
     count: Count
@@ -208,7 +216,14 @@ def mobility(
     Raises:
         InputError: the state is off the constraints, or one of them can break or slip.
 
-    >>> print(rbd.mechanism.mobility(robot.at(q), loops))  # doctest: +SKIP
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 1.0, 1.0, 1.0, crank_angle=1.0)
+        >>> flat = rbd.mechanism.assemble(robot.at("assembled"), fixed={"crank_joint": 0.0}).q  # the square lies flat
+        >>> for q in (robot.posture("assembled"), flat):
+        ...     found = rbd.mechanism.mobility(robot.at(q))
+        ...     print(found.instantaneous, found.finite, found.singular)
+        1 1 False
+        2 1 True
     """
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
     held = ConstraintManifold(state, constraints, tolerance=tolerance)

@@ -31,6 +31,12 @@ class ExternalForce:
 
     Raises:
         InputError: if a vector is not three finite numbers.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 120.0), offset=(0.1, 0.0, 0.0))
+        >>> rbd.solve(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), [], external=[lift]).a[:3].round(3)  # (120 - 98.1) N over 10 kg
+        array([0.  , 0.  , 2.19])
     """
 
     frame: str

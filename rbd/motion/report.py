@@ -68,6 +68,14 @@ class MotionReport:
         check: `check_motion` with these settings.
         collisions: Which bodies overlap, when; None where that was not asked.
         before: The report with which this one is compared; see `lifted` and `filtered`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
+        >>> report = rbd.check_motion(hop)
+        >>> report.n, int(report.possible.sum()), int(report.of_cause("floats").sum()), round(report.score)
+        (31, 7, 24, 38)
     """
 
     motion: Motion

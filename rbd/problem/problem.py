@@ -126,6 +126,12 @@ class GaussProblem:
         InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
         DuplicateName: if two rows share a name.
         SingularInertia: if M is not positive definite; of an M from a `State`, when it is first factorised.
+
+    Example:
+        >>> slope = rbd.Rows("slope", J=np.array([[0.6, 0.8]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=2.0 * np.eye(2), rhs=np.array([0.0, -19.62]), rows=[slope])
+        >>> problem.a_free, rbd.solve_problem(problem).a
+        (array([ 0.  , -9.81]), array([ 4.7088, -3.5316]))
     """
 
     M: Array

@@ -89,6 +89,12 @@ class Rows:
 
     Raises:
         InputError: on sizes that do not fit.
+
+    Example:
+        >>> slope = rbd.Rows("slope", J=np.array([[0.6, 0.8]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=2.0 * np.eye(2), rhs=np.array([0.0, -19.62]), rows=[slope])  # a bead of 2 kg
+        >>> rbd.solve_problem(problem).forces["slope"]
+        array([15.696])
     """
 
     name: str

@@ -73,7 +73,7 @@ class ModelIssue:
 
 @dataclass(frozen=True)
 class ModelReport:
-    """What model validation found.
+    """What `rbd.doctor` found in a model: errors, warnings and notes, each with the name of its joint, link or file.
 
     Attributes:
         robot: Its name.

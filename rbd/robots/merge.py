@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import renamed
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel

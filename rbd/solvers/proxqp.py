@@ -44,6 +44,14 @@ class ProxQP:
 
     Attributes:
         policy: Settings of ProxSuite to try in order; each answer is checked by its residuals.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> state = rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1])
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6, facets=8)
+        >>> solution = rbd.solve(state, [], [face], solver=rbd.ProxQP())
+        >>> print(solution.law, solution.status, solution.forces["face"].round(3))
+        convex, 8 facets solved [0.   0.  98.1  0.  0.   0. ]
     """
 
     policy: tuple[qp.Setting, ...] = qp.POLICY

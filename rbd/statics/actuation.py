@@ -41,6 +41,12 @@ class Margins:
             carry nothing.
         corner_friction: {contact: the same of each corner, shape (k,)}; NaN of a corner that carries nothing.
         centre_of_pressure: {surface: distance of the centre of pressure from the patch's edge [m], positive inside}.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> margins = rbd.hold(solo.standing(), solo.feet(friction=0.7)).margins
+        >>> print(f"{margins.torque.min():.3f} of a torque limit, {margins.friction['front_left']:.3f} of the friction")
+        0.999 of a torque limit, 0.860 of the friction
     """
 
     torque: Array
@@ -59,6 +65,12 @@ class ActuationUniqueness:
         corner_forces: Of the forces at the corners of the contacts.
         inside: Whether some torques and forces are strictly within all limits, so that these are the dimensions; else they
             are upper bounds: at a limit there may be fewer.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> unique = rbd.hold(solo.standing(), solo.feet(friction=0.7)).uniqueness()
+        >>> unique.torques, unique.forces, unique.inside  # twelve forces, six equations of the base
+        (6, 6, True)
     """
 
     torques: int
@@ -93,6 +105,15 @@ class Actuation:
         iterations: How many steps it took.
         method: "Newton" or "Clarabel".
         least: Whether the effort is the least, to nine digits; else torques and forces are only possible ones.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> held = rbd.hold(solo.standing(), solo.feet(friction=0.7))
+        >>> print(held.status, {foot: f"{force[2]:.2f} N" for foot, force in held.forces.items()})
+        solved {'front_left': '6.13 N', 'front_right': '6.13 N', 'hind_left': '6.13 N', 'hind_right': '6.13 N'}
+        >>> margins = held.margins
+        >>> print(f"{margins.torque.min():.3f} of a limit, {margins.friction['front_left']:.3f} of a cone is left")
+        0.999 of a limit, 0.860 of a cone is left
     """
 
     a: Array

@@ -66,6 +66,15 @@ class Actuations(ManyAnswers):
         margin: How far friction of points that keep still was kept from its limit, shape (n,).
         least: Whether the effort is the least, to nine digits, shape (n,), truth values.
         asked: What they are chosen by.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> held = rbd.statics.hold_many(solo, solo.standing().q, solo.feet(), coefficients=[0.0, 0.7])
+        >>> held.tau[:, :3].round(3)  # without friction, and with it
+        array([[-0.4  ,  0.097,  0.673],
+               [-0.31 , -0.012,  0.619]])
+        >>> print(f"{held[1].margins.torque.min():.3f}")
+        0.999
     """
 
     tau: Array

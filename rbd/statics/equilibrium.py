@@ -49,6 +49,13 @@ def hold(
     Raises:
         NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
         CannotHold: naming the limits in the way, with the proof and what is missing.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> wind = rbd.ExternalForce("base_link", (5.0, 0.0, 0.0))
+        >>> held = rbd.hold(solo.standing(), solo.feet(friction=0.7), external=[wind])
+        >>> held.tau[:3].round(3), held.forces["front_left"].round(3)
+        (array([-0.401, -0.311,  0.632]), array([-1.707, -0.516,  7.621]))
     """
     robot = checked(state).robot
     refuse_motion(state)
@@ -91,6 +98,14 @@ def hold_many(
         InputError: what concerns all poses: wrong sizes, numbers of states that differ, an objective that is none.
         UnknownName: unknown frames, or coefficients of a contact that is not there.
         DuplicateName: two contacts of one name.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> q = np.array([solo.standing().q, solo.standing("straight_standing").q])
+        >>> held = rbd.statics.hold_many(solo, q, solo.feet(friction=0.7))
+        >>> held.tau[:, :3].round(3)
+        array([[-0.31 , -0.012,  0.619],
+               [-0.201, -0.012,  0.618]])
     """
     asked = Asked.of(objective, friction, margin, REST_SPEED, holds=True)
     states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients)

@@ -41,6 +41,15 @@ class Limit:
     Attributes:
         kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive".
         name: Of the joint, or of the contact.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+        >>> try:
+        ...     rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [corner])
+        ... except rbd.CannotHold as error:
+        ...     print([(limit.kind, limit.name) for limit in error.limits])
+        [('friction', 'corner'), ('base', 'root_joint')]
     """
 
     kind: str

@@ -15,8 +15,8 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.errors import DuplicateName, NotAtRest
-from rbd.least_constraint import warn_of_distant
 from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.problem.force_set import ForceSet

@@ -49,6 +49,13 @@ class PushLimits:
         motions: The motion that begins there, shape (k, nv), of any size: the multipliers, read as a virtual velocity.
         at_most: Larger pushes were not looked for [N].
         programs: How many programs that took.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> sideways = [(1, 0, 0), (0, 1, 0), (0, 0, -1)]
+        >>> limits = rbd.statics.push_limits(solo.standing(), solo.feet(friction=0.7), "base_link", sideways, at_most=200.0)
+        >>> limits.forces.round(2), limits.point.round(3)  # down, no limit is met up to 200 N
+        (array([ 17.17,  17.17, 200.  ]), array([0.   , 0.   , 0.232]))
     """
 
     loads: Loads
@@ -162,6 +169,14 @@ def push_limits(
         CannotHold: it cannot be held even without a push; `rbd.hold` says why.
         FrameNotFound: with the nearest names.
         InputError: no contacts, directions of no length, numbers that are not finite.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> for friction in (0.3, 0.7):
+        ...     limits = rbd.statics.push_limits(solo.standing(), solo.feet(friction), "base_link", (1, 0, 0))
+        ...     print(f"{limits.forces[0]:.2f} N")  # of 24.53 N of weight
+        7.36 N
+        17.17 N
     """
     most = check_positive("at_most", at_most, 1e9)
     at, ways = place("offset", offset), _unit_directions(directions)

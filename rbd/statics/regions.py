@@ -54,6 +54,17 @@ class SupportRegion(Region):
         contradiction: Of an empty region, the multipliers that prove it; or None.
         programs: How many linear or conic programs that took.
         cut: Whether the region goes on beyond 10 m from its contacts, with an end or without, and `vertices` end there.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> region = rbd.statics.support_region(solo.standing(), solo.feet(friction=0.7))
+        >>> region.vertices.round(3)
+        array([[-0.195, -0.169],
+               [ 0.195, -0.169],
+               [ 0.195,  0.169],
+               [-0.195,  0.169]])
+        >>> print(f"{region.area:.4f} m2, {region.distance():.3f} m from its edge, {region.distance([0.5, 0.0]):.3f} m outside")
+        0.1315 m2, 0.169 m from its edge, -0.305 m outside
     """
 
     loads: Loads
@@ -178,6 +189,17 @@ def support_region(
         NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
         InputError: a robot that is fixed to the world or has two bases, gravity that is not along -z, no contacts.
         NoSolution: a program was not solved.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> three = solo.feet(friction=0.7)[:3]
+        >>> region = rbd.statics.support_region(solo.standing(), three)
+        >>> region.vertices.round(3)
+        array([[-0.195,  0.169],
+               [ 0.195, -0.169],
+               [ 0.195,  0.169]])
+        >>> print(f"{region.distance([0.1, 0.1]):.3f} m")
+        0.069 m
     """
     check_flag("torque_limits", torque_limits)
     gap = check_area_gap(area_gap)

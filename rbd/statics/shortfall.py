@@ -33,6 +33,15 @@ class Missing:
         torques: {passive joint: its torques} [N, N m].
         length: L [m]: the root mean square distance of the robot's mass from its centre of mass.
         size: What was made least [N].
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+        >>> try:
+        ...     rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [corner])
+        ... except rbd.CannotHold as error:
+        ...     print(error.missing.force.round(2), f"{error.missing.size:.2f} N")
+        [-17.27   0.     3.14] 17.55 N
     """
 
     wrenches: dict[str, Array]

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall

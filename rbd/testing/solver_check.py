@@ -28,7 +28,7 @@ class ConstraintWrong(ContractBroken):
 
 @dataclass(frozen=True)
 class SolverReport:
-    """Results of `check_solver`.
+    """What `check_solver` found: the problems that a solver passed, with its residuals, and those that it skipped.
 
     Attributes:
         ran: {problem: largest residual, scaled as `Solution.residuals`}.
