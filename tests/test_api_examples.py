@@ -18,18 +18,11 @@ import pytest
 import rbd
 from rbd.robots import loop_file
 
-PACKAGES = ["rbd", *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg and module.name != "cli")]
-SHOWN = [
-    "rbd",
-    "rbd.constraints",
-    "rbd.control",
-    "rbd.many",
-    "rbd.mechanism",
-    "rbd.model",
-    "rbd.motion",
-    "rbd.simulation",
-    "rbd.statics",
-]
+PACKAGES = ["rbd", *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg), "rbd.dynamics"]
+SHOWN = [package for package in PACKAGES if package not in ("rbd.cli", "rbd.prepared")]
+"""Those that list names for users; `rbd.dynamics` is a module."""
+BROWSER = {"contact_sheet", "find_browser", "motion_sheet", "replay", "replay_planar", "screenshot", "show_report"}
+"""Of `rbd.visual`: what wants a browser on this machine, whose calls are not run here but in `tests/visual`."""
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 SECTION = re.compile(r"^(Args|Attributes|Example|Raises|Returns|Source|Yields):", re.MULTILINE)
 
@@ -37,7 +30,7 @@ SECTION = re.compile(r"^(Args|Attributes|Example|Raises|Returns|Source|Yields):"
 @cache
 def documented(package: str) -> dict[str, object]:
     """{full name: class or function} of a package's `__all__`; what another package lists too is the first one's."""
-    module = importlib.import_module(package)
+    module = rbd.dynamics if package == "rbd.dynamics" else importlib.import_module(package)
     listed = {f"{package}.{name}": getattr(module, name) for name in getattr(module, "__all__", ())}
     earlier = [each for other in PACKAGES[: PACKAGES.index(package)] for each in documented(other).values()]
     return {
@@ -85,7 +78,10 @@ class Checker(doctest.OutputChecker):
 def faults(name: str, each: object) -> Iterator[str]:
     """What is wrong with an example: nothing shown, or something else printed."""
     lines = doctest.DocTestParser().get_doctest(example(each), {"rbd": rbd, "np": np}, name, None, 0)
-    if not any(line.want for line in lines.examples):
+    skipped = [line for line in lines.examples if doctest.SKIP in line.options]
+    if bool(skipped) != (name.rpartition(".")[2] in BROWSER):
+        yield f"{name}: lines are skipped where, and only where, they want a browser"
+    if not any(line.want for line in lines.examples if line not in skipped) and not skipped:
         yield f"{name} has no `Example:` with a result"
     report: list[str] = []
     doctest.DocTestRunner(Checker(), optionflags=FLAGS).run(lines, out=report.append)
@@ -103,6 +99,11 @@ def test_every_public_name_has_an_example_that_prints_what_it_shows(
     shown = {name: each for name, each in documented(package).items() if package == "rbd" or not _is_error(each)}
     wrong = [fault for name, each in shown.items() for fault in faults(name, each)]
     assert not wrong, "\n".join(wrong)
+
+
+def test_all_that_lists_names_is_looked_at() -> None:
+    """A package without names for users says so by listing none."""
+    assert {package for package in PACKAGES if documented(package)} == set(SHOWN)
 
 
 def test_every_public_name_says_in_a_line_what_it_is_for() -> None:

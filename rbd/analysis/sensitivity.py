@@ -70,6 +70,13 @@ class Derivatives:
         active: {constraint: mode of each part of its set}: "holds", "sticks", "presses" (without friction), "slips" (begins
             to), "slides" (already), "opens", or "yields" (a force at its bound).
         not_unique: Names of the constraints whose forces are not unique.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> derivatives = rbd.solve(state, rbd.hold(state, feet).tau, feet).derivatives()
+        >>> derivatives.da_dtau.shape, derivatives.active["front_left"], derivatives.not_unique
+        ((18, 12), ('sticks',), ())
     """
 
     da_dq: Array

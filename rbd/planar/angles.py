@@ -63,6 +63,16 @@ class AngleMap:
         to: The convention of the output.
         matrix: Shape (n, n), whole numbers.
         offset: Shape (n, 1) [rad], multiples of pi/2.
+
+    Example:
+        >>> chain = rbd.planar.Chain(2)  # angles from the previous link
+        >>> to_x = chain.angle_map("segment")
+        >>> to_x.matrix, to_x.rates([1.0, -1.0])
+        (Matrix([
+        [1, 0],
+        [1, 1]]), array([1., 0.]))
+        >>> to_x([0.5, -0.5])
+        array([0.5, 0. ])
     """
 
     source: str

@@ -49,8 +49,13 @@ class Chain:
         InputError: on a number of links that is not whole and positive, on lengths that are not n positive finite ones, or
             on another convention for the angles.
 
-    >>> Chain(2).determinant()
-    ell_1*ell_2*sin(theta_2(t))
+    Example:
+        >>> chain = rbd.planar.Chain(2)
+        >>> chain.determinant()
+        ell_1*ell_2*sin(theta_2(t))
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 0.5])
+        >>> arm.function(arm.position())([0.0, np.pi / 2]).round(3)
+        array([1. , 0.5])
     """
 
     n: int

@@ -48,6 +48,15 @@ class ConstrainedChain:
         chain: The chain without them.
         relations: As they were given, each an expression that is zero.
         reduced: The angles under them, `rbd.planar.relations.Reduced`.
+
+    Example:
+        >>> chain = rbd.planar.Chain(2)
+        >>> th1, th2 = chain.q
+        >>> folding = rbd.planar.constrained(chain, 2 * th1 + th2)
+        >>> folding.mobility, folding.free, folding.q
+        (1, Matrix([[theta_1(t)]]), Matrix([
+        [   theta_1(t)],
+        [-2*theta_1(t)]]))
     """
 
     chain: Chain
@@ -260,12 +269,14 @@ def constrained(chain: Chain, relation: Any, *, branch: int | None = None) -> Co
         InputError: on contradictory or redundant relations, naming them; on rates, time or other varying
             quantities in a relation; on objects that are not relations.
 
-    >>> arm = Chain(2, lengths=sympy.symbols("ell ell", positive=True))
-    >>> th1, th2 = arm.q
-    >>> constrained(arm, sympy.Eq(2 * th1 + th2, sympy.pi)).jacobian()
-    Matrix([
-    [                    0],
-    [2*ell*cos(theta_1(t))]])
+    Example:
+        >>> from sympy import Eq, pi, symbols
+        >>> arm = rbd.planar.Chain(2, lengths=symbols("ell ell", positive=True))
+        >>> th1, th2 = arm.q
+        >>> rbd.planar.constrained(arm, Eq(2 * th1 + th2, pi)).jacobian()  # the end point moves along y
+        Matrix([
+        [                    0],
+        [2*ell*cos(theta_1(t))]])
     """
     check_chain(chain)
     if branch is not None and (isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch < 0):

@@ -46,6 +46,13 @@ class Dynamics:
         chain: Whose angles q they are in.
         bodies: Masses, centres of mass, inertias.
         gravity: Along -y [m/s2].
+
+    Example:
+        >>> pendulum = rbd.planar.dynamics(rbd.planar.Chain(1, lengths=[1], angles="vertical"), bodies="points", masses=[2])
+        >>> pendulum.M, pendulum.g
+        (Matrix([[2]]), Matrix([[2*g*sin(theta_1(t))]]))
+        >>> pendulum.subs({"g": 9.81}).forward([0.1], [0.0]).round(4)
+        array([-0.9794])
     """
 
     chain: Chain
@@ -322,9 +329,10 @@ def dynamics(
     Raises:
         InputError: wrong counts, numbers that no body has, gravity below zero.
 
-    >>> dyn = dynamics(Chain(2), gravity=0)
-    >>> dyn.christoffel[1, 0, 0]
-    d_2*ell_1*m_2*sin(theta_2(t))
+    Example:
+        >>> dyn = rbd.planar.dynamics(rbd.planar.Chain(2), gravity=0)
+        >>> dyn.christoffel[1, 0, 0]
+        d_2*ell_1*m_2*sin(theta_2(t))
     """
     known = bodies_of(chain, bodies=bodies, masses=masses, centres=centres, inertias=inertias)
     return Dynamics(chain, known, GRAVITY if gravity is None else _gravity(gravity, chain.t))

@@ -72,7 +72,13 @@ class Cone(Protocol):
 
 @dataclass(frozen=True)
 class Free:
-    """All of R^dim: a bilateral constraint."""
+    """All of R^dim: a bilateral constraint.
+
+    Example:
+        >>> hinge = rbd.problem.Free(2)
+        >>> hinge.project(np.array([3.5, -1.0]))
+        array([ 3.5, -1. ])
+    """
 
     dim: int
 
@@ -90,7 +96,12 @@ class Free:
 
 @dataclass(frozen=True)
 class NonNegative:
-    """Forces that only push: every component >= 0."""
+    """Forces that only push: every component >= 0.
+
+    Example:
+        >>> rbd.problem.NonNegative(2).project(np.array([3.0, -1.0]))
+        array([3., 0.])
+    """
 
     dim: int = 1
 
@@ -111,6 +122,11 @@ class FrictionCone:
     """Coulomb's cone |f_t| <= mu f_n on (tangent, tangent, normal).
 
     Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
+
+    Example:
+        >>> cone = rbd.problem.FrictionCone(0.5)
+        >>> cone.project(np.array([1.0, 0.0, 1.0])), cone.project(np.array([0.0, 0.0, -1.0]))
+        (array([0.6, 0. , 1.2]), array([0., 0., 0.]))
     """
 
     mu: float
@@ -135,7 +151,13 @@ class FrictionCone:
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Forces between two bounds, component by component, e.g. dry friction in a joint."""
+    """Forces between two bounds, component by component, e.g. dry friction in a joint.
+
+    Example:
+        >>> dry = rbd.problem.Box([-2.0], [2.0])
+        >>> dry.project(np.array([3.5]))
+        array([2.])
+    """
 
     lo: Array
     hi: Array
@@ -172,6 +194,12 @@ class WrenchCone:
         corners: Corner points from the patch's centre, shape (k, 3) [m].
         mu: Friction coefficient; 0 leaves the normal components only.
         facets: Facets of each corner's pyramid in the QP.
+
+    Example:
+        >>> sole = rbd.problem.WrenchCone([(0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0)], 0.5)
+        >>> balanced, tipping = np.array([0, 0, 10.0, 0, 0.5, 0]), np.array([0, 0, 10.0, 0, 2.0, 0])
+        >>> [np.allclose(sole.project(wrench), wrench) for wrench in (balanced, tipping)]  # 10 N at 5 cm, or at 20 cm
+        [True, False]
     """
 
     corners: Array
@@ -219,6 +247,12 @@ class LineCone:
         half_length: Half of the line's length [m].
         mu: Friction coefficient; 0 leaves the normal components only.
         facets: Facets of each end's pyramid in the QP.
+
+    Example:
+        >>> edge = rbd.problem.LineCone(0.1, 0.5)
+        >>> balanced, tipping = np.array([0, 0, 10.0, 0.5, 0]), np.array([0, 0, 10.0, 2.0, 0])
+        >>> [np.allclose(edge.project(wrench), wrench) for wrench in (balanced, tipping)]  # 10 N at 5 cm, or at 20 cm
+        [True, False]
     """
 
     half_length: float
@@ -271,7 +305,13 @@ def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Product:
-    """Cartesian product of several sets, their components stacked."""
+    """Cartesian product of several sets, their components stacked.
+
+    Example:
+        >>> both = rbd.problem.Product([rbd.problem.FrictionCone(0.5), rbd.problem.NonNegative(1)])
+        >>> both.dim, both.project(np.array([1.0, 0.0, 1.0, -2.0]))
+        (4, array([0.6, 0. , 1.2, 0. ]))
+    """
 
     cones: tuple[Cone, ...]
 

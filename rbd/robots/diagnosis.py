@@ -64,6 +64,11 @@ class ModelIssue:
         kind: Kind of issue: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...
         where: Name of the link, the joint, the posture or the mesh.
         text: Message.
+
+    Example:
+        >>> report = rbd.doctor(rbd.load_robot("talos"))
+        >>> print(report.warnings[0].kind, report.warnings[0].where)
+        inertia rgbd_optical_frame
     """
 
     kind: str
@@ -80,6 +85,11 @@ class ModelReport:
         errors: Issues that make answers wrong; `load_robot` refuses such a robot.
         warnings: What a user should know.
         notes: Loop closures and wheels, for information.
+
+    Example:
+        >>> report = rbd.doctor(rbd.load_robot("talos"))
+        >>> report.ok, len(report.warnings), sorted({issue.kind for issue in report.warnings})
+        (True, 25, ['friction', 'inertia'])
     """
 
     robot: str

@@ -56,6 +56,12 @@ class ConstraintReport:
         jacobian: Deviation of J v from the motion; None if there was no reference for J.
         velocity: Deviation of the rows' `velocity` from J v.
         jdot_v: Deviation of J a + J_dot v from the motion.
+
+    Example:
+        >>> leaning = rbd.State(rbd.testing.box(), [0, 0, 0.3, 0.1, 0.7, 0.1, 0.7])
+        >>> report = rbd.testing.check_constraint(rbd.PointContact("corner", "box", offset=(0.2, 0.2, -0.1)), leaning)
+        >>> report.rows, report.against, report.jacobian < 1e-7, report.jdot_v < 1e-7
+        (3, 'motion of the patch', True, True)
     """
 
     name: str
@@ -100,6 +106,14 @@ def check_constraint(
     Raises:
         ConstraintWrong: with the row and the numbers.
         InputError: if the constraint has no rows at this state: no check is possible.
+
+    Example:
+        >>> state = rbd.State(rbd.testing.box(), [0.5, 0, 0, 0, 0, 0, 1])
+        >>> wrong = rbd.FunctionConstraint("wrong", lambda q: q[0] ** 2, jacobian=lambda q: np.eye(6)[0] * q[0])  # 2 is missing
+        >>> rbd.testing.check_constraint(wrong, state)
+        Traceback (most recent call last):
+            ...
+        rbd.testing.solver_check.ConstraintWrong: ...
     """
     rng, nv = np.random.default_rng(seed), state.robot.nv
     rows = constraint.rows(state.with_velocity(np.zeros(nv)))

@@ -48,10 +48,6 @@ class Scene:
     opposite arrow is the force on the second. Marks shine faintly through the robot. Moments, joint torques and the
     forces of loops and limits are not drawn.
 
-        with Scene(robot) as scene:
-            scene.show(state, solution)
-            scene.export("standing.html")
-
     Args:
         robot: Whose meshes to draw; without visual shapes a skeleton with inertia ellipsoids and collision shapes.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m]. By default 1 m for a human's size,
@@ -60,6 +56,13 @@ class Scene:
         seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
             front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
         legend: Whether to write names, forces and the scale next to the picture.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> with rbd.visual.Scene(robot) as scene:
+        ...     scene.show(robot.at("assembled"))
+        ...     print(scene.export("four_bar.html").name)
+        four_bar.html
     """
 
     def __init__(
