@@ -58,7 +58,7 @@ def test_the_links_of_the_page_lead_somewhere(page):
 
 def test_every_equation_of_the_theory_names_its_function_and_its_test():
     """After a block of mathematics come `In code:` with a name of the package, and `Tests:` with a test."""
-    parts = re.split(r"```math\n.*?```", (TOP / "docs" / "theory.md").read_text(encoding="utf-8"), flags=re.DOTALL)[1:]
+    parts = re.split(r"```math\n.*?```", (TOP / "docs" / "reference" / "theory.md").read_text(encoding="utf-8"), flags=re.DOTALL)[1:]
     assert len(parts) > 10
     for part in parts:
         paragraph = part.strip().split("\n\n")[0]
@@ -79,7 +79,7 @@ def test_every_reference_is_in_the_bibliography():
 
 def test_the_notation_opens_with_the_conventions():
     """Three lines: the world's axes, the order of vectors, the sign of a force."""
-    first = (TOP / "docs" / "notation.md").read_text(encoding="utf-8").splitlines()[:3]
+    first = (TOP / "docs" / "reference" / "notation.md").read_text(encoding="utf-8").splitlines()[:3]
     for line, words in zip(first, (("World", "z up"), ("linear first", "x, y, z, w"), ("to the robot",)), strict=True):
         assert all(word in line for word in words), line
 

@@ -44,7 +44,7 @@ def talos() -> Path:
 
 
 def poses() -> Path:
-    """Three poses of `docs/poses.md`, each held by its feet."""
+    """Three poses of `docs/reference/poses.md`, each held by its feet."""
     talos, g1, width, height = rbd.load_robot("talos"), rbd.load_robot("g1"), 500, 560
     step = {"left_sole": (0.15, 0.12, 0.0), "right_sole": (-0.1, -0.12, 0.0), "gripper_left_base_link": (0.55, 0.35, 1.25)}
     standing = g1.standing()
@@ -155,7 +155,7 @@ def crouch() -> Path:
 
 
 def inverse_dynamics() -> Path:
-    """The plot of docs/inverse_dynamics.md: what Talos' hips cost on their way to the left, and what is possible of it."""
+    """The plot of docs/reference/inverse_dynamics.md: what Talos' hips cost on their way to the left, and what is possible of it."""
     robot = rbd.load_robot("talos")
     state, soles, held = robot.standing(), robot.soles(friction=0.7), robot.soles(friction=None)
     weight, wanted, shares, reached, lateral = 9.81 * robot.mass, np.linspace(0.0, 3.0, 121), [], [], np.zeros(robot.nv)
@@ -190,7 +190,7 @@ def inverse_dynamics() -> Path:
 
 
 def motion_check() -> Path:
-    """The page of `docs/motions.md`: G1 raises its arms and leans, at the frame in which most is missing."""
+    """The page of `docs/reference/motions.md`: G1 raises its arms and leans, at the frame in which most is missing."""
     g1 = rbd.load_robot("g1")
     stands = g1.standing().q
     raises, leans = stands.copy(), stands.copy()

@@ -1,4 +1,4 @@
-"""The pictures of docs/planar_chains.md, as PNG files beside this script; `make.py` calls `pictures()`."""
+"""The pictures of docs/courses/planar_chains/index.md, as PNG files beside this script; `make.py` calls `pictures()`."""
 
 import tempfile
 import warnings

@@ -6,7 +6,7 @@ Drift off bilateral constraints is corrected by
     v+ = v + w          w  = - M^-1 J^T (J M^-1 J^T)^+ (J v - u)       u: the surfaces' velocity
 
 Both are the least in |.|_M that satisfy the rows. So the correction removes only the error's energy: w is
-perpendicular, in M, to all motions that the constraints allow. Source: `docs/simulation.md`.
+perpendicular, in M, to all motions that the constraints allow. Source: `docs/reference/simulation.md`.
 
 Rows may be redundant, and rank may drop at singular poses. In W = L^-1 J^T (M = L L^T) the steps are those of least
 squares, by Cholesky where the rows are well independent and by singular values s where not. There

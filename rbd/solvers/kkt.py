@@ -30,7 +30,7 @@ class KKT:
     For bilateral constraints. Where rows are redundant f has minimum norm, and where they contradict each other a is
     the least-squares one, with residuals that show it.
 
-    Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/theory.md`.
+    Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/reference/theory.md`.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
