@@ -51,7 +51,7 @@ def solve(
 ) -> Solution:
     """Acceleration and constraint forces of a robot: M a + h = S^T tau + tau_ext + J^T f, forces f under a contact law.
 
-    Under Coulomb's law, the default, Gauss's problem of least constraint is solved first, a QP with a unique answer:
+    Under Coulomb's law, the default, Gauss's problem of least constraint is solved first, a QP with a unique answer::
 
         a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers
 
@@ -71,7 +71,7 @@ def solve(
         constraints: Contacts and other constraints, each with a different name.
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects in world axes.
         solver: In place of the above: `ProxQP()`, only pyramids; `KKT()`, for bilateral constraints;
             `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
             the same.

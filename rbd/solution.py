@@ -32,7 +32,7 @@ from rbd.solvers.proxqp import ProxQP, eased, pyramidal_law, too_steep
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Answer):
-    """Acceleration and constraint forces of one `GaussProblem`, with their residuals: an `Answer`, and its analysis.
+    """The answer of `rbd.solve`: acceleration and constraint forces, with residuals, ranges of forces and derivatives.
 
     `Solution.of(answer)` makes one of what a solver returned. It has the attributes of `Answer` (`problem`, `a`,
     `multipliers`, `weights`, `law`, `solver`, `method`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
@@ -178,7 +178,7 @@ class Solution(Answer):
         return admissible(self.problem, self.a, self.multipliers, self.weights, self.law, tolerance=tolerance)
 
     def with_forces(self, weight: Mapping[str, object] | None = None) -> Solution:
-        """The same motion with the forces that minimise sum_i weight_i |corner force_i|^2, inside their cones.
+        """The same motion with the forces that minimise `sum_i weight_i |corner force_i|^2`, inside their cones.
 
         Args:
             weight: {contact: positive number, one number a corner (k,), or a positive definite matrix (3k, 3k) on its stacked

@@ -46,7 +46,7 @@ class Contradiction:
             distance to the dual cone.
         smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
             set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
-        unbalanced: Largest entry of |J^T f|. The proof is valid for motions with sum |a_i| < 1 / unbalanced.
+        unbalanced: Largest entry of `|J^T f|`. The proof is valid for motions with `sum |a_i| < 1 / unbalanced`.
         law: The law whose rows they are.
         met: {bilateral constraint: the feasible part of its required -offset, shape (m,)}, by least
             squares over all bilateral rows, in their units [m/s2, rad/s2].

@@ -49,7 +49,7 @@ class ForceDerivatives:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Derivatives:
-    """Derivatives of an answer with its contact modes fixed; None for values that are not unique.
+    """Derivatives of an answer by q, v, torques and external forces, contact modes fixed; None for what is not unique.
 
     A change dq is in the tangent space: q becomes pin.integrate(q, dq), dq of a floating base linear then angular in the
     base's axes, as v. All else is constant: tau, the numbers of v, and external forces in the axes in which they were given.

@@ -112,7 +112,7 @@ class ContactUniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uniqueness:
-    """Uniqueness of the forces of one motion, with their ranges.
+    """Which forces of one motion are unique, and the ranges of the others; from `solution.uniqueness()`.
 
     Attributes:
         law: The law that the forces obey.

@@ -43,7 +43,9 @@ Seen = tuple[pin.SE3, Array, Array, Array, Array, Array | None]
 
 @dataclass(frozen=True, eq=False, init=False)
 class Contact:
-    """A contact of the robot at one corner point, at two (an edge), or at k >= 3 (a patch).
+    """A contact of the robot at one corner point, at two (an edge), or at k >= 3 (a patch): what the three kinds share.
+
+    Its rows, by the number of corners::
 
         corners   rows, friction=None or mu                                         frictionless
         1         velocity of the point (3)                                         its normal one

@@ -104,7 +104,7 @@ class LineContact(Contact):
 class SurfaceContact(Contact):
     """A contact of a flat patch of the robot, e.g. a sole or a palm: `Contact` at three corner points or more.
 
-    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, given by either of
+    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, given by either of::
 
         half_lengths = (X, Y)    half sizes of a rectangle along the patch's x and y [m]
         corners                  shape (k, 2) in the patch's plane or (k, 3), at least three and not on one line

@@ -34,7 +34,7 @@ MARGIN = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """Contact points of a constraint, touching or near: k points with p rows in all, and their motion.
+    """The contact points of a constraint at one state, for simulation: k points, touching or near, with p rows in all.
 
     Attributes:
         names: Label of each point, constant over time: "left_sole_link_0:3" is corner 3 of that shape.

@@ -28,7 +28,7 @@ class JointLock:
     """A locked joint: a brake, a pin, a joint that does not take part in the motion.
 
     Bilateral rows, one a degree of freedom of the joint (a floating base has six). Without `position` it is locked in place:
-    c is its acceleration, and there is no error. With it the error is the joint's displacement from there, and c = error'':
+    c is its acceleration, and there is no error. With it the error is the joint's displacement from there, and c = error''::
 
         one DOF             error = q - position                                   (an angle of a continuous joint: wrapped)
         position in space   error = R_l^T (p - p_l),        J = R_l^T R            (l: the lock's)
@@ -176,6 +176,8 @@ class JointCoupling:
 @dataclass(frozen=True, eq=False)
 class JointFriction:
     """Dry friction in a joint: at most `torque` at rest, `torque` against the motion when it moves.
+
+    Its force f::
 
         at rest (|v| <= 1e-6)   |f| <= torque; f = -torque where the joint starts in the positive direction, and so on
         moving                  f = -torque sign(v)

@@ -30,7 +30,7 @@ _SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", 
 class JointLimit:
     """A joint limit: at a bound it pushes the joint back, and never pulls.
 
-    One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`):
+    One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`)::
 
         lower bound   c = +q'',  error = q - lower      the limit's torque on the joint is +f
         upper bound   c = -q'',  error = upper - q      the limit's torque on the joint is -f

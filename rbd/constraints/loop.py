@@ -34,6 +34,8 @@ _OPPOSITE = 1e-8
 class LoopClosure:
     """A joint between two frames of a robot: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
 
+    The kinds, each with its rows::
+
         kind         rows                                              error is zero where
         "point"      x (3)                                             the origins coincide
         "revolute"   x (3), turn of the axis about t1 and t2 (2)       and `axis` of frame_b is along `axis` of frame_a

@@ -30,11 +30,13 @@ for _array in (_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY):
 class VelocityConstraint:
     """Velocity constraint A(q) v = 0: m Pfaffian rows, integrable or not.
 
+    Its rows::
+
         J = A(q)        J_dot v = A_dot v, along the motion        no error: positions are not constrained
 
     A has one column an entry of v, and v is not always the derivative of q. For a joint with one degree of freedom it is. For
     a planar joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row in x', y' and the angle's th'
-    is converted by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w:
+    is converted by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w::
 
         no side slip:   -sin(th) x' + cos(th) y' = 0        is the constant row     A = (0, 1, 0)
         x' + x th' = 0                                      is the row              A = (cos(th), -sin(th), x)
@@ -122,6 +124,8 @@ class VelocityConstraint:
 @dataclass(frozen=True, eq=False)
 class KnifeEdge:
     """A knife edge (skate constraint): its point moves along it and turns, and does not slip sideways.
+
+    Its row::
 
         J v = l . p'        l = n x d / |n x d|        J_dot v = l . p'' + l' . p'
 

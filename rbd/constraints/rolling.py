@@ -86,7 +86,7 @@ class Rolling:
 
 @dataclass(frozen=True, eq=False)
 class RollingBall(Rolling):
-    """A ball on a plane.
+    """A ball that rolls on a plane, or slips on it with friction.
 
     Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor separates, and may
     spin about the normal. `friction=mu` is unilateral with Coulomb friction: it can slip, and `rbd.ConeSolver` takes
@@ -118,7 +118,7 @@ class RollingBall(Rolling):
 
 @dataclass(frozen=True, eq=False)
 class RollingDisk(Rolling):
-    """A thin disk on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
+    """A thin disk that rolls on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
 
     Three rows (heading, side, normal): the heading is that of rolling by positive spin about `axis`, axis x normal, the side
     is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`, and

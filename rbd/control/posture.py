@@ -126,7 +126,7 @@ def _tipping(state: State, rows_at: Callable[[State], Array], C: Array, Z: Array
 
 @dataclass(frozen=True, eq=False)
 class HoldPosture:
-    """Torques that hold a posture: gravity compensation through the contacts, and PD on the joints, within the effort limits.
+    """Controller that holds a posture: gravity compensation through the contacts, PD on the joints, within effort limits.
 
     It looks at which points touch, as a robot with switches in its soles would, and changes its gains with them: a leg in the
     air feels little inertia, and gains of a standing leg would shake it. It has no memory, so runs are repeatable.

@@ -37,7 +37,7 @@ def asked(what: str, given: Callable[[State, float], Any], state: State, t: floa
 
 @dataclass(frozen=True, eq=False)
 class TorqueSchedule:
-    """Torques from a table over time, independent of the state.
+    """Controller that gives torques from a table over time, independent of the state.
 
     Attributes:
         times: Shape (n,) [s], increasing.
@@ -96,7 +96,7 @@ class TorqueSchedule:
 
 @dataclass(frozen=True, eq=False)
 class ZeroOrderHold:
-    """A controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
+    """Controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
 
     It uses the torques of the first state in a period; so the period should be a whole number of steps of
     an integrator with steps of one length. If time goes back, as at the start of another run, it evaluates again, so runs
@@ -211,10 +211,10 @@ class Push:
 
 @dataclass(frozen=True, eq=False)
 class Pushes:
-    """Several pushes, and loads that always act: those that act at a time add up.
+    """Several pushes, and loads that always act, as `external` of `rbd.simulate`: those that act at a time add up.
 
     Attributes:
-        pushes: `Push`es and `ExternalForce`s.
+        pushes: Objects `Push` and `ExternalForce`.
 
     Raises:
         InputError: an entry that is neither.

@@ -15,9 +15,10 @@ from rbd.solution import Solution
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solutions(ManyAnswers):
-    """Accelerations and contact forces at n states, each with its residuals; see `ManyAnswers` for the arrays.
+    """The answers of `rbd.solve_many`: accelerations and contact forces at n states as arrays, each with its residuals.
 
-    `solutions[i]` is the whole `Solution` of state i, with everything that can be asked of one.
+    `solutions[i]` is the whole `Solution` of state i, with everything that can be asked of one. The arrays are those of
+    `rbd.many.answers.ManyAnswers`, and:
 
     Attributes:
         law: The law of all answers.

@@ -9,7 +9,7 @@ from rbd.problem.answer import Status
 
 
 class StateStatus(IntEnum):
-    """What became of one state; `solutions.reasons` has the message where it is not `SOLVED`.
+    """What became of one of many states; the message where it is not `SOLVED` is in `solutions.reasons`.
 
     Example:
         >>> solo = rbd.load_robot("solo12")

@@ -23,7 +23,7 @@ STARTS = 24
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """A configuration on the constraints.
+    """A configuration that satisfies the constraints, as `assemble` finds it, with its residual.
 
     Attributes:
         q: The configuration, shape (nq,).

@@ -24,7 +24,7 @@ MOST_TRIES = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One assembly mode of the mechanism.
+    """One assembly mode of a mechanism, as `branches` finds it.
 
     Attributes:
         q: Its configuration, shape (nq,), angles in (-pi, pi] where limits allow.
@@ -49,7 +49,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """All branches that were found, without proof of completeness.
+    """All assembly modes that `branches` found, without proof of completeness.
 
     Attributes:
         found: Ordered by their coordinates.

@@ -70,7 +70,7 @@ class RedundantRow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mobility:
-    """How many degrees of freedom a mechanism has at a configuration, three ways.
+    """How many degrees of freedom a mechanism has at a configuration: counted, instantaneous, and of finite motions.
 
     Attributes:
         count: Gruebler's and Kutzbach's count.
@@ -193,6 +193,8 @@ def mobility(
     state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED, seed: int = 0
 ) -> Mobility:
     """How many degrees of freedom a robot has under bilateral constraints: counted, instantaneous, and of finite motions.
+
+    The three numbers::
 
         counted         k (N - 1 - j) + sum of f        Gruebler, Kutzbach: bodies and joints, k = 3 or 6
         instantaneous   n - rank J(q)

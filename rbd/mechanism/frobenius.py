@@ -67,7 +67,7 @@ class PointReport:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Integrability:
-    """Whether velocity constraints are holonomic, with the dimensions of velocities and configurations.
+    """Whether velocity constraints are holonomic, with the numbers of degrees of freedom of velocity and configuration.
 
     Attributes:
         names: Constraints.

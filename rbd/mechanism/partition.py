@@ -77,13 +77,13 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class VelocityPartition:
-    """All velocities of a mechanism, from some of them.
+    """All velocities of a mechanism from some of them, as `velocity_partition` finds them.
 
     Attributes:
         v: Velocity, shape (nv,): for `state.with_velocity(v)`.
         rates: {unknown velocity: its value} [rad/s, m/s].
         columns: J1 and J2, their rank and condition.
-        residual: Largest |J v - u| [m/s, rad/s].
+        residual: Largest `|J v - u|` [m/s, rad/s].
 
     Example:
         >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
@@ -113,13 +113,13 @@ class VelocityPartition:
 
 @dataclass(frozen=True, eq=False)
 class AccelerationPartition:
-    """All accelerations of a mechanism, from some of them.
+    """All accelerations of a mechanism from some of them, as `acceleration_partition` finds them.
 
     Attributes:
         a: Acceleration, shape (nv,).
         accelerations: {unknown acceleration: its value} [rad/s2, m/s2].
         columns: J1 and J2, their rank and condition.
-        residual: Largest |J a + J_dot v| [m/s2, rad/s2].
+        residual: Largest `|J a + J_dot v|` [m/s2, rad/s2].
 
     Example:
         >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")

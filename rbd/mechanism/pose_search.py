@@ -63,7 +63,7 @@ _BASE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class FoundPose:
-    """A pose that satisfies its targets.
+    """A pose that satisfies its targets, as `find_pose` finds it.
 
     Attributes:
         state: The robot there, at rest.
@@ -115,6 +115,8 @@ def find_pose(
     com: Sequence[float] | Array | None = None,
 ) -> FoundPose:
     """A pose with contacts, frames and the centre of mass at given places, near a posture, within joint limits.
+
+    A place is written so::
 
         feet and contacts    (x, y, z): position of the centre; a sole (or an edge) is flat on the ground, its heading free
                              ((x, y, z), n): the same, with z along the unit vector n

@@ -140,6 +140,8 @@ def shortened(step: Array) -> Array:
 def project_velocity(state: State, constraints: Sequence[Constraint] | None = None) -> State:
     """The same configuration with the nearest velocity, in the metric of inertia, that satisfies the constraints.
 
+    The problem, and its solution::
+
         minimise 1/2 |v+ - v|_M^2     subject to     J v+ = u ,       v+ = v - M^-1 J^T (J M^-1 J^T)^+ (J v - u)
 
     u is the surfaces' velocity, zero for ground at rest. Contacts count as bilateral, whatever their
@@ -179,7 +181,7 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
 
 @dataclass(frozen=True, eq=False)
 class ProjectedAcceleration:
-    """The nearest acceleration that satisfies constraints.
+    """The nearest acceleration that satisfies constraints, as `project_acceleration` finds it.
 
     Attributes:
         a: The acceleration, shape (nv,) [m/s2, rad/s2].
@@ -204,6 +206,8 @@ def project_acceleration(
     state: State, a: Sequence[float] | Array, constraints: Sequence[Constraint] | None = None
 ) -> ProjectedAcceleration:
     """The nearest acceleration, in the metric of inertia, that satisfies the constraints.
+
+    The problem, and the condition of its solution::
 
         minimise 1/2 |a+ - a|_M^2     subject to     J a+ + J_dot v = 0 ,       M (a+ - a) = J^T f
 

@@ -68,7 +68,7 @@ class Singularity:
 
 @dataclass(frozen=True, eq=False)
 class Singularities:
-    """The kinds of singularity at one configuration.
+    """The kinds of singularity at one configuration, each with its distance and the velocities that show it.
 
     Attributes:
         kinds: {kind: its singularity}; "output" only with inputs named, "input" only with outputs named.
@@ -95,7 +95,7 @@ class Singularities:
 
 @dataclass(frozen=True, eq=False)
 class SingularitiesAlong:
-    """The singularities along a motion.
+    """The singularities that a motion passes, and the distance from each kind along it.
 
     Attributes:
         found: The singularities, in the order of the motion.

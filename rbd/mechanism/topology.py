@@ -64,7 +64,7 @@ class EndPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MechanismClass:
-    """Classification of a mechanism, in standard terms.
+    """Classification of a mechanism: serial, branched, parallel or hybrid, with its mobility, as `classify` finds it.
 
     Attributes:
         name: The robot's name.

@@ -44,7 +44,7 @@ class Bifurcation:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Poses of a driven mechanism, in order.
+    """Poses of a mechanism while one joint is driven, in order, with the limits and singular poses that it passes.
 
     Attributes:
         joint: The driven joint.

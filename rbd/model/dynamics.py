@@ -1,7 +1,7 @@
 """Terms of the equations of motion: M(q) a + v^T C(q) v = S^T tau + tau_g(q) + tau_ext + J^T f.
 
-tau_ext is the force of the surroundings except constraints: a push, a load, wind. Source: `docs/reference/theory.md`, which names the
-equation for each function here.
+tau_ext is the force of the surroundings except constraints: a push, a load, wind. Source: `docs/reference/theory.md`, which
+names the equation for each function here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class ExternalForce:
-    """A force and a moment on the robot at a named frame, in world axes.
+    """A force and a moment on the robot at a named frame, in world axes: a push, a load, wind.
 
     Attributes:
         frame: Frame of the robot.
@@ -73,7 +73,7 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
 
     Args:
         state: Where the robot is.
-        external: Generalised force (nv,), or `ExternalForce`s, or None.
+        external: Generalised force (nv,), or `ExternalForce` objects, or None.
 
     Returns:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
@@ -287,7 +287,7 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
     Args:
         state: Where the robot is and how it moves.
         tau: Motor torques, shape (nu,) [N, N m].
-        external: Generalised force (nv,), or `ExternalForce`s.
+        external: Generalised force (nv,), or `ExternalForce` objects.
 
     Example:
         >>> solo = rbd.load_robot("solo12")

@@ -32,7 +32,7 @@ class FrameKinematics:
 
 
 class State:
-    """A robot at configuration q with velocity v.
+    """A robot at configuration q with velocity v: what all terms, constraints and answers are computed from.
 
     q and v are checked and copied at once; its terms are computed when one is first asked for, and never change. It creates no
     pin.Data: it borrows one of the robot's, and any number of states of one robot may live side by side.

@@ -34,7 +34,7 @@ LOWEST = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Derivation:
-    """How v and a came from q, and the noise in them.
+    """How v and a of a motion came from q, and the noise in them.
 
     Attributes:
         method: "local polynomial", a least-squares fit in a window around each frame (Savitzky-Golay), or "low-pass", q

@@ -45,7 +45,9 @@ class OpenComponents:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceEstimate:
-    """Contact forces from measurements: M a + h - tau_ext - S^T tau = J^T f by least squares, f in the contacts' sets.
+    """Contact forces estimated from measurements, with what they leave unexplained and what is not known of them.
+
+    M a + h - tau_ext - S^T tau = J^T f by least squares, f in the contacts' sets.
 
     Attributes:
         state: The measured state.

@@ -15,7 +15,7 @@ from rbd.motion.floor_points import FloorPoints
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lanes:
-    """Contacts over time: a lane for each of k points, in n frames.
+    """Which contact points touch and slide, when: a lane for each of k points, in n frames.
 
     Attributes:
         t: Times, shape (n,) [s].

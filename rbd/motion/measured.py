@@ -49,7 +49,7 @@ def estimate_forces(
         contacts: What touches, loops and other constraints, each with its own name. None: what is left unexplained is told.
         tau: Measured motor torques, shape (nu,) [N, N m].
         noise: Standard deviations of the sensors.
-        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce`s.
+        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce` objects.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames; noise that does not fit; no equation: a fixed base without torques.
@@ -178,7 +178,7 @@ class Measured(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceHistory:
-    """Estimates of contact forces over time.
+    """Contact forces estimated at each time of a motion, as arrays over time.
 
     Attributes:
         t: Times, shape (n,) [s].

@@ -40,7 +40,7 @@ STENCIL = 1e-3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion:
-    """A motion of a robot: n frames, read-only arrays, SI units.
+    """A motion to check, edit and follow: q, v and a of a robot at n frames, read or made, in read-only arrays; SI units.
 
     Made by `Motion.of_arrays` and its kin, which check what they are given; the constructor takes its fields as they are.
 

@@ -56,7 +56,7 @@ def _from_segments(n: int, angles: str) -> Symbols:
 
 @dataclass(frozen=True)
 class AngleMap:
-    """q_to = matrix q_from + offset. Angles are not wrapped, so that motions stay continuous.
+    """The map between two ways to measure a chain's angles: q_to = matrix q_from + offset, without wrapping.
 
     Attributes:
         source: The convention of the input.

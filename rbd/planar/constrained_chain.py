@@ -42,7 +42,7 @@ class ConstrainedSplit(Split[Symbols]):
 
 @dataclass(frozen=True, eq=False)
 class ConstrainedChain:
-    """A chain under relations; see the module.
+    """A planar chain under relations of its angles: its kinematics in the angles that remain free.
 
     Attributes:
         chain: The chain without them.

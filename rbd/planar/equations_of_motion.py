@@ -314,7 +314,7 @@ def dynamics(
     inertias: Iterable[Any] | None = None,
     gravity: Any = None,
 ) -> Dynamics:
-    """Lagrange's equations of a chain.
+    """Lagrange's equations of a planar chain, in symbols: M(q) qdd + C(q, qd) qd + g(q) = tau.
 
     Values not given are positive symbols: m_i, d_i, I_i, g.
 

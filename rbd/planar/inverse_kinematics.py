@@ -8,7 +8,9 @@ triangle with sides ell_1, ell_2, r, which lose no digits near the stretched and
 
 More links: of all poses with the end point at the target the one nearest to a start,
 
-    minimise |q - q_start|^2 / 2   subject to   r(q) = target. It is sought by `rbd.planar.nearest_poses`.
+    minimise |q - q_start|^2 / 2   subject to   r(q) = target.
+
+`rbd.planar.nearest_poses` seeks it.
 
 Source of one and two links: [Duarte2021], "Inverse kinematics".
 """

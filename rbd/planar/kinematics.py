@@ -60,7 +60,7 @@ def check_joint(n: int, i: object, *, first: int = 0) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Split(Generic[Value]):
-    """An acceleration in three parts [m/s^2]; in symbols (2, 1), in numbers (2,) or (samples, 2).
+    """An acceleration in three parts: tangential, centripetal, Coriolis [m/s^2]; shape (2, 1), (2,) or (samples, 2).
 
     Attributes:
         tangential: Terms in the angular accelerations.

@@ -38,7 +38,7 @@ MOST_RATES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """A motion of a planar chain in both spaces, over time.
+    """A motion of a planar chain over time, of its end point and of its angles.
 
     Attributes:
         chain: The chain; angles are measured as it does.
@@ -94,7 +94,7 @@ class PlanarMotion:
 
     @lazy
     def speed(self) -> Array:
-        """Of the end point, |v|, shape (samples,) [m/s]."""
+        """Of the end point, `|v|`, shape (samples,) [m/s]."""
         return np.hypot(self.v[:, 0], self.v[:, 1])
 
     @lazy

@@ -36,7 +36,7 @@ Block = Callable[..., Array]
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """An ellipse about a point of a chain.
+    """The ellipse of velocities, or of forces, that a point of a chain can have.
 
     Attributes:
         kind: "velocity" or "force".

@@ -30,7 +30,7 @@ WIDE = 0.5 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class InversePath:
-    """Angles along a path of the end point.
+    """Angles of a chain along a path of its end point, as `inverse_path` finds them.
 
     Attributes:
         points: The given path, shape (samples, 2) [m].

@@ -90,7 +90,7 @@ class MinimumJerk:
         object.__setattr__(self, "_step", step)
 
     def displacement(self, t: float | Sequence[float] | Array) -> Array:
-        """Position at times t, shape (*t.shape, *start.shape); exactly `start` before it and `stop` after."""
+        """Position at times t, shape `(*t.shape, *start.shape)`; exactly `start` before it and `stop` after."""
         share = self._shape(t, 0)
         return (1.0 - share) * self.start + share * self.stop
 
@@ -108,7 +108,7 @@ class MinimumJerk:
 
     @property
     def distance(self) -> float:
-        """Length of the step D = |x1 - x0|, Euclidean."""
+        """Length of the step `D = |x1 - x0|`, Euclidean."""
         return _size(self._step)
 
     @property

@@ -20,7 +20,7 @@ _SINGULAR = "M is singular at this posture: a link turns without moving any mass
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Motions x(t) = shape cos(w t + phase) of all angles together.
+    """Modes of small motion: x(t) = shape cos(w t + phase), all angles together.
 
     Attributes:
         squared: w^2 of each mode [rad2/s2], ascending where they are numbers. Below zero the posture is unstable: the mode
@@ -52,7 +52,7 @@ class Modes:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """M x'' + K x = 0 for small x = q - at, with constant forces that keep the posture.
+    """Small motion about a posture, M x'' + K x = 0 for x = q - at, with constant forces that keep the posture.
 
     Attributes:
         at: The posture q, shape (n, 1) [rad].

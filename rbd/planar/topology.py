@@ -51,7 +51,7 @@ class Word:
 
 @dataclass(frozen=True)
 class ChainClass:
-    """Classification of a planar chain. Ranks are generic: singular poses do not count.
+    """Classification of a planar chain, with its mobility; ranks are generic: singular poses do not count.
 
     Attributes:
         base: Its base.

@@ -89,7 +89,7 @@ def corner_map(rows: Rows) -> Array:
 
 
 class Status(StrEnum):
-    """Status of an answer, from its residuals.
+    """Status of an answer, by its residuals: solved, inaccurate, failed or infeasible.
 
     Example:
         >>> box = rbd.testing.box()
@@ -129,7 +129,7 @@ class Gauss(float):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Answer:
-    """Acceleration and constraint forces of one `GaussProblem`, as a solver found them.
+    """What a solver gives: acceleration and constraint forces of one `GaussProblem`.
 
     Attributes:
         problem: What was solved.

@@ -72,7 +72,7 @@ class Cone(Protocol):
 
 @dataclass(frozen=True)
 class Free:
-    """All of R^dim: a bilateral constraint.
+    """Force set of a bilateral constraint: all of R^dim.
 
     Example:
         >>> hinge = rbd.problem.Free(2)
@@ -96,7 +96,7 @@ class Free:
 
 @dataclass(frozen=True)
 class NonNegative:
-    """Forces that only push: every component >= 0.
+    """Force set of what only pushes, e.g. a joint limit: every component >= 0.
 
     Example:
         >>> rbd.problem.NonNegative(2).project(np.array([3.0, -1.0]))
@@ -119,7 +119,7 @@ class NonNegative:
 
 @dataclass(frozen=True)
 class FrictionCone:
-    """Coulomb's cone |f_t| <= mu f_n on (tangent, tangent, normal).
+    """Force set of a contact with Coulomb friction: `|f_t| <= mu f_n` on (tangent, tangent, normal).
 
     Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
 
@@ -151,7 +151,7 @@ class FrictionCone:
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Forces between two bounds, component by component, e.g. dry friction in a joint.
+    """Force set between two bounds, component by component, e.g. of dry friction in a joint.
 
     Example:
         >>> dry = rbd.problem.Box([-2.0], [2.0])
@@ -186,7 +186,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class WrenchCone:
-    """Wrenches (force, moment about the patch's centre) that forces in friction cones at the patch's corners can make.
+    """Force set of a patch: wrenches about its centre that forces in friction cones at its corners can make.
 
     Corner force p_i at corner c_i gives force p_i and moment c_i x p_i; all in contact axes.
 
@@ -238,7 +238,7 @@ class WrenchCone:
 
 @dataclass(frozen=True)
 class LineCone:
-    """Wrenches that forces in friction cones at the two ends of a line can make: an edge of a foot on the ground.
+    """Force set of an edge: the wrenches that forces in friction cones at the two ends of a line can make.
 
     The line is along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
     a line transmits no moment about its own axis.
@@ -305,7 +305,7 @@ def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Product:
-    """Cartesian product of several sets, their components stacked.
+    """Cartesian product of several force sets, their components stacked.
 
     Example:
         >>> both = rbd.problem.Product([rbd.problem.FrictionCone(0.5), rbd.problem.NonNegative(1)])

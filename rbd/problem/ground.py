@@ -30,7 +30,7 @@ def unit_normal(what: str, normal: Sequence[float] | Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The ground that a contact touches: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
+    """The ground that a contact touches, for `on=`: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
 
     Attributes:
         normal: Out of the ground, a unit vector in W, shape (3,). Not given: z where `point` is, else the contact's
@@ -107,7 +107,7 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Another body of the same model that a contact touches, in place of the ground.
+    """Another body of the same model that a contact touches, for `on=` in place of the ground.
 
     The contact's force is the one on the contact's body; the other body receives the opposite.
 

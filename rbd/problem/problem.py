@@ -99,7 +99,7 @@ class Origin(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaussProblem:
-    """Find a = argmin 1/2 |a - a_free|_M^2 subject to c = J a + offset in K* (convex law), with forces f in K.
+    """The least-constraint problem in arrays: `argmin 1/2 |a - a_free|_M^2` for c = J a + offset in K*, forces f in K.
 
     M a = rhs + J^T f are the equations of motion; rhs = S^T tau + tau_ext - h. It can be built by hand, without a robot.
 
@@ -223,7 +223,7 @@ class GaussProblem:
 
     @lazy
     def offset_size(self) -> Array:
-        """|bias| + |feedback|, shape (m,): the sizes of the offset's terms."""
+        """`|bias| + |feedback|`, shape (m,): the sizes of the offset's terms."""
         if not any(r.stabilised for r in self.rows):
             return np.abs(self.bias)
         return np.abs(self.bias) + np.abs(np.concatenate([r.feedback for r in self.rows]))

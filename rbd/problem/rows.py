@@ -69,7 +69,7 @@ class Patch:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rows:
-    """m scalar constraint rows with one name: c = J a + bias + feedback, with forces in a cone.
+    """A constraint at one state, in arrays: m rows c = J a + bias + feedback, with forces in a cone.
 
     Attributes:
         name: The constraint's name.
@@ -200,7 +200,7 @@ class Rows:
 
     @property
     def speed(self) -> float:
-        """Largest entry of |velocity|."""
+        """Largest entry of `|velocity|`."""
         return float(np.abs(self.velocity).max(initial=0.0))
 
 

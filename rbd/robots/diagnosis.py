@@ -58,7 +58,7 @@ SUMMARY = {
 
 @dataclass(frozen=True)
 class ModelIssue:
-    """One issue that model validation found.
+    """One issue that `rbd.doctor` found in a model, with the joint, link or file that has it.
 
     Attributes:
         kind: Kind of issue: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...

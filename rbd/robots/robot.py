@@ -35,7 +35,7 @@ from rbd.robots.posture import configuration, semantic_postures, stand
 
 
 class Robot(CheckedModel):
-    """A robot: its checked Pinocchio model, its postures and its feet.
+    """A robot, as `load_robot` gives it: its checked Pinocchio model, its postures, feet, limits and loops.
 
     Made by `load_robot`. In addition to `CheckedModel`:
 

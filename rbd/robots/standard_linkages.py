@@ -28,7 +28,7 @@ def four_bar(
 ) -> Robot:
     """A planar four-bar linkage of these lengths: crank a, coupler b, rocker c, ground d [m], in Norton's order.
 
-    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which is along x:
+    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which is along x::
 
         crank     from O2 = (0, 0), driven        angle th2 = q of `crank_joint`
         coupler   from the crank's tip            angle th3 = q of `crank_joint` + q of `coupler_joint`
@@ -88,7 +88,7 @@ def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os
     """N square four-bars in a row: N + 1 cranks on the ground, their tips joined by N couplers, all bars uniform and equal.
 
     The benchmark A02 of IFToMM's library [Gonzalez2006] for length 1 m and mass 1 kg. All cranks are at the angle phi of
-    `crank_0`, in the plane and with the signs of `four_bar`, and with one degree of freedom
+    `crank_0`, in the plane and with the signs of `four_bar`, and with one degree of freedom::
 
         m L^2 [(N + 1) / 3 + N] phi'' = -m g L [(N + 1) / 2 + N] cos phi
 
@@ -157,14 +157,14 @@ def slider_crank(
 ) -> Robot:
     """A planar slider-crank: a crank, a connecting rod, and a slider that the rod pushes along x.
 
-    In the vertical x-z plane with the signs of `four_bar`; the crank turns about the origin and is driven:
+    In the vertical x-z plane with the signs of `four_bar`; the crank turns about the origin and is driven::
 
         crank     angle th = q of `crank_joint`
         rod       from the crank's tip; angle = q of `crank_joint` + q of `rod_joint`
         slider    at x = q of `slider_joint`, z = offset
 
     closed by `wrist_pin`, two rows: crank e^(i th) + rod e^(i phi) = x + i offset. The slider's friction is left out. The
-    crank turns round where crank + |offset| <= rod.
+    crank turns round where `crank + |offset| <= rod`.
 
     Postures are `assembled`, the slider to the right of the crank's tip, and `crossed`, to its left.
 

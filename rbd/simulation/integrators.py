@@ -32,7 +32,7 @@ SHORTEST = 1e-9
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """Smooth motion at a fixed step, with an error of h^4; for bilateral constraints.
+    """Integrator of smooth motion at a fixed step, with an error of h^4; for bilateral constraints.
 
     Every step has a separate chart, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
     external forces are evaluated at all four stages. Constraints are kept by `stabilisation`. The error is not controlled:
@@ -81,7 +81,7 @@ def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Sta
 
 @dataclass(frozen=True)
 class DormandPrince8:
-    """Smooth motion to a tolerance: steps as long as their error allows, samples between them by dense output of order 7.
+    """Integrator of smooth motion to a tolerance: steps as long as their error allows, dense output of order 7 between them.
 
     SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is recentred after each step, when the constraints
     are projected by `stabilisation`. For bilateral constraints.
@@ -201,7 +201,7 @@ class _AdaptiveStep:
 
 @dataclass(frozen=True)
 class TimeStepping:
-    """Contact motion by time stepping: sticking, slipping, rolling, lift-off, impacts; order 2 between and across impacts.
+    """Integrator of motion with contacts: sticking, slipping, rolling, lift-off, impacts; order 2 between and across impacts.
 
     Attributes:
         impact_speed: A point that approaches more slowly than this [m/s, rad/s] comes to rest without a bounce.

@@ -111,7 +111,7 @@ class ConstraintForce:
 
 @dataclass(frozen=True)
 class Event:
-    """An event: a contact begins, ends, slips or sticks.
+    """An event of a simulated motion: a contact begins, ends, slips or sticks.
 
     Attributes:
         t: Time [s].

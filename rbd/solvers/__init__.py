@@ -11,7 +11,7 @@ __all__ = ["Solver"]
 
 
 class Solver(Protocol):
-    """Protocol of the solvers that `rbd.solve` takes.
+    """Protocol of a solver: what `rbd.solve` takes as `solver=`, and what a solver of your own must have.
 
     Example:
         >>> class InFreeFall:

@@ -25,7 +25,7 @@ _ROUNDS = 6
 
 @dataclass(frozen=True)
 class KKT:
-    """Lagrange's closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
+    """Solver of bilateral constraints in closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
 
     For bilateral constraints. Where rows are redundant f has minimum norm, and where they contradict each other a is
     the least-squares one, with residuals that show it.

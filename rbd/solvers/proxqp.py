@@ -32,7 +32,7 @@ _STEEP = 1e4
 
 @dataclass(frozen=True)
 class ProxQP:
-    """Gauss's least-constraint problem, minimise 1/2 |a - a_free|_M^2, as a ProxSuite QP; forces are its multipliers.
+    """Solver of Gauss's least-constraint problem, minimise `1/2 |a - a_free|_M^2`, as a QP; forces are its multipliers.
 
     Bilateral constraints are equalities; for every ray r of a force cone, r . (J a + offset) >= 0 is one inequality, its
     multiplier is that ray's weight, and the force is the sum of weight times ray. Circular cones are replaced by the

@@ -33,12 +33,12 @@ _INSIDE = 1e-6  # of a force that is inside its cone, or a torque within its lim
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """How far an actuation is from each limit; zero is at the limit.
+    """How far torques and forces of an actuation are from each limit; zero is at the limit.
 
     Attributes:
-        torque: 1 - |tau| / limit of each motor, shape (nu,); 1 where the file states no limit.
-        friction: {contact: 1 - |f_t| / (mu f_n)} of its net force; contacts without a coefficient are left out, and those that
-            carry nothing.
+        torque: `1 - |tau| / limit` of each motor, shape (nu,); 1 where the file states no limit.
+        friction: `{contact: 1 - |f_t| / (mu f_n)}` of its net force; contacts without a coefficient are left out, and those
+            that carry nothing.
         corner_friction: {contact: the same of each corner, shape (k,)}; NaN of a corner that carries nothing.
         centre_of_pressure: {surface: distance of the centre of pressure from the patch's edge [m], positive inside}.
 
@@ -57,7 +57,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class ActuationUniqueness:
-    """How many directions of torques and forces make the same motion, with everything inside its limits.
+    """In how many directions torques and forces can change without another motion, everything inside its limits.
 
     Attributes:
         torques: Dimension of the set of torques that bring the motion; 0: they are unique.
@@ -89,7 +89,9 @@ class ActuationUniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Actuation:
-    """Motor torques and contact forces with which a robot moves as wanted: M a + h = S^T tau + tau_ext + J^T f.
+    """Motor torques and contact forces of a wanted motion, as `hold` and `inverse_dynamics` give them, with their margins.
+
+    They satisfy M a + h = S^T tau + tau_ext + J^T f.
 
     Attributes:
         a: The robot's acceleration, shape (nv,) [m/s2, rad/s2].

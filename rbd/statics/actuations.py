@@ -57,9 +57,10 @@ class Asked:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Actuations(ManyAnswers):
-    """Torques and contact forces at n states, each with its residuals; see `rbd.many.answers.ManyAnswers` for the arrays.
+    """Torques and contact forces at n states as arrays, each with its residuals: of `hold_many`, `inverse_dynamics_many`.
 
-    `actuations[i]` is the whole `Actuation` of state i, or raises why there is none.
+    `actuations[i]` is the whole `Actuation` of state i, or raises why there is none. The arrays are those of
+    `rbd.many.answers.ManyAnswers`, and:
 
     Attributes:
         tau: Motor torques, shape (n, nu) [N, N m]; NaN where the motion is not possible.

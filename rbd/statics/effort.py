@@ -30,7 +30,7 @@ _ALIKE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """What is made least, and what else the forces must keep to.
+    """What `hold` and `inverse_dynamics` minimise, and bounds on normal forces and centres of pressure.
 
     Attributes:
         torques: Weight of (tau / limit)^2: one number >= 0, one a motor (nu,), or {joint: number}, 1 of the others. A motor

@@ -36,7 +36,7 @@ _ZERO = 1e-9  # of multipliers, the largest being one
 
 @dataclass(frozen=True)
 class Limit:
-    """Something that torques and forces must keep to.
+    """One limit in the way of a motion, of a motor, of friction, of an edge: as `CannotMove.limits` names them.
 
     Attributes:
         kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive".

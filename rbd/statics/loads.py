@@ -48,7 +48,7 @@ def refuse_motion(state: State, rows: Sequence[Rows] = ()) -> None:
     """Refuse a robot that moves, and contacts with a ground that does.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
     """
     if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
         raise NotAtRest(f"statics wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")

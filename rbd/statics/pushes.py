@@ -36,7 +36,7 @@ _CARRIES = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class PushLimits:
-    """The largest pushes that some torques within limits, and contact forces within friction, withstand.
+    """The largest pushes that a robot withstands, torques within limits and contact forces within friction.
 
     Attributes:
         loads: The pose, its contacts, and what their forces do.
@@ -148,7 +148,7 @@ def push_limits(
 ) -> PushLimits:
     """The largest push in each direction that the robot can withstand without moving, and what gives way first.
 
-    Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), |tau| <= limit, f in the friction
+    Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), `|tau| <= limit`, f in the friction
     cones: motors know of the push and answer as well as they can. What fixed torques do is another question: `rbd.solve`.
 
     Each answer is proven from both sides: by forces and torques, and by multipliers. These are a virtual motion that the push
@@ -165,7 +165,7 @@ def push_limits(
         margin: Share of each coefficient of friction that is left unused.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
         CannotHold: it cannot be held even without a push; `rbd.hold` says why.
         FrameNotFound: with the nearest names.
         InputError: no contacts, directions of no length, numbers that are not finite.

@@ -39,7 +39,7 @@ _SHARE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class SupportRegion(Region):
-    """Where the centre of mass may be, in the horizontal plane, for the robot to be at rest on its contacts.
+    """Where the centre of mass may be, seen from above, for the robot to be at rest on its contacts.
 
     Attributes:
         loads: The pose, its contacts, and what their forces do.
@@ -171,9 +171,10 @@ def support_region(
     The contacts may be any: soles, hands on walls, rails that are held, on whatever planes. The region is all c with forces f
     in their cones and J^T f = h where no motor is, h the weight with its line of action through c.
 
-    With torque limits, |tau| <= limit besides, with the gravity torques and Jacobians of *this pose*: as if the centre of mass
-    moved and the pose stayed. That neglects what a true motion of the centre of mass changes in both, so that it is right where
-    the centre of mass of the pose is, and near it [Orsolino2020]. Joints without a motor are balanced at this pose likewise.
+    With torque limits, `|tau| <= limit` besides, with the gravity torques and Jacobians of *this pose*: as if the centre of
+    mass moved and the pose stayed. That neglects what a true motion of the centre of mass changes in both, so that it is right
+    where the centre of mass of the pose is, and near it [Orsolino2020]. Joints without a motor are balanced at this pose
+    likewise.
 
     Args:
         state: The pose of a robot with one floating base; v must be zero.
@@ -186,7 +187,7 @@ def support_region(
             inside it [m2].
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
         InputError: a robot that is fixed to the world or has two bases, gravity that is not along -z, no contacts.
         NoSolution: a program was not solved.
 

@@ -25,8 +25,8 @@ _ANY = 1e-9
 class Missing:
     """The least help that would let contact forces balance a motion, torque limits aside.
 
-    It is the least of sqrt(sum over bases of |F|^2 + |m|^2 / L^2 + sum over passive joints of (torque / L)^2); of a joint that
-    slides its force counts as it is.
+    It is the least of `sqrt(sum over bases of |F|^2 + |m|^2 / L^2 + sum over passive joints of (torque / L)^2)`; of a joint
+    that slides its force counts as it is.
 
     Attributes:
         wrenches: {base joint: force and moment about the robot's centre of mass, world axes, shape (6,)} [N, N m].

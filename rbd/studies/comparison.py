@@ -58,7 +58,7 @@ class SolverAnswer:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolverComparison:
-    """The answers of all solvers, and their differences.
+    """The answers of all solvers to one problem, and their differences.
 
     Attributes:
         answers: In the order of the solvers.
@@ -245,7 +245,7 @@ class ContactUnderLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawComparison:
-    """Convex and Coulomb's law at one state, both with circular cones, as solved by `rbd.solve` under each.
+    """The answers of the convex and of Coulomb's law at one state, both with circular cones, and how they differ.
 
     Attributes:
         convex: The answer of the associated (convex) law.
@@ -318,7 +318,7 @@ def compare_laws(
 
     Where a loaded point starts to slip, the convex law lets it lift at mu times its tangential acceleration, gives it another
     normal force, and puts back by lifting what friction takes. The two differ too where a point without load breaks with
-    c_n < mu |c_t|, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
+    `c_n < mu |c_t|`, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
     `coulomb.others` has the others. Elsewhere they agree.
 
     Args:

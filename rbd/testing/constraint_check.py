@@ -80,7 +80,7 @@ def check_constraint(
     Along q(t) = q (+) (v t + a t^2 / 2) the velocity is v + a t up to t^2, on a floating base too (there v and a are in
     the base's axes). The contact's point and axes are differenced in t, to sixth order, without any Jacobian; an error that
     is known up to a `period` is followed past its jumps. Rows that
-    have `patch` and `resultant` must give
+    have `patch` and `resultant` must give::
 
         J v            = resultant^T (p', w)
         J a + J_dot v  = resultant^T (p'', w')      with the patch's axes fixed, as in `bias`,

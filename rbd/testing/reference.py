@@ -29,7 +29,7 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class ReferenceProblem:
-    """A least-constraint problem with its answer.
+    """A least-constraint problem with its known answer, to test a solver.
 
     Attributes:
         name: What it is.

@@ -88,11 +88,11 @@ def plot_ellipses(
 ) -> list[Artist]:
     """The ellipse of the end point at some poses: directions of large velocity, and of large force.
 
-    - "manipulability": all velocities that joint rates of unit length, |qd| <= 1 rad/s, can give [Yoshikawa1985], filled the
+    - "manipulability": all velocities that joint rates of unit length, `|qd| <= 1 rad/s`, can give [Yoshikawa1985], filled the
       darker the larger its area is, with the manipulability sqrt(det(J J^T)) [m^2] next to it;
     - "velocity": the same ellipses as outlines with their axes;
-    - "force": all forces that joint torques of unit length, |tau| <= 1 N m, can balance: long where the other is short, and cut
-      off (its axis dashed) where one direction costs no torque at all.
+    - "force": all forces that joint torques of unit length, `|tau| <= 1 N m`, can balance: long where the other is short, and
+      cut off (its axis dashed) where one direction costs no torque at all.
 
     All ellipses of a picture have one scale; see its title.
 

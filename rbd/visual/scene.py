@@ -131,7 +131,7 @@ class Scene:
         return self._server.url
 
     def open(self) -> str:
-        """Open the live scene in the default browser; returns its address. Later `show`s appear there at once."""
+        """Open the live scene in the default browser; returns its address. What `show` draws later appears there at once."""
         address = self.url
         webbrowser.open(address, new=2)
         return address
@@ -144,7 +144,7 @@ class Scene:
         Args:
             state: Where the robot is. Velocities are not drawn.
             solution: Its contact forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
-            external: The `ExternalForce`s that were given to `solve`, drawn from the points they act on.
+            external: The forces (`ExternalForce`) that were given to `solve`, drawn from the points they act on.
 
         Raises:
             InputError: if the state is of a robot with other joints, or `external` is a generalised force: that has no
