@@ -27,9 +27,10 @@ def toctree(names: Iterable[str]) -> str:
 
 def table(names: Iterable[Public]) -> str:
     """Names with their first lines."""
-    rows = [
-        f"   * - :doc:`{public.name.rsplit('.', 1)[1]} <{home_page(public)}>`\n     - {plain(public.first_line)}\n" for public in names
-    ]
+    rows = []
+    for public in names:
+        short = public.name.rsplit(".", 1)[1]
+        rows.append(f"   * - :doc:`{short} <{home_page(public)}>`\n     - {plain(public.first_line)}\n")
     return ".. list-table::\n   :class: summary\n   :widths: 30 70\n\n" + "".join(rows)
 
 
@@ -77,8 +78,9 @@ def index_page() -> str:
     """All sub-packages, with what each is for."""
     rows = [f"   * - :doc:`{package}`\n     - {first_paragraph(package)}\n" for package in ("rbd", *PACKAGES)]
     text = (
-        "Public names, by the sub-package from which one imports them. What one needs first stands on top, in :doc:`rbd`: robots, "
-        "constraints, solvers, the verbs. Numbers are in SI units and radians; signs and frames: :doc:`/reference/notation`.\n"
+        "Public names, by the sub-package from which one imports them. What one needs first stands on top, in :doc:`rbd`: "
+        "robots, constraints, solvers, the verbs. Numbers are in SI units and radians; signs and frames: "
+        ":doc:`/reference/notation`.\n"
     )
     lists = ".. list-table::\n   :class: summary\n   :widths: 30 70\n\n" + "".join(rows)
     return "\n".join([heading("API"), text, lists, toctree(("rbd", *PACKAGES)), ":ref:`genindex` lists every name.\n"])
@@ -101,7 +103,7 @@ def is_home(public: Public) -> bool:
 
 
 def neighbours(app: Sphinx, pagename: str, templatename: str, context: dict[str, Any], doctree: object) -> None:
-    """Previous and next name of the package. No table of contents lists the 240 names: each page's sidebar would resolve them."""
+    """Previous and next name of the package: no table of contents lists 240 names, as every sidebar would resolve it."""
     package, _, name = pagename.removeprefix("api/").rpartition(".")
     if not pagename.startswith("api/") or package not in ("rbd", *PACKAGES) or name not in names_of(package):
         return

@@ -74,7 +74,8 @@ def linked_literal(env: BuildEnvironment, docname: str, literal: nodes.literal) 
 
 def doc_link(docname: str, target: str, shown: nodes.Node) -> nodes.Element:
     """A link to a page."""
-    return addnodes.pending_xref("", shown, refdomain="std", reftype="doc", reftarget="/" + target, refdoc=docname, refexplicit=True)
+    where = {"refdomain": "std", "reftype": "doc", "reftarget": "/" + target, "refdoc": docname, "refexplicit": True}
+    return addnodes.pending_xref("", shown, **where)
 
 
 def linked_file(env: BuildEnvironment, docname: str, link: addnodes.download_reference) -> nodes.reference | None:

@@ -58,8 +58,9 @@ PYTHON = re.compile(
     rf"""|(?P<k>\b(?:{"|".join(kwlist)})\b)|(?P<mi>\b\d[\w.]*)""",
     re.DOTALL | re.MULTILINE | re.IGNORECASE,
 )
-"""Strings, comments, decorators, names defined, keywords and numbers, by the class that the site's style colours. A lexer knows more
-and takes ten times longer for three million letters."""
+"""Strings, comments, decorators, names defined, keywords and numbers, by the class that the site's style colours.
+
+A lexer knows more, and takes ten times longer for three million letters."""
 
 
 def highlighted(text: str) -> list[str]:
