@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+import constraint_pictures
 import numpy as np
 import planar_pictures
 import scenes
@@ -209,7 +210,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     **{f.__name__: f for f in (poses, where_it_can_stand, inverse_dynamics, mechanisms, robots, fall, coin_strip, tipping)},
 }
 """{picture: makes it}; those of the courses and tasks are in modules of their own."""
-MODULES = (planar_pictures,)
+MODULES = (planar_pictures, constraint_pictures)
 
 
 def chosen(names: list[str]) -> Iterator[Path]:
