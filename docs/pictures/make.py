@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import least_constraint_pictures
 import numpy as np
 import planar_pictures
 from matplotlib.figure import Figure
@@ -155,7 +156,7 @@ def crouch() -> Path:
 
 
 def inverse_dynamics() -> Path:
-    """The plot of docs/reference/inverse_dynamics.md: what Talos' hips cost on their way to the left, and what is possible of it."""
+    """The plot of docs/reference/inverse_dynamics.md: what Talos' hips cost on their way to the left, and what is possible."""
     robot = rbd.load_robot("talos")
     state, soles, held = robot.standing(), robot.soles(friction=0.7), robot.soles(friction=None)
     weight, wanted, shares, reached, lateral = 9.81 * robot.mass, np.linspace(0.0, 3.0, 121), [], [], np.zeros(robot.nv)
@@ -246,5 +247,6 @@ def _example(name: str) -> ModuleType:
 if __name__ == "__main__":
     singles = (talos, fists, mechanisms, robots, crouch, inverse_dynamics, poses, hand_on_a_wall, where_it_can_stand)
     scenes = (make() for make in (*singles, motion_check))
-    for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
+    pages = (planar_pictures.pictures(), least_constraint_pictures.pictures())
+    for made in itertools.chain(scenes, plots(), strips(), *pages):
         print(made.relative_to(TOP))
