@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import planar_pictures
+import task_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -246,5 +247,5 @@ def _example(name: str) -> ModuleType:
 if __name__ == "__main__":
     singles = (talos, fists, mechanisms, robots, crouch, inverse_dynamics, poses, hand_on_a_wall, where_it_can_stand)
     scenes = (make() for make in (*singles, motion_check))
-    for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures()):
+    for made in itertools.chain(scenes, plots(), strips(), planar_pictures.pictures(), task_pictures.pictures()):
         print(made.relative_to(TOP))
