@@ -8,7 +8,7 @@ QUICK := $(addprefix tests/,test_layers.py test_cones.py test_problem.py test_re
 	test_state.py test_dynamics.py test_robot.py test_equilibrium.py test_rows.py test_errors.py solvers/test_kkt.py \
 	solvers/test_newton.py constraints/test_loop.py mechanism/test_assembly.py simulation/test_impacts.py test_readme.py)
 
-.PHONY: help demo test quick exhaustive lint bench fuzz mutants coverage pictures clean
+.PHONY: help demo docs test quick exhaustive lint bench fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
@@ -20,6 +20,7 @@ help:
 	@echo "make mutants   small faults put into the code on purpose, N=300 of them by SEED=0: each noticed by a test"
 	@echo "make coverage  which lines and branches the tests execute, in processes that they start, too"
 	@echo "make lint      ruff and mypy"
+	@echo "make docs      the site: docs/_build/index.html, readable without a network"
 	@echo "make pictures  the pictures of README and docs again (needs Chromium)"
 
 # pip only: a lock file would name package hosts. The stamp is renewed when the dependencies change.
@@ -72,8 +73,12 @@ coverage: $(MARKER)
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 
+docs: $(MARKER)
+	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build
+	@echo "open docs/_build/index.html"
+
 pictures: $(MARKER)
 	$(BIN)/python docs/pictures/make.py
 
 clean:
-	rm -rf $(VENV) .mutants .coverage* .pytest_cache .mypy_cache .ruff_cache talos.html
+	rm -rf $(VENV) docs/_build .mutants .coverage* .pytest_cache .mypy_cache .ruff_cache talos.html

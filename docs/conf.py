@@ -3,7 +3,8 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parent), str(HERE / "site"), str(HERE / "pictures")]
 
 from rbd.installation import VERSION  # noqa: E402
 
@@ -12,13 +13,46 @@ author = "the rbd developers"
 copyright = author
 version = release = VERSION
 
-extensions = ["myst_parser", "sphinx.ext.mathjax"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+    "sphinx_design",
+    "sphinx_copybutton",
+    "rbd_site",
+]
 exclude_patterns = ["_build", "pictures", "site"]
+templates_path = ["site/templates"]
+default_role = "code"
+needs_sphinx = "9.0"
+
+# Pages
 myst_enable_extensions = ["dollarmath", "attrs_block", "colon_fence"]
 myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
-default_role = "code"
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+copybutton_selector = "div.highlight-python pre, div.highlight-sh pre, div.highlight-pycon pre, div.doctest pre"
+
+# API
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 100
+toc_object_entries_show_parents = "hide"
 
 html_theme = "furo"
 html_title = "rbd"
+html_static_path = ["site/static"]
+html_css_files = ["site.css"]
 html_show_sphinx = False
+html_copy_source = False
+html_theme_options = {"top_of_page_buttons": []}
+pygments_style = "friendly"
+pygments_dark_style = "github-dark"
+mathjax_path = "mathjax/tex-chtml-full.js"

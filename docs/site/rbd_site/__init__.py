@@ -1,0 +1,12 @@
+"""What the site adds to Sphinx: pages from outside docs/, the API, the gallery, links, sources, scenes, MathJax."""
+
+from sphinx.application import Sphinx
+
+from rbd_site import mathjax, pages
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register all parts of the site with Sphinx."""
+    for part in (pages, mathjax):
+        part.setup(app)
+    return {"parallel_read_safe": False, "parallel_write_safe": True}
