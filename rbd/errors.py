@@ -367,7 +367,12 @@ class ModelWarning(RbdWarning):
 
 
 def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
-    """The names most like `name`, quoted, for the end of an error message."""
+    """The names most like `name`, quoted, for the end of an error message.
+
+    Example:
+        >>> rbd.errors.nearest("left_sol", ["left_sole", "right_sole", "head"])
+        "nearest: 'left_sole', 'right_sole'"
+    """
     known, name = list(names), str(name)[:100]
     if not known:
         return "there are none"

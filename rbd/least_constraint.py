@@ -220,7 +220,17 @@ def gauss_problem(
     external: External = None,
     rest_speed: float = REST_SPEED,
 ) -> GaussProblem:
-    """The arrays of the least-constraint problem; arguments, errors and warnings as `solve`.
+    """The arrays of the least-constraint problem that `solve` poses: M, rhs and the rows of all constraints.
+
+    Args:
+        state: The robot at (q, v).
+        tau: Motor torques, shape (nu,) [N, N m].
+        constraints: Contacts and other constraints, each with a different name.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects in world axes.
+        rest_speed: As in `solve`.
+
+    Raises:
+        InputError: as `solve`.
 
     Example:
         >>> solo = rbd.load_robot("solo12")

@@ -18,9 +18,14 @@ import pytest
 import rbd
 from rbd.robots import loop_file
 
-PACKAGES = ["rbd", *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg), "rbd.dynamics"]
+PACKAGES = [
+    "rbd",
+    *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg),
+    "rbd.dynamics",
+    "rbd.errors",
+]
 SHOWN = [package for package in PACKAGES if package not in ("rbd.cli", "rbd.prepared")]
-"""Those that list names for users; `rbd.dynamics` is a module."""
+"""Those that list names for users; the last two are modules."""
 BROWSER = {"contact_sheet", "find_browser", "motion_sheet", "replay", "replay_planar", "screenshot", "show_report"}
 """Of `rbd.visual`: what wants a browser on this machine, whose calls are not run here but in `tests/visual`."""
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -31,21 +36,14 @@ SECTION = re.compile(r"^(Args|Attributes|Example|Raises|Returns|Source|Yields):"
 def documented(package: str) -> dict[str, object]:
     """{full name: class or function} of a package's `__all__`; what another package lists too is the first one's."""
     module = rbd.dynamics if package == "rbd.dynamics" else importlib.import_module(package)
-    listed = {f"{package}.{name}": getattr(module, name) for name in getattr(module, "__all__", ())}
+    written_there = [name for name, each in vars(module).items() if getattr(each, "__module__", "") == "rbd.errors"]
+    names = getattr(module, "__all__", written_there if package == "rbd.errors" else ())
+    listed = {f"{package}.{name}": getattr(module, name) for name in names}
     earlier = [each for other in PACKAGES[: PACKAGES.index(package)] for each in documented(other).values()]
     return {
         name: each
         for name, each in listed.items()
         if (inspect.isclass(each) or inspect.isfunction(each)) and not any(each is other for other in earlier)
-    }
-
-
-def errors() -> dict[str, type[BaseException]]:
-    """{name: class} of all errors and warnings."""
-    return {
-        name: each
-        for name, each in vars(rbd.errors).items()
-        if inspect.isclass(each) and issubclass(each, rbd.RbdError | rbd.errors.RbdWarning)
     }
 
 
@@ -108,7 +106,7 @@ def test_all_that_lists_names_is_looked_at() -> None:
 
 def test_every_public_name_says_in_a_line_what_it_is_for() -> None:
     """One line, a sentence of some words: not a dataclass's signature, not the name again."""
-    named = {name: each for package in PACKAGES for name, each in documented(package).items()} | errors()
+    named = {name: each for package in PACKAGES for name, each in documented(package).items()}
     wrong = []
     for name, each in named.items():
         first, _, rest = text(each).partition("\n")

@@ -18,10 +18,19 @@ from rbd.problem.ground import On
 class PointContact(Contact):
     """A contact at a point of the robot: `Contact` at one corner point.
 
-    Attributes:
-        offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
+    Three rows: the velocity of the point; without friction its normal part alone.
 
-    Other attributes as of `Contact`; `anchor` is where the point first touched, shape (3,) [m].
+    Attributes:
+        name: The contact's role, e.g. "left_foot".
+        frame: Frame of the robot to which it is fixed.
+        offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
+        friction: Coulomb's coefficient; 0 without friction; None, bilateral: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
+        anchor: Where the point first touched, in W or in the body's axes, shape (3,) [m]; None: the rows have no `error`.
+
+    Raises:
+        InputError: negative friction, numbers that are not finite, as `Contact`.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -59,10 +68,14 @@ class LineContact(Contact):
     tilts with the body. Its part along the edge is left out.
 
     Attributes:
+        name: The contact's role, e.g. "left_foot".
+        frame: Frame of the robot to which it is fixed.
         half_length: Half of the edge's length [m].
         placement: X_FP, from the frame to the edge's middle; the edge is along x.
-
-    Other attributes as of `Contact`; `anchor` is the pose where the edge first touched, rotation about it excluded.
+        friction: Coulomb's coefficient; 0 without friction; None, bilateral: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
+        anchor: Pose where the edge first touched, rotation about it excluded, pin.SE3; None: the rows have no `error`.
 
     Raises:
         InputError: a length that is not positive, and as `Contact`.
@@ -104,10 +117,20 @@ class LineContact(Contact):
 class SurfaceContact(Contact):
     """A contact of a flat patch of the robot, e.g. a sole or a palm: `Contact` at three corner points or more.
 
-    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, given by either of::
+    The corners are in patch axes from the patch's centre, given by either of::
 
         half_lengths = (X, Y)    half sizes of a rectangle along the patch's x and y [m]
         corners                  shape (k, 2) in the patch's plane or (k, 3), at least three and not on one line
+
+    Attributes:
+        name: The contact's role, e.g. "left_sole".
+        frame: Frame of the robot to which it is fixed.
+        placement: X_FP, from the frame to the patch's centre and axes: z is the outward normal of the surface. By default
+            those of the frame.
+        friction: Coulomb's coefficient; 0 without friction; None, bilateral: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
+        anchor: Pose of the centre where it first touched, pin.SE3; None: the rows have no `error`.
 
     Raises:
         InputError: both or neither of `half_lengths` and `corners`, and as `Contact`.

@@ -42,6 +42,9 @@ def joint_frictions(robot: CheckedModel) -> list[JointFriction]:
 
     `friction` of a URDF's <dynamics>, `frictionloss` of an MJCF's joint. Damping is not included.
 
+    Args:
+        robot: The robot.
+
     Raises:
         InputError: not a robot.
 

@@ -93,8 +93,18 @@ class RollingBall(Rolling):
     one that slips already. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
     resistance are neglected.
 
-    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes. Attributes as of
-    `Rolling`.
+    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes.
+
+    Attributes:
+        name: The contact's role, e.g. "ball".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point.
 
     Example:
         >>> ball = rbd.testing.box(mass=1.0, size=(0.1, 0.1, 0.1))
@@ -121,14 +131,20 @@ class RollingDisk(Rolling):
     """A thin disk that rolls on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
 
     Three rows (heading, side, normal): the heading is that of rolling by positive spin about `axis`, axis x normal, the side
-    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`, and
-    the other attributes as of `Rolling`. A flat disk touches along its rim and is refused.
+    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`. A
+    flat disk touches along its rim and is refused.
 
     Attributes:
+        name: The contact's role, e.g. "coin".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
         axis: Spin axis, in the frame's axes, of any length, shape (3,).
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
 
     Raises:
-        InputError: an axis of zero length.
+        InputError: a radius that is not positive, negative friction, a ground without a point, an axis of zero length.
 
     Example:
         >>> disk = rbd.testing.box(mass=1.0, size=(0.5, 0.01, 0.5))
@@ -183,7 +199,19 @@ class RollingWheel(RollingDisk):
     Two rows (heading, side), those of `RollingDisk` without the normal one, which is zero for a vehicle on a planar joint:
     its joints carry the weight. A vehicle free in space needs `RollingDisk`, or `friction=mu`: then the rows are those of
     the disk, with the normal, and the wheel may slip; that is refused if the vehicle has no motion along the normal. Its frame
-    is on the wheel, which spins; attributes as of `RollingDisk`.
+    is on the wheel, which spins.
+
+    Attributes:
+        name: The contact's role, e.g. "left_wheel".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        axis: Spin axis, in the frame's axes, of any length, shape (3,).
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point, an axis of zero length.
 
     Example:
         >>> wheel = rbd.testing.box(mass=1.0, size=(0.2, 0.02, 0.2))

@@ -17,10 +17,22 @@ from rbd.solution import Solution
 class Solutions(ManyAnswers):
     """The answers of `rbd.solve_many`: accelerations and contact forces at n states as arrays, each with its residuals.
 
-    `solutions[i]` is the whole `Solution` of state i, with everything that can be asked of one. The arrays are those of
-    `rbd.many.answers.ManyAnswers`, and:
+    `solutions[i]` is the whole `Solution` of state i, with everything that can be asked of one.
 
     Attributes:
+        states: The robot, q, v and what acts at each state.
+        a: Accelerations, shape (n, nv) [m/s2, rad/s2]; NaN where there is no answer, as in the other arrays.
+        forces: {constraint: (n, 3) of a point, (n, 6) of a surface}, on the robot, world axes [N, N m]; row forces (n, m) of
+            others.
+        corner_forces: {contact: (n, k, 3)}, world axes [N].
+        friction_used: {contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}.
+        centre_of_pressure: {contact: point in W, shape (n, 3) [m]}.
+        residuals: {equation: scaled residual, shape (n,)}.
+        status: A `StateStatus` of each state, shape (n,), integers.
+        reasons: {state: message} where it is not solved.
+        methods: Names of the methods that answered; `method_codes`, shape (n,), says which did where.
+        one_by_one: Which states were answered one by one, shape (n,), truth values.
+        warned: {what: states that a single answer would have warned of, shape (n,)}.
         law: The law of all answers.
         rest_speed: As of `rbd.solve`.
 

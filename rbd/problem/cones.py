@@ -72,7 +72,7 @@ class Cone(Protocol):
 
 @dataclass(frozen=True)
 class Free:
-    """Force set of a bilateral constraint: all of R^dim.
+    """Force set of a bilateral constraint of `dim` rows: all of R^dim.
 
     Example:
         >>> hinge = rbd.problem.Free(2)
@@ -96,7 +96,7 @@ class Free:
 
 @dataclass(frozen=True)
 class NonNegative:
-    """Force set of what only pushes, e.g. a joint limit: every component >= 0.
+    """Force set of `dim` rows that only push, e.g. of a joint limit: every component >= 0.
 
     Example:
         >>> rbd.problem.NonNegative(2).project(np.array([3.0, -1.0]))
@@ -151,7 +151,7 @@ class FrictionCone:
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Force set between two bounds, component by component, e.g. of dry friction in a joint.
+    """Force set between bounds `lo` and `hi`, shape (dim,) [N, N m], e.g. of dry friction in a joint.
 
     Example:
         >>> dry = rbd.problem.Box([-2.0], [2.0])
@@ -305,7 +305,7 @@ def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Product:
-    """Cartesian product of several force sets, their components stacked.
+    """Cartesian product of several force sets `cones`, their components stacked.
 
     Example:
         >>> both = rbd.problem.Product([rbd.problem.FrictionCone(0.5), rbd.problem.NonNegative(1)])

@@ -213,6 +213,9 @@ def link_angles(state: State) -> dict[str, float]:
     Counter-clockwise as seen from -y, with x to the right and z up: the angles of the texts. Joint angles are relative: that of
     a coupler is its link's angle less the crank's.
 
+    Args:
+        state: The mechanism, in the x-z plane.
+
     Raises:
         InputError: a link whose y axis is not the world's: the mechanism moves in another plane.
 
