@@ -18,7 +18,7 @@ COLORS = ("#d55e00", "#0072b2", "#009e73", "0.55")
 def pictures() -> Iterator[Path]:
     """All of them."""
     yield four_bar_loop()
-    yield unicycle()
+    yield unicycle_from_above()
     yield four_bar_singular()
 
 
@@ -46,7 +46,7 @@ def four_bar_loop() -> Path:
     return _save(figure, "four_bar_loop")
 
 
-def unicycle() -> Path:
+def unicycle_from_above() -> Path:
     """A unicycle from above with forward and sideways; forward, turn, back, turn back from above."""
     figure = Figure(figsize=(9.0, 3.9), layout="constrained")
     one, moves = figure.subplots(1, 2)
@@ -91,7 +91,7 @@ def unicycle() -> Path:
     for ax in (one, moves):
         ax.set_aspect("equal")
         ax.set_axis_off()
-    return _save(figure, "unicycle")
+    return _save(figure, "unicycle_from_above")
 
 
 def four_bar_singular() -> Path:

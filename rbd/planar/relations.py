@@ -1,9 +1,9 @@
 """Relations between the angles of a chain: read, solved where an angle occurs linearly, and checked against each other.
 
 A relation that some angle occurs in linearly, with a coefficient free of angles, is solved for that angle (the last such one);
-it is then substituted in the others. The others, phi(s) = 0, are not solved: rates are in their derivative's null space,
+it is then substituted in the others. The others, psi(s) = 0, are not solved: rates are in their derivative's null space,
 
-    phi_d s_d' + phi_f s_f' = 0,   s_d' = -phi_d^-1 phi_f s_f',
+    psi_d s_d' + psi_f s_f' = 0,   s_d' = -psi_d^-1 psi_f s_f',
 
 with as many angles s_d dependent as relations remain. Points on them are looked for numerically, to distinguish relations that
 contradict each other, or are redundant where they hold, from independent ones.
@@ -327,22 +327,22 @@ def _points(
 
 def newton(function: Any, s: Array) -> tuple[Array, float]:
     """Gauss and Newton's method with least steps, halved until the residual falls."""
-    phi, J = (np.array(x, dtype=float) for x in function(s))
+    psi, J = (np.array(x, dtype=float) for x in function(s))
     for _ in range(80):
-        if not (np.isfinite(phi).all() and np.isfinite(J).all()):
+        if not (np.isfinite(psi).all() and np.isfinite(J).all()):
             return s, np.inf
-        if np.abs(phi).max() < 1e-14:
+        if np.abs(psi).max() < 1e-14:
             break
-        step, moved = np.linalg.lstsq(J, phi, rcond=1e-12)[0], False
+        step, moved = np.linalg.lstsq(J, psi, rcond=1e-12)[0], False
         for halving in range(12):
             trial = s - 0.5**halving * step
             new, slope = (np.array(x, dtype=float) for x in function(trial))
-            if np.isfinite(new).all() and np.linalg.norm(new) < np.linalg.norm(phi):
-                s, phi, J, moved = trial, new, slope, True
+            if np.isfinite(new).all() and np.linalg.norm(new) < np.linalg.norm(psi):
+                s, psi, J, moved = trial, new, slope, True
                 break
         if not moved:
             break
-    return s, float(np.abs(phi).max())
+    return s, float(np.abs(psi).max())
 
 
 def _check_rank(pending: list[Relation], jacobians: list[Array], scale: float) -> None:
