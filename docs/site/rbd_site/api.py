@@ -117,13 +117,15 @@ def neighbours(app: Sphinx, pagename: str, templatename: str, context: dict[str,
 
 
 CODE = re.compile(r"(``.*?``|`[^`]*`)")
+MARKS = re.compile(r"\\.|(?<![\w*])(\*{1,2})(?=\w)[^*]*\w\1(?![\w*])|[|*]")
+"""What is escaped already, emphasis, and marks that stand for themselves."""
 
 
 def plain(line: str) -> str:
     """A line of a docstring in which | and * stand for themselves, and `Rows`s is code with an s."""
     parts = CODE.split(line)
     for i in range(0, len(parts), 2):
-        parts[i] = re.sub(r"(?<!\\)(\||\*(?!\w[^*]*\w\*(?!\*))(?<!\w\*))", r"\\\1", parts[i])
+        parts[i] = MARKS.sub(lambda mark: mark[0] if len(mark[0]) > 1 else "\\" + mark[0], parts[i])
         if i and parts[i] and (parts[i][0].isalnum()):
             parts[i] = "\\ " + parts[i]
     return "".join(parts)
