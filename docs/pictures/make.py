@@ -7,9 +7,12 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+import constraint_pictures
+import least_constraint_pictures
 import numpy as np
 import planar_pictures
 import scenes
+import task_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -209,7 +212,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     **{f.__name__: f for f in (poses, where_it_can_stand, inverse_dynamics, mechanisms, robots, fall, coin_strip, tipping)},
 }
 """{picture: makes it}; those of the courses and tasks are in modules of their own."""
-MODULES = (planar_pictures,)
+MODULES = (planar_pictures, constraint_pictures, least_constraint_pictures, task_pictures)
 
 
 def chosen(names: list[str]) -> Iterator[Path]:
