@@ -172,7 +172,7 @@ def test_the_site_is_whole(tmp_path):
     site = tmp_path / "site"
     assert built(site) == ""
     assert list(faults(site)) == []
-    assert "Theory" in found_by_search(site, "friction") and "load_robot" in found_by_search(site, "load_robot")
+    assert "Which contact law?" in found_by_search(site, "friction") and "load_robot" in found_by_search(site, "load_robot")
     assert all((site / "scenes" / f"{name}.html").stat().st_size > 100_000 for name in SCENES)
     assert (site / "_static" / "mathjax" / "tex-chtml-full.js").is_file()
     size = sum(file.stat().st_size for file in site.rglob("*") if file.is_file() and "scenes" not in file.parts)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterable
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
 
+from rbd_site.pages import TOP
 from rbd_site.public import GROUPS, PACKAGES, Public, homes, names_of
 
 STOP = "BaseException, Enum, IntEnum, StrEnum, Protocol, str, int, float, tuple, dict, list"
@@ -41,9 +44,7 @@ def home_page(public: Public) -> str:
 
 def first_paragraph(package: str) -> str:
     """What a sub-package is for."""
-    import importlib
-
-    module = importlib.import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
+    module = import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
     return (inspect.getdoc(module) or "").split("\n", 1)[0]
 
 
@@ -60,8 +61,10 @@ def package_page(package: str) -> str:
     else:
         made.append(table(names.values()))
         if package == "rbd.errors":
-            doc = inspect.getdoc(__import__("rbd.errors").errors) or ""
-            made.append(doc.split("\n", 1)[1])
+            doc = inspect.getdoc(import_module("rbd.errors")) or ""
+            made.append(doc.split("\n", 1)[1] + "\n")
+    file = TOP / "rbd" / "model" / "dynamics.py" if package == "rbd.dynamics" else Path(str(import_module(package).__file__))
+    made.append(f"Source: `{file.relative_to(TOP).as_posix()}`.\n")
     return "\n".join(made)
 
 
