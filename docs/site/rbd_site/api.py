@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
+from rbd.arrays import lazy
 from rbd_site.pages import TOP
 from rbd_site.public import GROUPS, PACKAGES, Public, homes, names_of
 
@@ -157,8 +160,40 @@ def read_as_written(app: Sphinx, kind: str, name: str, value: object, options: o
             lines[i] = plain(line)
 
 
+SWAPPED: list[tuple[type, str, lazy[Any, Any]]] = []
+"""Members that are properties while the API is read, and what they are else."""
+
+
+def show_lazies(app: Sphinx) -> None:
+    """Let autodoc see a value computed on first use as the property that it is for users, with its type."""
+    modules = [module for name, module in sys.modules.items() if name.partition(".")[0] == "rbd"]
+    classes = {c for module in modules for c in vars(module).values() if inspect.isclass(c) and c.__module__.startswith("rbd")}
+    for owner in classes:
+        for name, value in list(vars(owner).items()):
+            if isinstance(value, lazy):
+                SWAPPED.append((owner, name, value))
+                setattr(owner, name, property(value.compute))
+
+
+def restore_lazies(app: Sphinx, *_: object) -> None:
+    """Undo `show_lazies`: the scenes are computed by the same process."""
+    while SWAPPED:
+        setattr(*SWAPPED.pop())
+
+
+def name_attributes(app: Sphinx, doctree: nodes.document) -> None:
+    """Head the list of a class's attributes by that word."""
+    for field in doctree.findall(nodes.field_name):
+        if field.astext() == "Variables":
+            field.children[:] = [nodes.Text("Attributes")]
+
+
 def setup(app: Sphinx) -> None:
     """Register with Sphinx."""
+    app.connect("builder-inited", show_lazies, priority=700)
+    app.connect("env-updated", restore_lazies)
+    app.connect("build-finished", restore_lazies, priority=100)
+    app.connect("doctree-read", name_attributes)
     app.connect("html-page-context", neighbours)
     app.connect("autodoc-process-docstring", keep_colons, priority=100)
     app.connect("autodoc-process-docstring", read_as_written, priority=700)
