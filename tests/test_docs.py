@@ -11,6 +11,11 @@ import pytest
 from test_readme import TOP, blocks, broken_links, run_page
 
 PAGES = sorted((TOP / "docs").rglob("*.md")) + [TOP / "examples" / "README.md", TOP / "CHANGELOG.md"]
+COURSES = ("least_constraint",)
+DERIVED = [TOP / "docs" / "reference" / "theory.md"]
+"""Pages whose equations name what computes and what tests them: the theory, and all pages of the courses."""
+for course in COURSES:
+    DERIVED += [page for page in sorted((TOP / "docs" / "courses" / course).glob("*.md")) if page.stem != "index"]
 WITH_CODE = [page for page in PAGES if any(block.language == "python" for block in blocks(page))]
 
 
@@ -56,14 +61,39 @@ def test_the_links_of_the_page_lead_somewhere(page):
     assert broken_links(page) == []
 
 
-def test_every_equation_of_the_theory_names_its_function_and_its_test():
-    """After a block of mathematics come `In code:` with a name of the package, and `Tests:` with a test."""
-    parts = re.split(r"```math\n.*?```", (TOP / "docs" / "reference" / "theory.md").read_text(encoding="utf-8"), flags=re.DOTALL)[1:]
-    assert len(parts) > 10
-    for part in parts:
-        paragraph = part.strip().split("\n\n")[0]
-        assert paragraph.startswith("In code: `rbd."), paragraph
-        assert re.search(r"Tests: `tests/[\w/]+\.py::test_\w+`", paragraph.replace("\n", " ")), paragraph
+def unnamed(text: str) -> list[str]:
+    """Paragraphs after a block of mathematics that name no function and test, and give no derivation either."""
+    missing = []
+    for part in re.split(r"^```math\n.*?^```", text, flags=re.DOTALL | re.MULTILINE)[1:]:
+        paragraph = part.strip().split("\n\n")[0].replace("\n", " ")
+        named = re.match(r"In code: `rbd\.[\w.]+`", paragraph) and re.search(r"Tests: `tests/[\w/]+\.py::test_\w+`", paragraph)
+        if not named and not re.match(r"It follows \w+ \w+", paragraph):
+            missing.append(paragraph)
+    return missing
+
+
+@pytest.mark.parametrize("page", DERIVED, ids=name_of)
+def test_every_equation_names_its_function_and_its_test(page: Path):
+    """After a block of mathematics come `In code:` and `Tests:`, or in a derivation what it follows from."""
+    assert unnamed(page.read_text(encoding="utf-8")) == []
+
+
+def test_the_theory_names_more_than_it_derives():
+    """All equations of the reference are computed somewhere; pages of courses name one at least."""
+    for page in DERIVED:
+        text = page.read_text(encoding="utf-8")
+        named, equations = text.count("\nIn code: `rbd."), len(re.findall("^```math$", text, flags=re.MULTILINE))
+        assert named >= (equations if page.stem == "theory" else 1), page
+
+
+def test_equations_that_name_nothing_are_noticed():
+    """The check of equations can fail: neither a name alone, nor a derivation without a reason, is enough."""
+    named = "In code: `rbd.solve`. Tests: `tests/test_docs.py::test_x`."
+    for after in (named, "It follows from the first.", "It follows\nby the chain rule."):
+        assert unnamed(f"```math\na = b\n```\n\n{after}\n") == []
+    half = ("In code: `rbd.solve`.", "Tests: `tests/test_docs.py::test_x`.")
+    for after in (*half, "It follows.", "So it is.", "Then. It follows from it."):
+        assert unnamed(f"```math\na = b\n```\n\n{after}\n\n{named}\n") == [after]
 
 
 def test_every_reference_is_in_the_bibliography():
@@ -78,8 +108,9 @@ def test_every_reference_is_in_the_bibliography():
 
 
 def test_the_notation_opens_with_the_conventions():
-    """Three lines: the world's axes, the order of vectors, the sign of a force."""
-    first = (TOP / "docs" / "reference" / "notation.md").read_text(encoding="utf-8").splitlines()[:3]
+    """The title, then three lines: the world's axes, the order of vectors, the sign of a force."""
+    title, blank, *first = (TOP / "docs" / "reference" / "notation.md").read_text(encoding="utf-8").splitlines()[:5]
+    assert (title, blank) == ("# Notation", "")
     for line, words in zip(first, (("World", "z up"), ("linear first", "x, y, z, w"), ("to the robot",)), strict=True):
         assert all(word in line for word in words), line
 

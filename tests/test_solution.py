@@ -54,6 +54,20 @@ def test_gauss_is_the_distance_from_free_motion_and_the_sum_of_its_shares(pushed
             assert s.gauss.shares[rows.name] == pytest.approx(0.5 * f @ rows.J @ moved, rel=1e-12, abs=1e-9)
 
 
+def test_a_multiplier_is_the_rate_of_gauss_as_its_row_gives_way(talos, turning):
+    """dZ*/dy = f for Z*(y) = min 1/2 |a - a_free|_M^2 with J a + J_dot v = y: a parabola, so central differences are exact."""
+    held = rbd.solve(turning, np.zeros(talos.nu), talos.soles(None), solver=rbd.KKT())
+    P = held.problem
+
+    def least(giving):
+        rows = [replace(r, bias=r.bias - giving[P.slices[r.name]]) for r in P.rows]
+        return float(rbd.solve_problem(rbd.GaussProblem(P.M, P.rhs, rows), solver=rbd.KKT()).gauss)
+
+    slopes = [0.5 * (least(e) - least(-e)) for e in np.eye(P.m)]
+    assert np.abs(slopes - held.multipliers).max() < 1e-9 * np.abs(held.multipliers).max()
+    assert np.abs(held.multipliers).min() > 1e-3  # no row for which zero would do
+
+
 def test_no_other_admissible_acceleration_is_nearer_to_free_motion(pushed, rng):
     """Gauss: the answer minimises 1/2 |a - a_free|_M^2 over all a whose contacts neither pierce nor leave K*."""
     P = pushed.problem
