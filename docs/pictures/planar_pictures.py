@@ -1,4 +1,4 @@
-"""The pictures of the course on planar chains, as PNG files beside this script; `make.py` calls `pictures()`."""
+"""Motions, ellipses and the leg of the course on planar chains, as PNG files beside this script."""
 
 import tempfile
 import warnings
@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
-from planar_sketches import sketches
 from planar_strokes import save
 
 import rbd
@@ -20,7 +19,6 @@ from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
 
 def pictures() -> Iterator[Path]:
     """All of them."""
-    yield from sketches()
     yield one_link_panels()
     yield ellipses()
     yield from motions()

@@ -16,7 +16,7 @@ VELOCITY, TANGENTIAL, CENTRIPETAL, CORIOLIS = "#0072b2", "#009e73", "#d55e00", "
 TRIANGLE, BRANCH = "#c0392b", "#e69f00"
 
 
-def sketches() -> Iterator[Path]:
+def pictures() -> Iterator[Path]:
     """All of them."""
     yield from (freedom(), kinds(), one_link(), two_links(), triangle(), relative_velocity())
     yield from (problem_2(), problem_3(), problem_4(), problem_5())
@@ -353,5 +353,5 @@ def _angles(ax: Axes, points: np.ndarray, q: Sequence[float]) -> None:
 
 
 if __name__ == "__main__":
-    for made in sketches():
+    for made in pictures():
         print(made.name)
