@@ -101,8 +101,8 @@ class JointLock:
 class JointCoupling:
     """Linear coupling of two joints, e.g. by a gear: q_joint = ratio q_to + offset.
 
-    One bilateral row: c = q_joint'' - ratio q_to'', J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is the
-    torque on `joint`; -ratio f acts on `to`. The angle of a continuous joint is known up to turns, and so is the
+    One bilateral row: `c = q_joint'' - ratio q_to''`, J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is
+    the torque on `joint`; -ratio f acts on `to`. The angle of a continuous joint is known up to turns, and so is the
     error: the nearest value is used; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
 
     Attributes:
@@ -182,7 +182,7 @@ class JointFriction:
         at rest (|v| <= 1e-6)   |f| <= torque; f = -torque where the joint starts in the positive direction, and so on
         moving                  f = -torque sign(v)
 
-    One row c = q''; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
+    One row `c = q''`; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
 
     Attributes:
         name: The constraint's role, e.g. "knee_friction".

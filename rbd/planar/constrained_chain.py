@@ -165,16 +165,16 @@ class ConstrainedChain:
         return sympy.ImmutableMatrix(self.jacobian(i) * self.free.diff(self.chain.t))
 
     def acceleration(self, i: int | None = None) -> Symbols:
-        """J_c s_free'' + J_c' s_free' [m/s^2], shape (2, 1)."""
+        """`J_c s_free'' + J_c' s_free'` [m/s^2], shape (2, 1)."""
         t = self.chain.t
         return sympy.ImmutableMatrix(self.jacobian(i) * self.free.diff(t, 2) + self.jacobian_rate(i) * self.free.diff(t))
 
     def jerk(self, i: int | None = None) -> Symbols:
-        """J_c s_free''' + 2 J_c' s_free'' + J_c'' s_free' [m/s^3], shape (2, 1)."""
+        """`J_c s_free''' + 2 J_c' s_free'' + J_c'' s_free'` [m/s^3], shape (2, 1)."""
         return sympy.ImmutableMatrix(self.rate(self.acceleration(i)))
 
     def split(self, i: int | None = None) -> ConstrainedSplit:
-        """The acceleration in three parts of the free angles [m/s^2]: terms in s'', in s_i'^2, in s_i' s_j'."""
+        """The acceleration in three parts of the free angles [m/s^2]: terms in `s''`, in `s_i'^2`, in `s_i' s_j'`."""
         J, t = self.jacobian(i), self.chain.t
         qd = list(self.free.diff(t))
 

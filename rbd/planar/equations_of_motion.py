@@ -181,7 +181,7 @@ class Dynamics:
         return Dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
     def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
-        """Small motion about a posture at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
+        """Small motion about a posture at rest: `M x'' + K x = 0`; see `rbd.planar.small_motion`.
 
         Args:
             at: q, n angles [rad], numbers or expressions; by default the chain hanging down.

@@ -52,7 +52,7 @@ class Modes:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Small motion about a posture, M x'' + K x = 0 for x = q - at, with constant forces that keep the posture.
+    """Small motion about a posture, `M x'' + K x = 0` for x = q - at, with constant forces that keep the posture.
 
     Attributes:
         at: The posture q, shape (n, 1) [rad].

@@ -88,7 +88,7 @@ def check_constraint(
     p the patch's point and w the angular velocity of its axes (which turn with the body where the resultant is a
     wrench; where that has no moment about x, of the x axis only); for a contact with another body, relative to that
     body's frame. Rays of the force cone must push along the patch's normal. Rows with an `error` and no patch must give
-    J v = error' and J a + J_dot v = error''. A patch with an error must give them too where its error is zero, the second
+    J v = error' and `J a + J_dot v = error''`. A patch with an error must give them too where its error is zero, the second
     where J v = 0. For rows with neither only J_dot v is checked, against the change of J; see the report's `against`.
 
     Of a contact with a surface whose motion is given, what its rows give at v = 0 is the surface's own, and is taken out of
