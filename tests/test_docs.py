@@ -67,7 +67,7 @@ def unnamed(text: str) -> list[str]:
     for part in re.split(r"^```math\n.*?^```", text, flags=re.DOTALL | re.MULTILINE)[1:]:
         paragraph = part.strip().split("\n\n")[0].replace("\n", " ")
         named = re.match(r"In code: `rbd\.[\w.]+`", paragraph) and re.search(r"Tests: `tests/[\w/]+\.py::test_\w+`", paragraph)
-        if not named and not re.match(r"It follows \w+ \w+", paragraph):
+        if not named and not re.match(r"It follows (from|by|that) \S", paragraph):
             missing.append(paragraph)
     return missing
 
