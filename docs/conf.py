@@ -6,6 +6,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "site"), str(HERE / "pictures")]
 
+from rbd_site.sources import linkcode_resolve  # noqa: E402, F401
+
 from rbd.installation import VERSION  # noqa: E402
 
 project = "rbd"
@@ -17,6 +19,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinx.ext.linkcode",
     "sphinx.ext.mathjax",
     "sphinx_design",
     "sphinx_copybutton",

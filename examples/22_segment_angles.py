@@ -1,6 +1,6 @@
 """Each segment's angle from the horizontal, or each joint's from the segment before: which equations change, and which do not?
 
-Problem 5 of the text [Duarte2021]. With th for joint angles and ph for segment angles, ph1 = th1 and ph2 = th1 + th2. Position,
+Problem 5 of the text [Duarte2021]. With th for joint angles and ps for segment angles, ps1 = th1 and ps2 = th1 + th2. Position,
 velocity and acceleration are the same vectors, written differently. The Jacobians differ by that map. The parts of the
 acceleration differ too: segments have no Coriolis part at all.
 """
@@ -16,7 +16,7 @@ import rbd.planar
 
 @dataclass(frozen=True)
 class Result:
-    """Differences in symbols after ph = A th, which shall be zero; parts in numbers {angles: (3, 2)}; both determinants."""
+    """Differences in symbols after ps = A th, which shall be zero; parts in numbers {angles: (3, 2)}; both determinants."""
 
     left: dict[str, sp.Matrix]
     parts: dict[str, np.ndarray]
@@ -40,7 +40,7 @@ def main(show: bool = True) -> Result:
     A, there = to_segment.matrix, dict(zip(segment.q, to_segment(joint.q), strict=True))
 
     def put_in(expression: sp.Matrix) -> sp.Matrix:
-        """Put ph = A th into an expression of the chain of segment angles."""
+        """Put ps = A th into an expression of the chain of segment angles."""
         return expression.subs(there, simultaneous=True).doit()
 
     left = {
@@ -50,7 +50,7 @@ def main(show: bool = True) -> Result:
         "Jacobian": joint.jacobian() - put_in(segment.jacobian()) * A,
     }
     left = {what: sp.simplify(sp.expand(difference)) for what, difference in left.items()}
-    print("With ph = A th put in, the difference is", ", ".join(f"{what} {list(x)}" for what, x in left.items()))
+    print("With ps = A th put in, the difference is", ", ".join(f"{what} {list(x)}" for what, x in left.items()))
 
     q, qd, qdd = np.array([0.4, 0.9]), np.array([2.0, -1.0]), np.array([3.0, 5.0])
     parts = {}
@@ -66,8 +66,8 @@ def main(show: bool = True) -> Result:
 
 
 def short(text: str, name: str) -> str:
-    """Write th for joint angles, ph for those of segments, l for lengths."""
-    return text.replace("theta_", "th" if name == "joint" else "ph").replace("ell_", "l")
+    """Write th for joint angles, ps for those of segments, l for lengths."""
+    return text.replace("theta_", "th" if name == "joint" else "ps").replace("ell_", "l")
 
 
 def check(result: Result) -> None:
@@ -79,9 +79,9 @@ def check(result: Result) -> None:
     assert np.all(segment[2] == 0.0) and np.abs(joint[2]).max() > 0.1
     assert np.allclose(joint[1] + joint[2], segment[1], atol=1e-12)
     ell_1, ell_2 = rbd.planar.Chain(2).lengths
-    th, ph = rbd.planar.Chain(2).q, rbd.planar.Chain(2, angles="segment").q
+    th, ps = rbd.planar.Chain(2).q, rbd.planar.Chain(2, angles="segment").q
     assert sp.simplify(result.determinants["joint"] - ell_1 * ell_2 * sp.sin(th[1])) == 0
-    assert sp.simplify(result.determinants["segment"] - ell_1 * ell_2 * sp.sin(ph[1] - ph[0])) == 0
+    assert sp.simplify(result.determinants["segment"] - ell_1 * ell_2 * sp.sin(ps[1] - ps[0])) == 0
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@
     python tests/bench.py --rows answers many  some groups of rows
     python tests/bench.py --plain              without the compiled kernels, as if Numba were not installed
     python tests/bench.py --profile            where a call of `rbd.solve` and a step of `rbd.simulate` spend their time
-    python tests/bench.py --write              all tables, also into the README; with --profile, into docs/design/speed.md
+    python tests/bench.py --write              all tables, also into docs/reference/speed.md and README.md; with
+                                               --profile, the parts of a call into docs/design/speed.md
 
 Every call has its own q, v and tau. The columns of a table take turns of a few calls, so that a noisy machine troubles them
 alike. Timing is never part of the tests.
@@ -125,7 +126,9 @@ def main() -> None:
     parser.add_argument("--profile", action="store_true", help="where the time of a call and of a step goes")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     parser.add_argument(
-        "--write", action="store_true", help="put the tables into README.md, the profile into docs/design/speed.md"
+        "--write",
+        action="store_true",
+        help="put the tables into docs/reference/speed.md and README.md, the profile into docs/design/speed.md",
     )
     given = parser.parse_args()
     console, start = Console(width=140), time.perf_counter()
@@ -154,7 +157,8 @@ def main() -> None:
         console.print(accuracy_table(errors))
     console.print("measured in {:.0f} min {:.0f} s; median processor times".format(*divmod(time.perf_counter() - start, 60.0)))
     if given.write:
-        bench_pages.readme(TOP / "README.md", found, errors)
+        bench_pages.reference(TOP / "docs" / "reference" / "speed.md", found, errors)
+        bench_pages.readme(TOP / "README.md", found)
     sys.exit(len(failed))
 
 

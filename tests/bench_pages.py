@@ -1,4 +1,7 @@
-"""Tables of one run in the pages: those of the README, and where a call spends its time, in docs/design/speed.md."""
+"""Tables of one run in the pages.
+
+All rows stand in docs/reference/speed.md, a few of them in README.md, the parts of a call in docs/design/speed.md.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,19 @@ from bench_profile import Columns, lines
 from bench_timing import Row, marks_of, robots_of, shown, versions
 
 ASKED = ("answers", "many", "points", "steps", "fall", "derivatives", "hessian", "linkage", "motion")
-"""Groups of the first table of the README."""
+"""Groups of the first table of the page."""
 OTHERS = ("peers", "engines", "solvers")
 """Groups of the second, without marks; of the solvers, what begins with these."""
 SOME = (GENERAL, "inverse dynamics")
+FEW = (
+    "rbd.solve, held",
+    "rbd.solve, frictional, sticking",
+    "rbd.solve, slipping, Coulomb's law",
+    "rbd.solve_many, 10,000 states, a state: frictional, sticking",
+    "a step of rbd.simulate of 1 ms on frictional feet",
+    "a minute of motion at 30 Hz read, checked, reported",
+)
+"""Rows of the README, by what they measure."""
 Accuracy = dict[str, dict[str, tuple[float, float | None]]]
 
 
@@ -45,8 +57,14 @@ def _measured_with() -> str:
     return f"Processor times of one run: {told}; {of['processor']}."
 
 
-def readme(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> str:
-    """Put the tables of a whole run into the README."""
+def readme(page: Path, found: dict[str, list[Row]]) -> str:
+    """Put a few rows of a run into the README."""
+    few = [row for name in ASKED for row in found.get(name, ()) if row.what in FEW]
+    return put(page, "speed", "\n".join(_rows(few, marks=False)))
+
+
+def reference(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> str:
+    """Put the tables of a whole run into the page on speed."""
     asked = [row for name in ASKED for row in found.get(name, ())]
     others = [row for name in OTHERS for row in found.get(name, ()) if name != "solvers" or row.what.startswith(SOME)]
     parts = [_rows(asked, marks=True)]

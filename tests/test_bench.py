@@ -94,26 +94,45 @@ def test_columns_take_turns():
 
 
 def test_the_pages_have_a_place_for_the_tables(tmp_path):
-    """README and page are written between their marks, and a page without them is refused."""
+    """Each page is written between its marks, and a page without them is refused."""
     rows = {"answers": [Row("held", {"talos": 2.91, "g1": 3.0}, "x", (4.0, 3.0)), Row("alone", {"": 0.5}, "s")]}
     accuracy = {"talos": {"ours": (1e-3, 1e-9), "theirs": (1.0, None)}}
-    for name, place in (("README.md", "speed"), ("docs/design/speed.md", "profile")):
+    few = Row(bench_pages.FEW[0], {"talos": 2.91}, "x", (4.0, 3.0))
+    for name, place in (("README.md", "speed"), ("docs/reference/speed.md", "speed"), ("docs/design/speed.md", "profile")):
         text = (TOP / name).read_text(encoding="utf-8")
         page = tmp_path / f"{place}.md"
         page.write_text(text, encoding="utf-8")
-        if place == "speed":
-            new = bench_pages.readme(page, rows, accuracy)
+        if name == "README.md":
+            new = bench_pages.readme(page, {"answers": [*rows["answers"], few]})
+            assert new.splitlines()[2:] == [f"| {few.what} | 2.91 | x |"]
+        elif place == "speed":
+            new = bench_pages.reference(page, rows, accuracy)
             assert "| held | 2.91 | 3.00 | | x | 4 | 3 |" in new and "| alone | | | 0.50 | s | | |" in new
         else:
             new = bench_pages.design(page, {"a call": {"held": (1e-5, {"State": 0.25, "record": 0.75})}})
             assert "| record | 7.5 | 75 |" in new and "| all | 10.0 | 100 |" in new
-        assert "| ours | 1e-03 J | 1e-09 m |" in new or place == "profile"
+        assert ("| ours | 1e-03 J | 1e-09 m |" in new) == (name == "docs/reference/speed.md")
         begin, end = text.index(f"<!-- {place}"), text.index(f"<!-- end of {place}")
         assert page.read_text(encoding="utf-8").startswith(text[:begin]) and text[end:] in page.read_text(encoding="utf-8")
         assert new in page.read_text(encoding="utf-8")
     page.write_text("nothing", encoding="utf-8")
     with pytest.raises(ValueError, match="no place"):
         bench_pages.design(page, {})
+
+
+def test_the_readme_has_rows_of_the_page():
+    """Every row of the README's table stands in the first table of docs/reference/speed.md, with the same numbers."""
+
+    def rows(name: str) -> set[tuple[str, ...]]:
+        text = (TOP / name).read_text(encoding="utf-8")
+        table = text.split("<!-- speed: made by tests/bench.py -->")[1].split("\n\n")[0].split("<!-- end")[0]
+        cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+        return {tuple(cell for cell in row if cell) for row in cells}
+
+    few, all_ = rows("README.md"), rows("docs/reference/speed.md")
+    assert {row[0] for row in few} == set(bench_pages.FEW)
+    for row in few:
+        assert any(row == other[: len(row)] for other in all_), row
 
 
 def test_parts_of_a_profile_add_up(talos):

@@ -552,6 +552,10 @@ CASES: dict[str, Case] = {
         {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "prefer": ["crank_joint"]},
     ),
     "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
+    "mechanism.link_rates": Case(rbd.mechanism.link_rates, {"state": LINKED, "rates": np.array([1.0, -0.5, 0.3])}),
+    "mechanism.link_jacobians": Case(
+        rbd.mechanism.link_jacobians, {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "known": ["crank"]}
+    ),
     "mechanism.project_velocity": Case(
         lambda **given: rbd.mechanism.project_velocity(**given).v, {"state": MOVING, "constraints": FEET}
     ),

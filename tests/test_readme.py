@@ -111,6 +111,20 @@ def test_the_first_screen_comes_first():
     assert len([line for line in first.text.splitlines() if line.strip()]) <= 10
 
 
+def test_the_readme_is_short():
+    """After the first screen, which ends with Limits, at most 120 lines."""
+    rest = (TOP / "README.md").read_text(encoding="utf-8").split("\n## Install\n")[1]
+    assert len(rest.splitlines()) + 1 <= 120
+
+
+def test_the_limits_are_those_of_the_site():
+    """README and docs/reference/limits.md say the same, each with links from where it stands."""
+    readme = (TOP / "README.md").read_text(encoding="utf-8")
+    first = readme.split("\n## Limits\n")[1].split("\n## ")[0].replace("](docs/reference/", "](")
+    page = (TOP / "docs" / "reference" / "limits.md").read_text(encoding="utf-8")
+    assert page.split("# Limits\n")[1].strip() == first.strip()
+
+
 def test_the_readme_links_lead_somewhere():
     """Every page and picture named is in the repository."""
     assert broken_links(TOP / "README.md") == []

@@ -1,20 +1,18 @@
-"""Makes docs/pictures/*.png: `make pictures`, with Chromium on PATH."""
+"""Makes docs/pictures/*.png: `make pictures`, or `python docs/pictures/make.py NAME ...`, with Chromium on PATH."""
 
-import contextlib
-import importlib
-import io
 import itertools
 import sys
 import tempfile
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
+import constraint_pictures
 import least_constraint_pictures
 import numpy as np
 import planar_pictures
+import scenes
+import task_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -32,16 +30,18 @@ MECHANISMS = (
 )
 
 
-def talos() -> Path:
-    """The README's first screen: Talos pushed at its torso, with the forces of the README's code."""
-    robot = rbd.load_robot("talos")
-    state, soles = robot.standing(), robot.soles(friction=0.7)
-    push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
-    solution = rbd.solve(state, rbd.hold(state, soles).tau, soles, external=push)
-    with tempfile.TemporaryDirectory() as folder, Scene(robot) as scene:
-        scene.show(state, solution, external=push)
-        page = scene.export(Path(folder) / "talos.html")
-        return screenshot(page, PICTURES / "talos.png", width=1100, height=900)
+def scene(picture: str, width: int, height: int) -> Path:
+    """A photograph of a scene."""
+    with tempfile.TemporaryDirectory() as folder:
+        page = scenes.SCENES[picture](Path(folder) / f"{picture}.html")
+        return screenshot(page, PICTURES / f"{picture}.png", width=width, height=height)
+
+
+def example_page(picture: str, name: str, width: int, height: int) -> Path:
+    """A photograph of the page that an example writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        page = scenes.shown(name, Path(folder) / f"{picture}.html")
+        return screenshot(page, PICTURES / f"{picture}.png", width=width, height=height)
 
 
 def poses() -> Path:
@@ -69,17 +69,6 @@ def poses() -> Path:
     return PICTURES / "poses.png"
 
 
-def hand_on_a_wall() -> Path:
-    """Example 24: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
-    result = _result("24_hand_on_a_wall")
-    held = result.held
-    with tempfile.TemporaryDirectory() as folder, Scene(held.state.robot) as scene:
-        scene.show(held.state, held, external=rbd.ExternalForce("torso_2_link", (0.0, 140.0, 0.0)))
-        scene.draw(*result.regions["soles and hand"])
-        page = scene.export(Path(folder) / "hand.html")
-        return screenshot(page, PICTURES / "hand_on_a_wall.png", width=1000, height=820)
-
-
 def where_it_can_stand() -> Path:
     """Support regions of Talos from above, and its largest pushes all around."""
     robot = rbd.load_robot("talos")
@@ -104,59 +93,40 @@ def where_it_can_stand() -> Path:
 def plot(picture: str, example: str, draw: str, size: tuple[float, float], *axes: int, sharex: bool = False) -> Path:
     """A plot of an example, drawn on axes of ours by the example's own function."""
     figure = Figure(figsize=size, layout="constrained")
-    getattr(_example(example), draw)(figure.subplots(*axes, sharex=sharex), _result(example))
+    getattr(scenes.example(example), draw)(figure.subplots(*axes, sharex=sharex), scenes.result(example))
     figure.savefig(PICTURES / f"{picture}.png", dpi=110, metadata={"Software": None})
     return PICTURES / f"{picture}.png"
 
 
-def plots() -> Iterator[Path]:
-    """The plots of the examples."""
-    yield plot("push", "02_push", "plot_push", (7.0, 4.2))
-    yield plot("two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2)
-    yield plot("sensitivities", "07_sensitivities", "plot_sensitivity", (7.0, 4.2))
-    yield plot("unique", "08_what_is_unique", "draw", (8.0, 6.4), 2, sharex=True)
-    yield plot("slider_crank", "11_slider_crank", "plot_turn", (7.0, 6.0), 3, 1, sharex=True)
-    yield plot("sleigh", "13_sleigh", "plot_flow", (6.4, 5.0))
-    yield plot("push_recovery", "14_push_recovery", "plot_pushes", (7.5, 6.0), 2, 1)
-    yield plot("four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1)
-    yield plot("coin", "16_rolling_disk", "plot_lean", (7.0, 4.0))
-    yield plot("sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1)
+def fall() -> Path:
+    """Example 14: Talos falls."""
+    way, seen = scenes.result("14_push_recovery").ways[250.0], (1.0, 0.25, 0.2)
+    push = scenes.example("14_push_recovery").push(250.0)
+    times = [0.0, 0.15, 0.4, 0.7, 1.0]
+    return motion_sheet(way, times, PICTURES / "fall.png", external=push, seen_from=seen, width=300, height=420)
 
 
-def strips() -> Iterator[Path]:
-    """Motions of the examples, side by side."""
-    push = _example("14_push_recovery")
-    fall = _result("14_push_recovery").ways[250.0]
-    seen, size = (1.0, 0.25, 0.2), {"width": 300, "height": 420}
-    yield motion_sheet(
-        fall, [0.0, 0.15, 0.4, 0.7, 1.0], PICTURES / "fall.png", external=push.push(250.0), seen_from=seen, **size
-    )
-    coin = _result("16_rolling_disk").runs["slow"]
-    yield motion_sheet(coin, [0.0, 0.3, 0.5, 0.6, 0.7], PICTURES / "coin_strip.png", width=300, height=300)
-    crate, aside = _result("17_sliding_box").tipped[0.6], (0.2, -1.0, 0.2)
-    yield motion_sheet(crate, [0.0, 0.15, 0.3, 0.45, 0.6], PICTURES / "tipping.png", width=300, height=300, seen_from=aside)
+def coin_strip() -> Path:
+    """Example 16: a slow coin leans over more and more."""
+    coin = scenes.result("16_rolling_disk").runs["slow"]
+    return motion_sheet(coin, [0.0, 0.3, 0.5, 0.6, 0.7], PICTURES / "coin_strip.png", width=300, height=300)
 
 
-def fists() -> Path:
-    """The page of examples/05_moving_and_body_contacts.py: two robots in one model."""
-    example = _example("05_moving_and_body_contacts")
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        example.main(show=True)
-        page = next(Path(folder).rglob("*.html"))
-        return screenshot(page, PICTURES / "fists.png", width=1100, height=900)
+def tipping() -> Path:
+    """Example 17: a crate tips over."""
+    crate, times, aside = scenes.result("17_sliding_box").tipped[0.6], [0.0, 0.15, 0.3, 0.45, 0.6], (0.2, -1.0, 0.2)
+    return motion_sheet(crate, times, PICTURES / "tipping.png", width=300, height=300, seen_from=aside)
 
 
-def crouch() -> Path:
-    """The plot of examples/25_torques_of_a_crouch.py, as it writes it."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        _example("25_torques_of_a_crouch").main(show=True)
-        with Image.open(next(Path(folder).rglob("*.png"))) as drawn:
-            drawn.resize((770, 462), Image.Resampling.LANCZOS).save(PICTURES / "crouch.png")
-    return PICTURES / "crouch.png"
+def drawn(picture: str, name: str, width: int, height: int) -> Path:
+    """The plot that an example writes, made smaller."""
+    with tempfile.TemporaryDirectory() as folder, Image.open(scenes.shown(name, Path(folder) / "plot.png")) as plot:
+        plot.resize((width, height), Image.Resampling.LANCZOS).save(PICTURES / f"{picture}.png")
+    return PICTURES / f"{picture}.png"
 
 
 def inverse_dynamics() -> Path:
-    """The plot of docs/reference/inverse_dynamics.md: what Talos' hips cost on their way to the left, and what is possible."""
+    """The plot of docs/reference/inverse_dynamics.md: Talos' hips move to the left; what it costs, and what is possible."""
     robot = rbd.load_robot("talos")
     state, soles, held = robot.standing(), robot.soles(friction=0.7), robot.soles(friction=None)
     weight, wanted, shares, reached, lateral = 9.81 * robot.mass, np.linspace(0.0, 3.0, 121), [], [], np.zeros(robot.nv)
@@ -190,21 +160,6 @@ def inverse_dynamics() -> Path:
     return PICTURES / "inverse_dynamics.png"
 
 
-def motion_check() -> Path:
-    """The page of `docs/reference/motions.md`: G1 raises its arms and leans, at the frame in which most is missing."""
-    g1 = rbd.load_robot("g1")
-    stands = g1.standing().q
-    raises, leans = stands.copy(), stands.copy()
-    for side in ("left", "right"):
-        raises[g1.joints[f"{side}_shoulder_pitch_joint"].q] = -1.5
-    leans[g1.joints["waist_pitch_joint"].q] = 0.5
-    motion = rbd.motion.minimum_jerk(g1, [stands, raises, leans, stands], [0.0, 0.8, 1.4, 2.2])
-    report = rbd.check_motion(motion)
-    with tempfile.TemporaryDirectory() as folder:
-        page = report.export(Path(folder) / "lean.html", title="G1 leans forward", arrow_per_weight=0.8)
-        return screenshot(page, PICTURES / "motion_check.png", width=1200, height=720)
-
-
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
     width, height = 560, 440
@@ -229,24 +184,50 @@ def robots() -> Path:
     return contact_sheet(STANDING, PICTURES / "robots.png")
 
 
-@cache
-def _result(example: str) -> Any:
-    """What an example returns."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        return _example(example).main(show=False)
+MAKERS: dict[str, Callable[[], Path]] = {
+    "talos": partial(scene, "talos", 1100, 900),
+    "hand_on_a_wall": partial(scene, "hand_on_a_wall", 1000, 820),
+    "motion_check": partial(scene, "motion_check", 1200, 720),
+    "four_bar": partial(scene, "four_bar", 900, 640),
+    "double_pendulum": partial(scene, "double_pendulum", 900, 640),
+    "standing": partial(example_page, "standing", "01_stand", 900, 760),
+    "walker": partial(example_page, "walker", "03_your_own_robot", 900, 760),
+    "fists": partial(example_page, "fists", "05_moving_and_body_contacts", 1100, 900),
+    "infeasible_stance": partial(example_page, "infeasible_stance", "09_infeasible_stance", 900, 760),
+    "unicycle": partial(example_page, "unicycle", "12_unicycle", 900, 640),
+    "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
+    "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
+    "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
+    "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),
+    "two_laws": partial(plot, "two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2),
+    "sensitivities": partial(plot, "sensitivities", "07_sensitivities", "plot_sensitivity", (7.0, 4.2)),
+    "unique": partial(plot, "unique", "08_what_is_unique", "draw", (8.0, 6.4), 2, sharex=True),
+    "slider_crank": partial(plot, "slider_crank", "11_slider_crank", "plot_turn", (7.0, 6.0), 3, 1, sharex=True),
+    "sleigh": partial(plot, "sleigh", "13_sleigh", "plot_flow", (6.4, 5.0)),
+    "push_recovery": partial(plot, "push_recovery", "14_push_recovery", "plot_pushes", (7.5, 6.0), 2, 1),
+    "four_bar_swing": partial(plot, "four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1),
+    "coin": partial(plot, "coin", "16_rolling_disk", "plot_lean", (7.0, 4.0)),
+    "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
+    **{f.__name__: f for f in (poses, where_it_can_stand, inverse_dynamics, mechanisms, robots, fall, coin_strip, tipping)},
+}
+"""{picture: makes it}; those of the courses and tasks are in modules of their own."""
+MODULES = (planar_pictures, constraint_pictures, least_constraint_pictures, task_pictures)
 
 
-def _example(name: str) -> ModuleType:
-    sys.path.insert(0, str(TOP / "examples"))
-    try:
-        return importlib.import_module(name)
-    finally:
-        sys.path.pop(0)
+def chosen(names: list[str]) -> Iterator[Path]:
+    """The pictures of these names, or all; a name of a module's function makes that function's."""
+    if not names:
+        yield from (make() for make in MAKERS.values())
+        yield from itertools.chain.from_iterable(module.pictures() for module in MODULES)
+    for name in names:
+        found = [MAKERS[name]] if name in MAKERS else [vars(module)[name] for module in MODULES if name in vars(module)]
+        if not found:
+            raise SystemExit(f"no picture {name!r}; expected one of {', '.join(MAKERS)}, or a function of a module of pictures")
+        made = found[0]()
+        yield from [made] if isinstance(made, Path) else made
 
 
 if __name__ == "__main__":
-    singles = (talos, fists, mechanisms, robots, crouch, inverse_dynamics, poses, hand_on_a_wall, where_it_can_stand)
-    scenes = (make() for make in (*singles, motion_check))
-    pages = (planar_pictures.pictures(), least_constraint_pictures.pictures())
-    for made in itertools.chain(scenes, plots(), strips(), *pages):
-        print(made.relative_to(TOP))
+    for written in chosen(sys.argv[1:]):
+        print(written.relative_to(TOP))

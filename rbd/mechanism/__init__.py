@@ -1,5 +1,6 @@
 """Mechanisms: assembly, mobility, branches and singularities of closed loops and rolling."""
 
+from rbd.mechanism.absolute_angles import link_jacobians, link_rates
 from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
@@ -42,6 +43,8 @@ __all__ = [
     "independent_velocities",
     "integrability",
     "link_angles",
+    "link_jacobians",
+    "link_rates",
     "mobility",
     "n_four_bar",
     "project_acceleration",

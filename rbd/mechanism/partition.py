@@ -5,8 +5,9 @@ With the columns of J parted into those of the known velocities and the others,
     J1 v1 + J2 v2 = u                       u: prescribed velocity of surfaces and guides, zero for loops
     J1 a1 + J2 a2 + J_dot v = 0             (J_dot v less their acceleration)
 
-v2 = J2^+ (u - J1 v1) is unique where J2 has full column rank; for a planar four-bar driven by its crank det J2 = L2 L3
-sin(th3 - th2), zero where coupler and rocker are collinear. Rows may be redundant: J2 is then not square.
+v2 = J2^+ (u - J1 v1) is unique where J2 has full column rank. For a planar four-bar driven by its crank, with Norton's letters
+(coupler b at th3, rocker c at th4), det J2 = b c sin(th3 - th4), zero where coupler and rocker are collinear. Rows may be
+redundant: J2 is then not square.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
+from rbd.arrays import Array, as_array, check_finite, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError, SingularPose
 from rbd.mechanism.closure import SINGULAR, Closure, branches_meet, position_residual, rank_of
+from rbd.mechanism.columns import Columns
 from rbd.model.state import State, check_state
 from rbd.problem.cones import Box, Free, NonNegative
 
@@ -28,54 +30,6 @@ Rates = Mapping[str, "float | Sequence[float] | Array"]
 
 _CONSISTENT = 1e-9
 """Tolerance of the rows, over the largest sum of terms in a row."""
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """Columns of the constraints' Jacobian, parted into those of known and of unknown velocities.
-
-    Attributes:
-        known: Names of the known velocities: those of `robot.joints.velocities` ("crank", "base.wz").
-        unknown: Names of the others.
-        J_known: J1, shape (m, known).
-        J_unknown: J2, shape (m, unknown).
-        singular_values: Of J2, with velocities that slide in units of the robot's length, shape (min(m, unknown),).
-    """
-
-    known: tuple[str, ...]
-    unknown: tuple[str, ...]
-    J_known: Array
-    J_unknown: Array
-    singular_values: Array
-
-    @property
-    def rank(self) -> int:
-        """Rank of J2."""
-        return rank_of(self.singular_values)
-
-    @property
-    def sigma_min(self) -> float:
-        """Least singular value of J2 [m]; zero where it has fewer rows than columns."""
-        s = self.singular_values
-        return float(s[-1]) if len(s) and len(s) == len(self.unknown) else 0.0
-
-    @property
-    def condition(self) -> float:
-        """Largest singular value of J2 over its least; one if nothing is unknown."""
-        if not self.unknown:
-            return 1.0
-        return float(self.singular_values[0] / self.sigma_min) if self.sigma_min > 0.0 else np.inf
-
-    @lazy
-    def volume(self) -> float:
-        """sqrt(det(J2^T J2)): |det J2| if it is square, apart from zero rows."""
-        gram = self.J_unknown.T @ self.J_unknown
-        return float(np.sqrt(max(0.0, np.linalg.det(gram)))) if self.unknown else 1.0
-
-    @lazy
-    def influence(self) -> Array:
-        """-J2^+ J1, shape (unknown, known): derivative of each unknown velocity by each known one."""
-        return -np.linalg.lstsq(self.J_unknown, self.J_known, rcond=None)[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Three ways to measure the angles of a planar chain, and the maps between them.
 
-Every way is affine in the absolute angles: phi = A q + b, where phi_k is the angle of segment k from x, counterclockwise.
+Every way is affine in the absolute angles: psi = A q + b, where psi_k is the angle of segment k from x, counterclockwise.
 
 ====================  =======================================================  ======================  ============
 name                  theta_i is measured                                      A                       b
@@ -41,7 +41,7 @@ def check_convention(angles: object) -> str:
 
 
 def to_segments(n: int, angles: str) -> tuple[Symbols, Symbols]:
-    """A (n, n) and b (n, 1) of phi = A q + b, as exact numbers."""
+    """A (n, n) and b (n, 1) of psi = A q + b, as exact numbers."""
     matrix = sympy.Matrix([[int(i <= k) for i in range(n)] for k in range(n)]) if angles == JOINT else sympy.eye(n)
     offset = sympy.ones(n, 1) * (-sympy.pi / 2 if angles == VERTICAL else 0)
     return matrix, offset

@@ -49,7 +49,7 @@ class Bodies:
         return tuple(m * d + ell * more for m, d, ell, more in every)
 
     def coupling(self, i: int, j: int) -> sp.Expr:
-        """mu_ij [kg m2], the only numbers in the kinetic energy: T = 1/2 sum_ij mu_ij cos(phi_i - phi_j) w_i w_j.
+        """mu_ij [kg m2], the only numbers in the kinetic energy: T = 1/2 sum_ij mu_ij cos(psi_i - psi_j) w_i w_j.
 
         mu_ii = I_i + m_i d_i^2 + ell_i^2 (m_{i+1} + ...), and mu_ij = ell_i nu_j for i < j. Links are counted from 0.
         """

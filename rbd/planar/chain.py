@@ -92,8 +92,8 @@ class Chain:
 
     @lazy
     def segment_angles(self) -> Symbols:
-        """Angle of every link from x [rad], shape (n, 1): phi = A q + b, see `rbd.planar.angles`."""
-        return self._links.phi
+        """Angle of every link from x [rad], shape (n, 1): psi = A q + b, see `rbd.planar.angles`."""
+        return self._links.psi
 
     @lazy
     def _links(self) -> Links:
@@ -143,7 +143,7 @@ class Chain:
     # Kinematics
 
     def position(self, i: int | None = None) -> Symbols:
-        """Position of joint i [m], shape (2, 1): r = sum_k ell_k (cos phi_k, sin phi_k) over the links before it."""
+        """Position of joint i [m], shape (2, 1): r = sum_k ell_k (cos psi_k, sin psi_k) over the links before it."""
         return self._links.motion(i, 0)
 
     def velocity(self, i: int | None = None) -> Symbols:
@@ -189,7 +189,7 @@ class Chain:
     def singular_configurations(self) -> tuple[sympy.Eq, ...]:
         """Conditions that make the end-point Jacobian lose rank, all of them at once: every link on one line.
 
-        sin(phi_{k+1} - phi_k) = 0 for k = 1..n-1: each link continues the one before it or folds back on it. A single link
+        sin(psi_{k+1} - psi_k) = 0 for k = 1..n-1: each link continues the one before it or folds back on it. A single link
         has none: its end point always moves along the circle.
         """
         return self._links.singular_configurations()

@@ -69,6 +69,31 @@ class ConstrainedChain:
         """The angles that are not eliminated, shape (m, 1) [rad]; the free ones if all relations were solved."""
         return self.reduced.coordinates
 
+    @lazy
+    def J1(self) -> Symbols:
+        """Derivative of the relations that were not solved by the free angles, shape (k, f): J1 s_free' + J2 s_dep' = 0."""
+        return self._slopes(list(self.free))
+
+    @lazy
+    def J2(self) -> Symbols:
+        """Derivative of the relations that were not solved by the angles that are not free, shape (k, k)."""
+        return self._slopes([angle for angle in self.coordinates if angle not in self.free])
+
+    @lazy
+    def det_J2(self) -> sympy.Expr:
+        """Signed determinant of J2; where it is zero, the free angles' rates do not determine the others. 1 if all are solved.
+
+        For the loop L1 e^(i th1) + L2 e^(i th2) + L3 e^(i th3) + L4 e^(i th4) = 0 with th1 and th4 free it is
+        L2 L3 sin(th3 - th2) [m^2].
+        """
+        return sympy.trigsimp(self.reduced.regular)
+
+    def _slopes(self, angles: list[sympy.Expr]) -> Symbols:
+        """Derivative of the relations that were not solved by some angles."""
+        remaining = self.reduced.remaining
+        rows = [[relation.diff(angle) for angle in angles] for relation in remaining]
+        return sympy.ImmutableMatrix(len(remaining), len(angles), [entry for row in rows for entry in row])
+
     @property
     def is_solved(self) -> bool:
         """Whether all relations were solved, so that q is a function of the free angles."""
@@ -245,7 +270,9 @@ class ConstrainedChain:
         return f"ConstrainedChain({self.chain.n} links, {listed}; free: {', '.join(map(str, self.free)) or 'none'})"
 
 
-def constrained(chain: Chain, relation: Any, *, branch: int | None = None) -> ConstrainedChain:
+def constrained(
+    chain: Chain, relation: Any, *, branch: int | None = None, free: Sequence[Any] | None = None
+) -> ConstrainedChain:
     """A chain under one relation of its angles, or several.
 
     Args:
@@ -255,10 +282,13 @@ def constrained(chain: Chain, relation: Any, *, branch: int | None = None) -> Co
             the chain, in its convention [rad]; other symbols are constants.
         branch: Relations not linear in any angle are used by their derivative, for any of their solutions; a
             number, 0, 1, ..., solves them for an angle instead, by that one of the solutions that SymPy finds.
+        free: Angles that shall be free, by number from 1 or as angles of `chain.q`, as many as the relations leave: those
+            with known motion. None: the first ones that determine the others.
 
     Raises:
         InputError: on contradictory or redundant relations, naming them; on rates, time or other varying
-            quantities in a relation; on objects that are not relations.
+            quantities in a relation; on objects that are not relations; on free angles that are too few or too many, or
+            that do not determine the others.
 
     >>> arm = Chain(2, lengths=sympy.symbols("ell ell", positive=True))
     >>> th1, th2 = arm.q
@@ -266,12 +296,39 @@ def constrained(chain: Chain, relation: Any, *, branch: int | None = None) -> Co
     Matrix([
     [                    0],
     [2*ell*cos(theta_1(t))]])
+
+    A four-bar, its links' angles measured from x: the end returns to the start.
+
+    >>> loop = Chain(4, angles="segment")
+    >>> constrained(loop, loop.position(), free=(1, 4)).det_J2
+    -ell_2*ell_3*sin(theta_2(t) - theta_3(t))
     """
     check_chain(chain)
     if branch is not None and (isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch < 0):
         raise InputError(f"branch is {branch!r:.80}; expected None, or which solution to take: 0, 1, ...")
     relations: tuple[Relation, ...] = read(chain, relation)
-    return ConstrainedChain(chain, tuple(r.expr for r in relations), reduce(chain, relations, branch))
+    known = () if free is None else _angles(chain, free)
+    return ConstrainedChain(chain, tuple(r.expr for r in relations), reduce(chain, relations, branch, known))
+
+
+def _angles(chain: Chain, given: Any) -> tuple[sympy.Expr, ...]:
+    """Angles of the chain, given by number or as themselves.
+
+    Raises:
+        InputError: on other objects, on one that comes twice, on none.
+    """
+    out = []
+    listed = list(given) if isinstance(given, list | tuple | sympy.MatrixBase) else [given]
+    for one in listed:
+        whole = isinstance(one, int | np.integer | sympy.Integer) and not isinstance(one, bool)
+        angle = chain.q[int(one) - 1] if whole and 1 <= int(one) <= chain.n else one
+        if not isinstance(angle, sympy.Expr) or angle not in set(chain.q) or angle in out:
+            names = ", ".join(map(str, chain.q))
+            raise InputError(f"free has {one!r:.80} in it; expected numbers 1 to {chain.n}, each once, or angles of {names}.")
+        out.append(angle)
+    if not out:
+        raise InputError("free names no angle; expected some, or None to choose them by themselves.")
+    return tuple(out)
 
 
 def _shorter(expr: sympy.Expr) -> sympy.Expr:

@@ -1,12 +1,12 @@
 """Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), written down pair by pair of links.
 
-In the absolute angles phi_i of the links the kinetic energy is a sum over pairs of links, and the potential energy one over
+In the absolute angles psi_i of the links the kinetic energy is a sum over pairs of links, and the potential energy one over
 links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:
 
-    T = 1/2 sum_ij mu_ij cos(phi_i - phi_j) w_i w_j,        V = g sum_i nu_i sin phi_i,        w_i = d phi_i / dt
+    T = 1/2 sum_ij mu_ij cos(psi_i - psi_j) w_i w_j,        V = g sum_i nu_i sin psi_i,        w_i = d psi_i / dt
 
-so the moment that moves link i is E_i = sum_j mu_ij (cos(phi_i - phi_j) dw_j/dt + sin(phi_i - phi_j) w_j^2) + g nu_i cos phi_i.
-Other angles are phi = S q + s with constant S: M, the Christoffel symbols and the forces transform with S as tensors, and
+so the moment that moves link i is E_i = sum_j mu_ij (cos(psi_i - psi_j) dw_j/dt + sin(psi_i - psi_j) w_j^2) + g nu_i cos psi_i.
+Other angles are psi = S q + s with constant S: M, the Christoffel symbols and the forces transform with S as tensors, and
 without differentiation or simplification. Two links share one cosine whose angle is the sum of the joint angles between them.
 A test derives the same by differentiation.
 
@@ -54,7 +54,7 @@ class Dynamics:
 
     @lazy
     def _S(self) -> Symbols:  # noqa: N802  the letter of the equation
-        """S of phi = S q + s, shape (n, n): whole numbers."""
+        """S of psi = S q + s, shape (n, n): whole numbers."""
         return self.chain.segment_angles.jacobian(self.chain.q)
 
     @lazy
@@ -64,7 +64,7 @@ class Dynamics:
 
     @lazy
     def M(self) -> Symbols:  # noqa: N802
-        """Inertia, symmetric and positive definite, shape (n, n) [kg m2]: M_ab = sum_ij S_ia S_jb mu_ij cos(phi_i - phi_j)."""
+        """Inertia, symmetric and positive definite, shape (n, n) [kg m2]: M_ab = sum_ij S_ia S_jb mu_ij cos(psi_i - psi_j)."""
         n, S, mu = self.chain.n, self._S, self.bodies.coupling
 
         def entry(a: int, b: int) -> sp.Expr:
@@ -77,7 +77,7 @@ class Dynamics:
     def christoffel(self) -> sp.ImmutableDenseNDimArray:
         """Christoffel symbols of the first kind, symmetric in the last two, shape (n, n, n) [kg m2].
 
-        G_abc = sum_ij S_ia S_jb S_jc mu_ij sin(phi_i - phi_j): links feel only G_ijj.
+        G_abc = sum_ij S_ia S_jb S_jc mu_ij sin(psi_i - psi_j): links feel only G_ijj.
         """
         n, S = self.chain.n, self._S
 
@@ -100,7 +100,7 @@ class Dynamics:
 
     @lazy
     def g(self) -> Symbols:
-        """Moments against gravity, g_a = dV/dq_a = g sum_i S_ia nu_i cos phi_i, shape (n, 1) [N m]."""
+        """Moments against gravity, g_a = dV/dq_a = g sum_i S_ia nu_i cos psi_i, shape (n, 1) [N m]."""
         return sp.ImmutableMatrix([sp.Add(*self._weights(a)) for a in range(self.chain.n)])
 
     @property
@@ -127,16 +127,16 @@ class Dynamics:
 
     @lazy
     def T(self) -> sp.Expr:  # noqa: N802
-        """Kinetic energy T = 1/2 sum_i mu_ii w_i^2 + sum_{i<j} mu_ij cos(phi_i - phi_j) w_i w_j [J]."""
+        """Kinetic energy T = 1/2 sum_i mu_ii w_i^2 + sum_{i<j} mu_ij cos(psi_i - psi_j) w_i w_j [J]."""
         w = self._rates
         own = (self.bodies.coupling(i, i) * w[i] ** 2 / 2 for i in range(self.chain.n))
         return sp.Add(*own, *(c * w[i] * w[j] for (i, j), c in self._cosines.items()))
 
     @lazy
     def V(self) -> sp.Expr:  # noqa: N802
-        """Potential energy V = g sum_i nu_i sin phi_i [J], zero at the height of the base."""
+        """Potential energy V = g sum_i nu_i sin psi_i [J], zero at the height of the base."""
         heights = zip(self.bodies.first_moments, self.chain.segment_angles, strict=True)
-        total = sp.Add(*(nu * sp.sin(phi) for nu, phi in heights))
+        total = sp.Add(*(nu * sp.sin(psi) for nu, psi in heights))
         return -self.gravity * -total if total.could_extract_minus_sign() else self.gravity * total
 
     @property
@@ -279,12 +279,12 @@ class Dynamics:
         return self._by_pair(sp.sin)
 
     def _by_pair(self, function: type[sp.Function]) -> dict[tuple[int, int], sp.Expr]:
-        """{(i, j) with i < j: mu_ij times a function of phi_i - phi_j}."""
-        n, phi, mu = self.chain.n, self.chain.segment_angles, self.bodies.coupling
-        return {(i, j): mu(i, j) * function(phi[i] - phi[j]) for i in range(n) for j in range(i + 1, n)}
+        """{(i, j) with i < j: mu_ij times a function of psi_i - psi_j}."""
+        n, psi, mu = self.chain.n, self.chain.segment_angles, self.bodies.coupling
+        return {(i, j): mu(i, j) * function(psi[i] - psi[j]) for i in range(n) for j in range(i + 1, n)}
 
     def _turning(self, a: int) -> list[sp.Expr]:
-        """Centripetal and Coriolis term of coordinate a: mu_ij sin(phi_i - phi_j) (S_ia w_j^2 - S_ja w_i^2) of a pair."""
+        """Centripetal and Coriolis term of coordinate a: mu_ij sin(psi_i - psi_j) (S_ia w_j^2 - S_ja w_i^2) of a pair."""
         S, w, out = self._S, self._rates, []
         for (i, j), s in self._sines.items():
             if S[i, a] == S[j, a]:  # both links are moved: only their relative turning is felt
@@ -294,8 +294,8 @@ class Dynamics:
         return out
 
     def _weights(self, a: int) -> list[sp.Expr]:
-        phi, nu = self.chain.segment_angles, self.bodies.first_moments
-        return [self._S[i, a] * self.gravity * nu[i] * sp.cos(phi[i]) for i in range(self.chain.n)]
+        psi, nu = self.chain.segment_angles, self.bodies.first_moments
+        return [self._S[i, a] * self.gravity * nu[i] * sp.cos(psi[i]) for i in range(self.chain.n)]
 
 
 def dynamics(

@@ -291,9 +291,9 @@ def evenly_bent(arm: ChainNumbers, target: Array) -> Array:
         bend = 0.5 * (low + high)
     else:
         bend = bends[np.argmin(np.abs(reach - r))]
-    phi = bend * np.arange(arm.n)
-    end = arm.ell @ units(phi)
-    return arm.from_segment(phi + np.arctan2(target[1], target[0]) - np.arctan2(end[1], end[0]))
+    psi = bend * np.arange(arm.n)
+    end = arm.ell @ units(psi)
+    return arm.from_segment(psi + np.arctan2(target[1], target[0]) - np.arctan2(end[1], end[0]))
 
 
 def _in_line(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Array, str] | None:
@@ -307,8 +307,8 @@ def _in_line(arm: ChainNumbers, target: Array, start: Array | None) -> tuple[Arr
         turned, note = np.where(np.arange(arm.n) == longest, 0.0, np.pi), "folded onto one line, the only pose"
     else:
         return None
-    phi = np.arctan2(target[1], target[0]) + turned
-    q = arm.from_segment(phi)
+    psi = np.arctan2(target[1], target[0]) + turned
+    q = arm.from_segment(psi)
     if r <= slack:
         note = "folded onto one line through the base, which may point anywhere"
         if start is not None:
@@ -329,13 +329,13 @@ def _pieces(arm: ChainNumbers, target: Array, side: float) -> Array:
     low, high = max(abs(r - first), abs(l[middle] - last)), min(r + first, l[middle] + last)
     gap = 0.5 * (low + high)
     toward = np.arctan2(target[1], target[0])
-    phi_first = toward - side * _corner(first, r, gap)
-    knee = first * units(np.array(phi_first))
-    phi_middle = np.arctan2(*(target - knee)[::-1]) - side * _corner(l[middle], gap, last)
-    elbow = knee + l[middle] * units(np.array(phi_middle))
-    phi_last = np.arctan2(*(target - elbow)[::-1])
+    psi_first = toward - side * _corner(first, r, gap)
+    knee = first * units(np.array(psi_first))
+    psi_middle = np.arctan2(*(target - knee)[::-1]) - side * _corner(l[middle], gap, last)
+    elbow = knee + l[middle] * units(np.array(psi_middle))
+    psi_last = np.arctan2(*(target - elbow)[::-1])
     order = np.arange(arm.n)
-    return arm.from_segment(np.where(order < middle, phi_first, np.where(order == middle, phi_middle, phi_last)))
+    return arm.from_segment(np.where(order < middle, psi_first, np.where(order == middle, psi_middle, psi_last)))
 
 
 def _corner(a: float, b: float, opposite: float) -> float:
@@ -378,7 +378,7 @@ def _settle(arm: ChainNumbers, target: Array, q0: Array, q: Array, most: int = 6
         gradient = N.T @ off
         multiplier = -np.linalg.solve(J @ J.T, J @ off)
         A = arm.to_segment.floats[0]
-        pull = -arm.ell * (units(arm.to_segment(q)) @ multiplier)  # d2 r / dphi_k^2 = -ell_k (cos, sin)
+        pull = -arm.ell * (units(arm.to_segment(q)) @ multiplier)  # d2 r / dpsi_k^2 = -ell_k (cos, sin)
         H = N.T @ (np.eye(arm.n) + A.T @ (pull[:, None] * A)) @ N
         w, U = np.linalg.eigh(H)
         if np.abs(gradient).max() <= FLAT and w[0] > -1e-6:

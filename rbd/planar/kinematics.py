@@ -1,9 +1,9 @@
 """Kinematics in symbols: position to jerk of the joints of a row of links, Jacobians, the acceleration in three parts.
 
-All quantities are sums over segments, r = sum_k ell_k (cos phi_k, sin phi_k), so one segment is differentiated and the others
+All quantities are sums over segments, r = sum_k ell_k (cos psi_k, sin psi_k), so one segment is differentiated and the others
 are analogous: a term does not grow with the number of links, and every power of a rate multiplies one bracket,
 
-    a = -sum_k ell_k [ phi_k'' (sin, -cos)(phi_k) + phi_k'^2 (cos, sin)(phi_k) ].
+    a = -sum_k ell_k [ psi_k'' (sin, -cos)(psi_k) + psi_k'^2 (cos, sin)(psi_k) ].
 
 The acceleration in the text's three parts: the chain rule gives a = J qdd + sum_ij r_ij qd_i qd_j, where r_ij is the second
 derivative of r:
@@ -115,12 +115,12 @@ class Links:
 
     @lazy
     def moved_by(self) -> Symbols:
-        """A of phi = A q + b, shape (n, n): which angles turn which link."""
+        """A of psi = A q + b, shape (n, n): which angles turn which link."""
         return to_segments(self.n, self.angles)[0]
 
     @lazy
-    def phi(self) -> Symbols:
-        """Angle of every link from x, phi = A q + b, shape (n, 1) [rad]."""
+    def psi(self) -> Symbols:
+        """Angle of every link from x, psi = A q + b, shape (n, 1) [rad]."""
         matrix, offset = to_segments(self.n, self.angles)
         return (matrix * self.q + offset).as_immutable()
 
@@ -129,14 +129,14 @@ class Links:
         return self.q.diff(dynamicsymbols._t, order)
 
     def segment_vectors(self, order: int, *, turned: bool = False) -> list[Symbols]:
-        """What every link adds: the `order`-th time derivative of ell_k (cos, sin)(phi_k), one (2, 1) per link.
+        """What every link adds: the `order`-th time derivative of ell_k (cos, sin)(psi_k), one (2, 1) per link.
 
-        Turned, of ell_k (-sin, cos)(phi_k), its derivative by phi_k.
+        Turned, of ell_k (-sin, cos)(psi_k), its derivative by psi_k.
         """
         unit, names = _unit(order, turned)
         out = []
-        for length, phi in zip(self.lengths, self.phi, strict=True):
-            rates = [phi.diff(dynamicsymbols._t, k) if k else phi for k in range(order + 1)]
+        for length, psi in zip(self.lengths, self.psi, strict=True):
+            rates = [psi.diff(dynamicsymbols._t, k) if k else psi for k in range(order + 1)]
             out.append(length * unit.xreplace(dict(zip(names, rates, strict=False))))
         return out
 
@@ -151,7 +151,7 @@ class Links:
     def jacobian(self, i: int | None, order: int = 0) -> Symbols:
         """Jacobian of joint i (order 0) or its first or second time derivative, shape (2, n).
 
-        Column j is sum_k A_kj ell_k (-sin, cos)(phi_k), as phi = A q + b.
+        Column j is sum_k A_kj ell_k (-sin, cos)(psi_k), as psi = A q + b.
         """
         last = check_joint(self.n, i)
         turned = self.segment_vectors(order, turned=True)
@@ -186,7 +186,7 @@ class Links:
     def determinant(self) -> sympy.Expr:
         """The determinant of J for two links, det(J J^T) of more, det(J^T J) of one; zero where the chain is singular.
 
-        A 2 x 2 minor of columns i < j is sum ell_k ell_l sin(phi_l - phi_k), over the pairs of a link k that joint i moves and
+        A 2 x 2 minor of columns i < j is sum ell_k ell_l sin(psi_l - psi_k), over the pairs of a link k that joint i moves and
         a link l that joint j moves; pairs that both joints move cancel. By Cauchy and Binet det(J J^T) is the sum of their
         squares. Their number grows with n^4; beyond 6 links it is left as |J_x|^2 |J_y|^2 - (J_x . J_y)^2, the rows of J.
         """
@@ -200,31 +200,31 @@ class Links:
         return minors[0] if self.n == 2 else sympy.Add(*(minor**2 for minor in minors))
 
     def _minor(self, i: int, j: int) -> sympy.Expr:
-        phi, ell, moved_by = self.phi, self.lengths, self.moved_by
+        psi, ell, moved_by = self.psi, self.lengths, self.moved_by
         first = [k for k in range(self.n) if moved_by[k, i] and not moved_by[k, j]]
         second = [k for k in range(self.n) if moved_by[k, j]]
-        return sympy.Add(*(ell[k] * ell[m] * sympy.sin(phi[m] - phi[k]) for k in first for m in second))
+        return sympy.Add(*(ell[k] * ell[m] * sympy.sin(psi[m] - psi[k]) for k in first for m in second))
 
     def singular_configurations(self) -> tuple[sympy.Eq, ...]:
-        """sin(phi_{k+1} - phi_k) = 0 for every neighbouring pair: all links on one line, stretched or folded.
+        """sin(psi_{k+1} - psi_k) = 0 for every neighbouring pair: all links on one line, stretched or folded.
 
-        J = [ell_k (-sin, cos)(phi_k)] A with A invertible, so its rank is that of the segments' directions.
+        J = [ell_k (-sin, cos)(psi_k)] A with A invertible, so its rank is that of the segments' directions.
         """
-        phi = self.phi
-        return tuple(sympy.Eq(sympy.sin(phi[k + 1] - phi[k]), 0) for k in range(self.n - 1))
+        psi = self.psi
+        return tuple(sympy.Eq(sympy.sin(psi[k + 1] - psi[k]), 0) for k in range(self.n - 1))
 
 
 @lru_cache(maxsize=8)
 def _unit(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
     """Derivative of the unit vector of a segment, or of that vector turned by 90 degrees, in symbols to be replaced.
 
-    (cos, sin)(phi(t)) is differentiated `order` times and its rates collected as factors of the sine and the cosine.
+    (cos, sin)(psi(t)) is differentiated `order` times and its rates collected as factors of the sine and the cosine.
     """
     t = sympy.Symbol("t")
-    phi = sympy.Function("phi")(t)
-    names = sympy.symbols("phi_0:4")
-    vector = sympy.Matrix([-sympy.sin(phi), sympy.cos(phi)] if turned else [sympy.cos(phi), sympy.sin(phi)]).diff(t, order)
-    flat = vector.xreplace({phi.diff(t, k): names[k] for k in range(3, 0, -1)}).xreplace({phi: names[0]})
+    psi = sympy.Function("psi")(t)
+    names = sympy.symbols("psi_0:4")
+    vector = sympy.Matrix([-sympy.sin(psi), sympy.cos(psi)] if turned else [sympy.cos(psi), sympy.sin(psi)]).diff(t, order)
+    flat = vector.xreplace({psi.diff(t, k): names[k] for k in range(3, 0, -1)}).xreplace({psi: names[0]})
     sides = [sympy.cos(names[0]), sympy.sin(names[0])]
     return flat.applyfunc(lambda x: sympy.collect(sympy.expand(x), sides)).as_immutable(), names
 

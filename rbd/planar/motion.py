@@ -259,8 +259,8 @@ def _integrated(
 
 def _bent(arm: ChainNumbers, q: Array) -> Array:
     """Whether the chain is out of line at each sample, shape (samples,)."""
-    phi = arm.to_segment(q)
-    return np.abs(np.sin(np.diff(phi, axis=1))).max(axis=1) > IN_LINE
+    psi = arm.to_segment(q)
+    return np.abs(np.sin(np.diff(psi, axis=1))).max(axis=1) > IN_LINE
 
 
 def _inside(arm: ChainNumbers, points: Array) -> Array:

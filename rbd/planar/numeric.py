@@ -119,7 +119,7 @@ class ChainNumbers:
 
     @lazy
     def to_segment(self) -> AngleMap:
-        """From its angles to those of the links from x, phi = A q + b."""
+        """From its angles to those of the links from x, psi = A q + b."""
         return angle_map(self.n, self.angles, SEGMENT)
 
     @property
@@ -291,10 +291,10 @@ class ChainNumbers:
 
     def _directions(self, q: Array) -> tuple[Array, Array]:
         """Sine and cosine of the segments' absolute angles, (n, samples) each."""
-        if self.angles == VERTICAL:  # phi = q - pi/2, exactly
+        if self.angles == VERTICAL:  # psi = q - pi/2, exactly
             return -np.cos(q), np.sin(q)
-        phi = self._rates(q)
-        return np.sin(phi), np.cos(phi)
+        psi = self._rates(q)
+        return np.sin(psi), np.cos(psi)
 
     def _columns(self, segments: Array) -> Array:
         """Columns of the Jacobian out of the segments' shares: joint j moves every link after it."""

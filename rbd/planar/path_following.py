@@ -176,8 +176,8 @@ def _one_branch(arm: ChainNumbers, points: Array, near: Array | None, branch: in
             signs[after:] *= -1.0
             switches.append(after)
     first = toward - signs * lean
-    phi = np.unwrap(np.stack([first, first + signs * bend], axis=-1), axis=0)
-    return arm.from_segment(phi), singular, tuple(switches)
+    psi = np.unwrap(np.stack([first, first + signs * bend], axis=-1), axis=0)
+    return arm.from_segment(psi), singular, tuple(switches)
 
 
 def _meetings(arm: ChainNumbers, points: Array, singular: Array) -> list[tuple[int, int]]:

@@ -1,9 +1,9 @@
 """Relations between the angles of a chain: read, solved where an angle occurs linearly, and checked against each other.
 
 A relation that some angle occurs in linearly, with a coefficient free of angles, is solved for that angle (the last such one);
-it is then substituted in the others. The others, phi(s) = 0, are not solved: rates are in their derivative's null space,
+it is then substituted in the others. The others, psi(s) = 0, are not solved: rates are in their derivative's null space,
 
-    phi_d s_d' + phi_f s_f' = 0,   s_d' = -phi_d^-1 phi_f s_f',
+    psi_d s_d' + psi_f s_f' = 0,   s_d' = -psi_d^-1 psi_f s_f',
 
 with as many angles s_d dependent as relations remain. Points on them are looked for numerically, to distinguish relations that
 contradict each other, or are redundant where they hold, from independent ones.
@@ -152,8 +152,8 @@ def _checked(chain: Chain, label: str, expr: sympy.Expr) -> sympy.Expr:
     return expr
 
 
-def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None) -> Reduced:
-    """Solve relations for angles where possible, and store the others.
+def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None, free: tuple[sympy.Expr, ...] = ()) -> Reduced:
+    """Solve relations for angles where possible, but not for those that shall be free, and store the others.
 
     Raises:
         InputError: on contradictory or redundant relations, naming them.
@@ -162,10 +162,10 @@ def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None) ->
     pending, used = list(relations), list[Relation]()
     while True:
         now = [_substituted(relation, solved, chain, used) for relation in pending]
-        chosen = next((k for k, expr in enumerate(now) if _linear(chain, expr) is not None), None)
-        value = _linear(chain, now[chosen]) if chosen is not None else None
+        chosen = next((k for k, expr in enumerate(now) if _linear(chain, expr, free) is not None), None)
+        value = _linear(chain, now[chosen], free) if chosen is not None else None
         if value is None and branch is not None and pending:
-            chosen, value = 0, _nonlinear(chain, pending[0], now[0], branch)
+            chosen, value = 0, _nonlinear(chain, pending[0], now[0], branch, free)
         if chosen is None or value is None:
             break
         angle, solution = value
@@ -173,10 +173,15 @@ def reduce(chain: Chain, relations: tuple[Relation, ...], branch: int | None) ->
         used.append(pending.pop(chosen))
     coordinates = [angle for angle in chain.q if angle not in solved]
     q = sympy.ImmutableMatrix([solved.get(angle, angle) for angle in chain.q])
+    if free and len(free) != chain.n - len(relations):
+        raise InputError(
+            f"free names {len(free)} angles; expected {chain.n - len(relations)}, as {chain.n} angles under {len(relations)} "
+            "independent relations leave free."
+        )
     if not pending:
         column = sympy.ImmutableMatrix(len(coordinates), 1, coordinates)
         return Reduced(q, column, column, sympy.ImmutableMatrix(sympy.eye(len(coordinates))), (), sympy.Integer(1), ())
-    return _implicit(q, coordinates, pending, now)
+    return _implicit(q, coordinates, pending, now, free)
 
 
 def _substituted(relation: Relation, solved: Mapping[Any, Any], chain: Chain, used: list[Relation]) -> sympy.Expr:
@@ -209,10 +214,10 @@ def _vanishes(expr: sympy.Expr, chain: Chain) -> bool:
     return True
 
 
-def _linear(chain: Chain, expr: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr] | None:
+def _linear(chain: Chain, expr: sympy.Expr, free: tuple[sympy.Expr, ...]) -> tuple[sympy.Expr, sympy.Expr] | None:
     """The last angle that occurs linearly, numbers as coefficients before parameters, and what it is equal to."""
     found = []
-    for angle in reversed(list(chain.q)):
+    for angle in [a for a in reversed(list(chain.q)) if a not in free]:
         factor = sympy.expand(expr.diff(angle))
         if factor != 0 and not factor.has(*chain.q):
             found.append((not factor.is_number, angle, factor))
@@ -222,10 +227,12 @@ def _linear(chain: Chain, expr: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr] | N
     return angle, sympy.expand(-(expr - factor * angle).expand() / factor)
 
 
-def _nonlinear(chain: Chain, relation: Relation, expr: sympy.Expr, branch: int) -> tuple[sympy.Expr, sympy.Expr] | None:
+def _nonlinear(
+    chain: Chain, relation: Relation, expr: sympy.Expr, branch: int, free: tuple[sympy.Expr, ...]
+) -> tuple[sympy.Expr, sympy.Expr] | None:
     """One of the solutions of a relation that is linear in no angle, if SymPy finds some."""
     unknown = sympy.Dummy("angle", real=True)
-    for angle in reversed([a for a in chain.q if expr.has(a)]):
+    for angle in reversed([a for a in chain.q if expr.has(a) and a not in free]):
         try:
             found = sympy.solve(expr.xreplace({angle: unknown}), unknown)
         except NotImplementedError:
@@ -242,7 +249,13 @@ def _nonlinear(chain: Chain, relation: Relation, expr: sympy.Expr, branch: int) 
     )
 
 
-def _implicit(q: Symbols, coordinates: list[sympy.Expr], pending: list[Relation], remaining: list[sympy.Expr]) -> Reduced:
+def _implicit(
+    q: Symbols,
+    coordinates: list[sympy.Expr],
+    pending: list[Relation],
+    remaining: list[sympy.Expr],
+    free: tuple[sympy.Expr, ...],
+) -> Reduced:
     k, m = len(remaining), len(coordinates)
     names = "; ".join(relation.label for relation in pending)
     if k > m:
@@ -251,10 +264,16 @@ def _implicit(q: Symbols, coordinates: list[sympy.Expr], pending: list[Relation]
     points, scale, jacobians = _points(coordinates, remaining, slopes, names)
     _check_rank(pending, jacobians, scale)
     best, size = tuple(range(m - k, m)), 0.0
-    for columns in combinations(range(m), k):  # the last that is nearly as good as the best: the first angles stay free
+    choices = [tuple(j for j in range(m) if coordinates[j] not in free)] if free else combinations(range(m), k)
+    for columns in choices:  # the last that is nearly as good as the best: the first angles stay free
         here = float(np.median([abs(np.linalg.det(J[:, columns])) for J in jacobians]))
         if here > 0.0 and here >= 0.3 * size:
             best, size = columns, max(here, size)
+    if free and size <= 1e-9 * scale**k:
+        raise InputError(
+            f"free came as {', '.join(map(str, free))}, whose rates do not determine the others under {names}. "
+            "Choose other angles."
+        )
     others = [j for j in range(m) if j not in best]
     block = slopes.extract(list(range(k)), list(best))
     regular = block.det()
@@ -308,22 +327,22 @@ def _points(
 
 def newton(function: Any, s: Array) -> tuple[Array, float]:
     """Gauss and Newton's method with least steps, halved until the residual falls."""
-    phi, J = (np.array(x, dtype=float) for x in function(s))
+    psi, J = (np.array(x, dtype=float) for x in function(s))
     for _ in range(80):
-        if not (np.isfinite(phi).all() and np.isfinite(J).all()):
+        if not (np.isfinite(psi).all() and np.isfinite(J).all()):
             return s, np.inf
-        if np.abs(phi).max() < 1e-14:
+        if np.abs(psi).max() < 1e-14:
             break
-        step, moved = np.linalg.lstsq(J, phi, rcond=1e-12)[0], False
+        step, moved = np.linalg.lstsq(J, psi, rcond=1e-12)[0], False
         for halving in range(12):
             trial = s - 0.5**halving * step
             new, slope = (np.array(x, dtype=float) for x in function(trial))
-            if np.isfinite(new).all() and np.linalg.norm(new) < np.linalg.norm(phi):
-                s, phi, J, moved = trial, new, slope, True
+            if np.isfinite(new).all() and np.linalg.norm(new) < np.linalg.norm(psi):
+                s, psi, J, moved = trial, new, slope, True
                 break
         if not moved:
             break
-    return s, float(np.abs(phi).max())
+    return s, float(np.abs(psi).max())
 
 
 def _check_rank(pending: list[Relation], jacobians: list[Array], scale: float) -> None:

@@ -129,7 +129,7 @@ def linearise(chain: Chain, M: sp.MatrixBase, g: sp.MatrixBase, at: Iterable[Any
         InputError: not n angles.
     """
     if at is None:
-        down = sp.Matrix([-sp.pi / 2 - phi.subs(dict.fromkeys(chain.q, 0)) for phi in chain.segment_angles])
+        down = sp.Matrix([-sp.pi / 2 - psi.subs(dict.fromkeys(chain.q, 0)) for psi in chain.segment_angles])
         posture = chain.segment_angles.jacobian(chain.q).LUsolve(down)
     else:
         if isinstance(at, str) or not np.iterable(at) or len(given := list(at)) != chain.n:

@@ -45,7 +45,7 @@ _FIXED_POINT_STEPS = 12
 class ConeSolver:
     """Contact forces in circular cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
-    Weights w in the product of the sets (`problem.force_set`) with
+    Weights w in the product of the sets (`problem.force_set`) with::
 
         y = D w + H^T (J a_free + offset) + centripetal part,    D = H^T J M^-1 J^T G
         convex:   y in K*, w . y = 0                             coulomb:   y + mu |y_t| n in K*, complementary to w
@@ -53,7 +53,7 @@ class ConeSolver:
     and f = G w, a = a_free + M^-1 J^T f. Rows of any kind: lines, half-lines, intervals, second-order cones. D may be
     singular (four corners of a sole): then w is one of many.
 
-    Methods are tried in this order until an answer's residuals are `solved`; its `method` names the one that succeeded:
+    Methods are tried in this order until an answer's residuals are `solved`; its `method` names the one that succeeded::
 
         1  "closed form": the forces that give every row zero acceleration, if they are in their sets: one linear solve
         2  "cones: ADMM, Newton": Pinocchio's ADMM from there, to 1e-6, and semismooth Newton steps (`rbd.solvers.newton`),

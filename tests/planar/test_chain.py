@@ -72,6 +72,33 @@ def test_one_link_is_the_circular_motion_of_the_text():
     assert sympy.simplify(chain.acceleration().dot(chain.position())) == -(ell**2) * w**2
 
 
+def test_the_velocity_of_one_link_is_its_angular_velocity_cross_its_position():
+    """Right-hand rule: omega = th' k, out of the plane for a counterclockwise turn, and v = omega x r."""
+    chain = Chain(1)
+    omega, r = sympy.Matrix([0, 0, chain.qd[0]]), sympy.Matrix([*chain.position(), 0])
+    assert vanishes(omega.cross(r) - sympy.Matrix([*chain.velocity(), 0]))
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_velocities_add_from_joint_to_joint(n):
+    """Relative velocity: each link adds (th1' + .. + thk') k x (joint k+1 - joint k) to the velocity of the joint before it."""
+    chain = Chain(n)
+    for k in range(n):
+        omega = sympy.Matrix([0, 0, sum(chain.qd[: k + 1])])
+        link = sympy.Matrix([*(chain.position(k + 1) - chain.position(k)), 0])
+        relative = chain.velocity(k + 1) - chain.velocity(k)
+        assert vanishes(omega.cross(link) - sympy.Matrix([*relative, 0]))
+
+
+def test_the_printed_relative_velocity_of_the_text_lacks_a_rate():
+    """[Duarte2021] prints l2 cos(th1 + th2) th1' for the y component; both rates turn the second link."""
+    chain = Chain(2)
+    (_, b), (th1, th2), (w1, w2) = chain.lengths, chain.q, chain.qd
+    relative = chain.velocity() - chain.velocity(1)
+    assert sympy.expand(relative[1] - b * cos(th1 + th2) * (w1 + w2)) == 0
+    assert sympy.expand(relative[1] - b * cos(th1 + th2) * w1) == b * cos(th1 + th2) * w2
+
+
 def test_two_links_have_the_position_and_jacobian_of_the_text():
     """[Duarte2021], two links, Out[23] and Out[27]."""
     chain = Chain(2)

@@ -201,3 +201,49 @@ class TestBadInput:
             reduced.function(reduced.q)((1, 2))
         with pytest.raises(InputError, match="branch"):
             constrained(EQUAL, {1: 0}, branch=-1)
+
+
+class TestLoop:
+    """The four-bar of the text: four segments whose sum is zero, theta_1 and theta_4 known."""
+
+    LOOP = Chain(4, angles="segment")
+    CLOSED = constrained(LOOP, LOOP.position(), free=(1, 4))
+
+    def test_j1_j2_and_the_determinant_are_the_texts(self):
+        """Columns L_i (-sin, cos); det J2 = L2 L3 sin(th3 - th2); rates -J2^-1 J1."""
+        (l1, l2, l3, l4), (th1, th2, th3, th4) = self.LOOP.lengths, self.LOOP.q
+        assert list(self.CLOSED.free) == [th1, th4]
+        assert same(self.CLOSED.J1, [[-l1 * sin(th1), -l4 * sin(th4)], [l1 * cos(th1), l4 * cos(th4)]])
+        assert same(self.CLOSED.J2, [[-l2 * sin(th2), -l3 * sin(th3)], [l2 * cos(th2), l3 * cos(th3)]])
+        assert sympy.simplify(self.CLOSED.det_J2 - l2 * l3 * sin(th3 - th2)) == 0
+        rates = self.CLOSED.rates.extract([1, 2], [0, 1])
+        assert same(self.CLOSED.J2 * rates + self.CLOSED.J1, sympy.zeros(2, 2))
+
+    def test_the_ground_may_be_held_as_well(self):
+        """With theta_4 = 0 inserted one angle is free, and J1 keeps one column."""
+        held = constrained(self.LOOP, [*self.LOOP.position(), {4: 0}], free=[self.LOOP.q[0]])
+        assert held.mobility == 1 and held.J1 == self.CLOSED.J1[:, 0] and held.J2 == self.CLOSED.J2
+        assert held.q[3] == 0
+
+    def test_solved_relations_leave_no_columns(self):
+        """Where all relations were solved, J1 and J2 are empty, and their determinant is one; a free angle is kept."""
+        polar = constrained(EQUAL, 2 * TH1 + TH2 - pi, free=[2])
+        assert list(polar.free) == [TH2] and same(polar.q, [(pi - TH2) / 2, TH2])
+        assert polar.J1.shape == (0, 1) and polar.J2.shape == (0, 0) and polar.det_J2 == 1
+
+    @pytest.mark.parametrize(
+        ("relation", "free", "message"),
+        [
+            (LOOP.position(), (1,), "free names 1 angles; expected 2"),
+            (LOOP.position(), (1, 1), "free has 1 in it"),
+            (LOOP.position(), (1, 5), "free has 5 in it"),
+            (LOOP.position(), (), "free names no angle"),
+            (LOOP.position(), "14", "free has '14' in it"),
+            ([LOOP.position()[0], {4: 0}], (1, 4), "do not determine the others"),
+        ],
+        ids=str,
+    )
+    def test_angles_that_cannot_be_free(self, relation, free, message):
+        """Too few, twice, none of the chain, or determined already."""
+        with pytest.raises(InputError, match=message):
+            constrained(self.LOOP, relation, free=free)

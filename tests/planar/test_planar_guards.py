@@ -52,7 +52,7 @@ def looked_at(answer: Any) -> Any:
 
 CASES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "Chain": (planar.Chain, {"n": 2, "lengths": [0.5, 0.4], "angles": "joint"}),
-    "constrained": (planar.constrained, {"chain": SYMBOLS, "relation": {1: 0}, "branch": None}),
+    "constrained": (planar.constrained, {"chain": SYMBOLS, "relation": {1: 0}, "branch": None, "free": [2]}),
     "dynamics": (
         planar.dynamics,
         {"chain": ARM, "masses": [1.0, 2.0], "centres": [0.2, 0.2], "inertias": [0.1, 0.1], "gravity": 9.81},

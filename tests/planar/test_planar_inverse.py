@@ -123,6 +123,19 @@ class TestOneAndTwoLinks:
             assert np.abs(turn - 2 * np.pi * np.round(turn / (2 * np.pi))).max() < 1e-12
         assert inverse_formulas(Chain(1))[0][0] == sympy.atan2(XY[1], XY[0])
 
+    @pytest.mark.parametrize("target", [(0.5, 0.6), (-0.4, 0.5), (-0.5, -0.7), (0.2, -0.25)])
+    def test_the_triangle_of_the_text(self, target: tuple[float, float]):
+        """Cosine rule at the elbow, inner angle pi - theta_2; phi between the first link and the line to the target."""
+        l1, l2 = 0.7, 0.4
+        for q in inverse(Chain(2, lengths=(l1, l2)), target).branches:
+            assert l1**2 + l2**2 - 2 * l1 * l2 * np.cos(np.pi - q[1]) == pytest.approx(target[0] ** 2 + target[1] ** 2)
+            phi = np.arctan2(l2 * np.sin(q[1]), l1 + l2 * np.cos(q[1]))
+            turn = q[0] + phi - np.arctan2(target[1], target[0])
+            assert turn - 2 * np.pi * np.round(turn / (2 * np.pi)) == pytest.approx(0.0, abs=1e-12)
+            # Cosine rule at the base, where phi is the angle between the sides l1 and r.
+            r = np.hypot(*target)
+            assert np.cos(phi) == pytest.approx((l1**2 + r**2 - l2**2) / (2 * l1 * r))
+
 
 class TestManyLinks:
     """The nearest pose of a family."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 import sympy
 from sympy.abc import x, y
@@ -27,6 +28,17 @@ def test_problem_6(f):
     """(x^2 y, 5 x + sin y) has [[2 x y, x^2], [5, cos y]], however it is given."""
     assert jacobian(f, [x, y]) == EXPECTED
     assert jacobian(f, sympy.Matrix([x, y])) == EXPECTED
+
+
+@pytest.mark.parametrize(("dimension", "freedom"), [(2, 3), (3, 6)], ids=["plane", "space"])
+@pytest.mark.parametrize("points", [3, 4, 5])
+def test_fixed_distances_leave_a_body_three_or_six_degrees_of_freedom(dimension, freedom, points):
+    """Coordinates less the rank of the Jacobian of all squared distances: 2 n - (2 n - 3), 3 n - (3 n - 6)."""
+    x = sympy.Matrix(points, dimension, sympy.symbols(f"x:{points * dimension}"))
+    pairs = [(i, j) for i in range(points) for j in range(i)]
+    J = jacobian([(x[i, :] - x[j, :]).dot(x[i, :] - x[j, :]) for i, j in pairs], list(x))
+    place = np.random.default_rng(0).integers(-9, 9, len(x))
+    assert len(x) - J.subs(dict(zip(x, map(int, place), strict=True))).rank() == freedom
 
 
 def test_one_function_one_variable():

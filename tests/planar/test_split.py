@@ -66,6 +66,23 @@ def test_the_coriolis_part_of_two_links_is_across_the_relative_velocity():
     assert sympy.expand(chain.split().coriolis.dot(relative)) == 0
 
 
+def test_the_coriolis_part_is_twice_omega_cross_the_velocity_seen_from_link_1():
+    """2 omega x v: omega of the first link, v of the end point for an observer who turns with that link."""
+    chain = Chain(2)
+    seen = sympy.Matrix([*(chain.velocity() - chain.velocity().subs(chain.qd[1], 0)), 0])
+    omega = sympy.Matrix([0, 0, chain.qd[0]])
+    assert sympy.expand(2 * omega.cross(seen) - sympy.Matrix([*chain.split().coriolis, 0])) == sympy.zeros(3, 1)
+
+
+def test_the_coriolis_part_needs_no_change_of_the_distance_to_the_base():
+    """[Duarte2021] says it occurs when a distance varies: stretched out, it does not vary, and the part is largest along x."""
+    arm = Chain(2, lengths=(1, 1)).numeric
+    stretched, rates = np.zeros(2), np.array([2.0, 3.0])
+    assert arm.position(stretched) @ arm.velocity(stretched, rates) == 0.0
+    coriolis = arm.split(stretched, rates, np.zeros(2)).coriolis
+    np.testing.assert_allclose(coriolis, [-2.0 * 2.0 * 3.0, 0.0], atol=1e-12)
+
+
 def test_centripetal_terms_point_to_the_joint_that_turns():
     """Joint angles: with one rate alone and no acceleration, a = -rate^2 (P - joint), whichever joint turns."""
     chain = Chain(5, lengths=(0.3, 0.5, 0.2, 0.7, 0.4))

@@ -45,17 +45,14 @@ def write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def generated_pages(app: Sphinx) -> dict[str, str]:
-    """{page name with suffix: its text} of all that the build writes."""
-    return {}
-
-
 def add_pages(app: Sphinx) -> None:
     """Tell Sphinx of the pages from outside docs/."""
     project = SiteProject(app.srcdir, app.config.source_suffix)
     project.restore(app.project)
     project.top, project.generated = Path(app.confdir).resolve().parent, {}
-    for name, text in generated_pages(app).items():
+    from rbd_site import api, bibliography, gallery
+
+    for name, text in {**api.pages(), **gallery.pages(), "bibliography.rst": bibliography.page()}.items():
         path = Path(app.doctreedir) / "generated" / name
         write(path, text)
         project.generated[name.rsplit(".", 1)[0]] = path

@@ -1,0 +1,118 @@
+"""Scenes in three dimensions, as pages that need no network: those of which docs/pictures shows a picture.
+
+The build of the site puts them beside its pages; `make.py` photographs some of them.
+"""
+
+import contextlib
+import importlib
+import io
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import rbd
+from rbd.visual import Scene
+
+TOP = Path(__file__).resolve().parents[2]
+
+
+def talos(page: Path) -> Path:
+    """The README's first screen: Talos pushed at its torso, with the forces of the README's code."""
+    robot = rbd.load_robot("talos")
+    state, soles = robot.standing(), robot.soles(friction=0.7)
+    push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
+    solution = rbd.solve(state, rbd.hold(state, soles).tau, soles, external=push)
+    with Scene(robot) as scene:
+        scene.show(state, solution, external=push)
+        return scene.export(page)
+
+
+def hand_on_a_wall(page: Path) -> Path:
+    """Example 24: Talos pushed towards the wall, its hand there, and the support regions on the ground."""
+    given = result("24_hand_on_a_wall")
+    held = given.held
+    with Scene(held.state.robot) as scene:
+        scene.show(held.state, held, external=rbd.ExternalForce("torso_2_link", (0.0, 140.0, 0.0)))
+        scene.draw(*given.regions["soles and hand"])
+        return scene.export(page)
+
+
+def fall(page: Path) -> Path:
+    """Example 14: Talos pushed with 250 N falls."""
+    push = example("14_push_recovery").push(250.0)
+    return result("14_push_recovery").ways[250.0].export(page, external=push)
+
+
+def coin(page: Path) -> Path:
+    """Example 16: a slow coin rolls and leans over."""
+    return result("16_rolling_disk").runs["slow"].export(page)
+
+
+def tipping(page: Path) -> Path:
+    """Example 17: a crate slides, its edge grips, and it tips over."""
+    return result("17_sliding_box").tipped[0.6].export(page)
+
+
+def motion_check(page: Path) -> Path:
+    """The page of `docs/reference/motions.md`: G1 raises its arms and leans, at the frame in which most is missing."""
+    g1 = rbd.load_robot("g1")
+    stands = g1.standing().q
+    raises, leans = stands.copy(), stands.copy()
+    for side in ("left", "right"):
+        raises[g1.joints[f"{side}_shoulder_pitch_joint"].q] = -1.5
+    leans[g1.joints["waist_pitch_joint"].q] = 0.5
+    motion = rbd.motion.minimum_jerk(g1, [stands, raises, leans, stands], [0.0, 0.8, 1.4, 2.2])
+    return rbd.check_motion(motion).export(page, title="G1 leans forward", arrow_per_weight=0.8)
+
+
+def four_bar(page: Path) -> Path:
+    """Example 10: the rhombus of the text, with its other branch beside it."""
+    return shown("10_four_bar", page)
+
+
+def double_pendulum(page: Path) -> Path:
+    """Example 21: a large swing of a pendulum with two links."""
+    return shown("21_two_link_pendulum", page)
+
+
+SCENES: dict[str, Callable[[Path], Path]] = {
+    "talos": talos,
+    "hand_on_a_wall": hand_on_a_wall,
+    "fall": fall,
+    "coin_strip": coin,
+    "tipping": tipping,
+    "motion_check": motion_check,
+    "four_bar": four_bar,
+    "double_pendulum": double_pendulum,
+}
+"""{picture in docs/pictures: writes the scene of which it is taken}."""
+
+
+@cache
+def result(name: str) -> Any:
+    """What an example returns."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return example(name).main(show=False)
+
+
+def shown(name: str, page: Path) -> Path:
+    """The page or picture that an example writes where it shows something."""
+    page = page.resolve()
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+        example(name).main(show=True)
+        written = next(path for path in sorted(Path(folder).rglob("*")) if path.suffix == page.suffix)
+        return Path(shutil.copyfile(written, page))
+
+
+def example(name: str) -> ModuleType:
+    """An example as a module."""
+    sys.path.insert(0, str(TOP / "examples"))
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.pop(0)

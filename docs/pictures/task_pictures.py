@@ -1,0 +1,156 @@
+"""The pictures of docs/tasks/*.md, drawn from what the code of each page computes; `make.py` calls `pictures()`."""
+
+import contextlib
+import io
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+import rbd
+from rbd.visual import Scene, plot_energy, plot_forces, screenshot
+from rbd.visual.plots import frame
+
+PICTURES = Path(__file__).resolve().parent
+TASKS = PICTURES.parent / "tasks"
+BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
+
+
+def pictures() -> Iterator[Path]:
+    """All of them."""
+    for make in (walker, hold, wall, loop, sweep, many, forces, swing, figure):
+        yield make()
+
+
+def computed(page: str) -> dict[str, Any]:
+    """The names that the Python blocks of a task page leave behind."""
+    text = (TASKS / f"{page}.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {"__name__": page}
+    with contextlib.redirect_stdout(io.StringIO()):
+        for block in re.findall(r"^```python\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE):
+            exec(block, names)
+    return names
+
+
+def scene(picture: str, state: rbd.State, answer: Any = None, **shown: Any) -> Path:
+    """A photograph of a robot with the forces of an answer."""
+    with tempfile.TemporaryDirectory() as folder, Scene(state.robot) as drawn:
+        drawn.show(state, answer, **shown)
+        page = drawn.export(Path(folder) / f"{picture}.html")
+        return screenshot(page, PICTURES / f"{picture}.png", width=1000, height=760)
+
+
+def saved(drawn: Figure, picture: str) -> Path:
+    """A plot as a file."""
+    drawn.savefig(PICTURES / f"{picture}.png", dpi=110, metadata={"Software": None})
+    return PICTURES / f"{picture}.png"
+
+
+def walker() -> Path:
+    """The walker of `load_my_robot`, in the pose of `put_it_on_its_feet`."""
+    names = computed("put_it_on_its_feet")
+    state = names["state"]
+    return scene("task_walker", state, rbd.hold(state, names["robot"].soles()))
+
+
+def hold() -> Path:
+    """Talos on its left leg."""
+    names = computed("hold_it")
+    return scene("task_hold", names["pose"].state, names["hold"])
+
+
+def wall() -> Path:
+    """Talos between the wall and the push."""
+    names = computed("place_a_hand_on_a_wall")
+    return scene("task_wall", names["state"], names["hold"], external=names["push"])
+
+
+def loop() -> Path:
+    """The four-bar in both of its branches."""
+    names = computed("close_a_loop")
+    four_bar, state = names["four_bar"], names["state"]
+    found = rbd.mechanism.branches(state, [names["pin"]], fixed={"crank_joint": 0.7}).found
+    others = {str(i): four_bar.at(branch.q) for i, branch in enumerate(found) if abs(branch.q - state.q).max() > 1e-3}
+    view = {"legend": False, "ground": False, "seen_from": (0.25, -1.0, 0.2)}
+    with tempfile.TemporaryDirectory() as folder, Scene(four_bar, **view) as drawn:
+        drawn.show(state, names["solution"])
+        drawn.beside(others)
+        page = drawn.export(Path(folder) / "loop.html")
+        return screenshot(page, PICTURES / "task_loop.png", width=1000, height=560)
+
+
+def sweep() -> Path:
+    """Acceleration of the base against friction."""
+    names = computed("sweep_a_parameter")
+    drawn = Figure(figsize=(7.0, 3.6), layout="constrained")
+    ax = drawn.subplots()
+    ax.plot(names["friction"], names["slides"], color=BLUE)
+    least = names["friction"][names["slides"] < 1e-6].min()
+    ax.axvline(least, color=GREY, ls="--", lw=1.0)
+    ax.annotate(f"the soles stick from {least:.3f}", (least, 0.1), (6, 0), textcoords="offset points", color="0.3")
+    ax.set(xlabel="friction of the floor", ylabel="acceleration of the base [m/s2]")
+    frame(ax, "y")
+    return saved(drawn, "task_sweep")
+
+
+def many() -> Path:
+    """How hard the hardest motor works, over all poses."""
+    names = computed("solve_thousands_of_states")
+    drawn = Figure(figsize=(7.0, 3.6), layout="constrained")
+    ax = drawn.subplots()
+    ax.hist(names["share"], bins=40, color=BLUE)
+    ax.set(xlabel="largest torque, of its limit [%]", ylabel=f"poses, of {names['n']}")
+    frame(ax, "y")
+    return saved(drawn, "task_many")
+
+
+def forces() -> Path:
+    """The push as it is, as a low-pass of it, and as the observer sees it; and the loads of both soles."""
+    names = computed("read_forces_from_data")
+    record, seen = names["record"], names["seen"]
+    drawn = Figure(figsize=(8.0, 5.2), layout="constrained")
+    upper, lower = drawn.subplots(2, 1, sharex=True)
+    pushed = np.where((record.t >= 0.05) & (record.t < 0.15), 25.0, 0.0)
+    upper.plot(record.t, pushed, color=GREY, ls="--", label="push")
+    upper.plot(record.t, seen.forces["torso"][:, 1], color=ORANGE, label="as the observer sees it")
+    upper.legend(frameon=False)
+    upper.set(ylabel="at the torso, to the left [N]")
+    frame(upper, "y")
+    for name, color in (("left_sole", BLUE), ("right_sole", "#009e73")):
+        lower.plot(record.t, record.forces[name][:, 2], color=color, ls="--", alpha=0.5)
+        lower.plot(record.t, seen.forces[name][:, 2], color=color, label=name)
+    lower.legend(frameon=False)
+    lower.set(xlabel="time [s]", ylabel="normal force [N]")
+    frame(lower, "y")
+    return saved(drawn, "task_forces")
+
+
+def swing() -> Path:
+    """The box on its rod, at equal distances of time."""
+    path = computed("add_a_constraint")["swing"].q[:, (0, 2)]
+    drawn = Figure(figsize=(7.0, 4.4), layout="constrained")
+    ax = drawn.subplots()
+    ax.plot(*path.T, color=BLUE, lw=1.0)
+    for i, point in enumerate(path[:: (len(path) - 1) // 7]):
+        ax.plot(*np.array([(0.0, 0.0), point]).T, color=GREY, lw=1.0, zorder=1)
+        ax.add_patch(Rectangle(point - (0.1, 0.05), 0.2, 0.1, facecolor=BLUE, alpha=0.2 + 0.1 * i, lw=0.0))
+    ax.plot(0.0, 0.0, "o", color="black")
+    ax.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", ylim=(-0.62, 0.04))
+    ax.set_title("every 0.1 s, from pale to dark; the box at half its size", fontsize=10)
+    frame(ax)
+    return saved(drawn, "task_swing")
+
+
+def figure() -> Path:
+    """The plot that the page `export_a_figure` saves."""
+    moved = computed("export_a_figure")["moved"]
+    drawn = Figure(figsize=(8.0, 5.0), layout="constrained")
+    upper, lower = drawn.subplots(2, 1, sharex=True)
+    plot_forces(upper, moved)
+    plot_energy(lower, moved)
+    return saved(drawn, "task_figure")

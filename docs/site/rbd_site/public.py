@@ -1,0 +1,117 @@
+"""The public names of the package: where each is documented, and in which file it is written."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import rbd
+
+PACKAGES = tuple(
+    f"rbd.{name}"
+    for name in (
+        *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
+        *("simulation", "motion", "many", "studies", "planar", "visual", "testing", "errors"),
+    )
+)
+"""Sub-packages and modules that users import from, besides `rbd` itself."""
+GROUPS = {
+    "Robots and states": "load_robot Robot doctor State find_pose register_constraint dynamics ExternalForce",
+    "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",
+    "Solvers": "KKT ProxQP ConeSolver",
+    "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Body",
+    "Joints, loops and rolling": """
+        LoopClosure JointLimit JointLock JointCoupling JointFriction KnifeEdge RollingBall RollingDisk RollingWheel
+        VelocityConstraint FunctionConstraint
+    """,
+    "Torques": "hold inverse_dynamics Actuation",
+    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8",
+    "Motions": "Motion check_motion estimate_forces",
+    "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
+}
+"""The names on top, in the order in which one meets them; every name is in one group."""
+
+
+@dataclass(frozen=True)
+class Public:
+    """A public name.
+
+    Attributes:
+        name: As users write it, e.g. `rbd.statics.zmp`.
+        value: What it is.
+    """
+
+    name: str
+    value: object
+
+    @property
+    def kind(self) -> str:
+        """Which directive of Sphinx documents it."""
+        if isinstance(self.value, ModuleType):
+            return "module"
+        if inspect.isclass(self.value):
+            return "exception" if issubclass(self.value, BaseException) else "class"
+        return "function" if callable(self.value) else "data"
+
+    @property
+    def first_line(self) -> str:
+        """The first line of its docstring."""
+        if self.kind == "data":
+            return "A constant."
+        return (inspect.getdoc(self.value) or "").split("\n", 1)[0]
+
+
+@cache
+def names_of(package: str) -> dict[str, Public]:
+    """{short name: public name} of a package; of a module without `__all__`, the functions and classes written there."""
+    module = importlib.import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
+    short = getattr(module, "__all__", None)
+    if short is None:
+        written_here = [n for n, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
+        short = [n for n in written_here if not n.startswith("_") and not getattr(vars(module)[n], "_is_protocol", False)]
+    return {name: Public(f"{package}.{name}", getattr(module, name)) for name in short}
+
+
+@cache
+def homes() -> dict[str, str]:
+    """{any public dotted name: the one under which it is documented}; a name on top of `rbd` is documented there."""
+    found: dict[str, str] = {}
+    first: dict[int, str] = {}
+    for package in ("rbd", *PACKAGES):
+        for public in names_of(package).values():
+            unique = public.kind not in ("module", "data")
+            found[public.name] = first.setdefault(id(public.value), public.name) if unique else public.name
+    return found
+
+
+@cache
+def short_names() -> dict[str, str]:
+    """{class name: documented name} of the classes that only one public name has: `State` is `rbd.State`."""
+    seen: dict[str, set[str]] = {}
+    for home in set(homes().values()):
+        seen.setdefault(home.rsplit(".", 1)[1], set()).add(home)
+    return {name: homes.pop() for name, homes in seen.items() if len(homes) == 1 and name[0].isupper() and len(name) > 3}
+
+
+@cache
+def place_of(dotted: str) -> tuple[Path, int] | None:
+    """(file, line) in which `rbd.some.name` is written, or None if it is a value and not code."""
+    try:
+        value: object = rbd
+        for i, part in enumerate(dotted.split(".")[1:], start=2):
+            if inspect.ismodule(value) and not hasattr(value, part):
+                value = importlib.import_module(".".join(dotted.split(".")[:i]))
+            else:
+                value = getattr(value, part)
+        if isinstance(value, property):
+            value = value.fget
+        value = inspect.unwrap(getattr(value, "function", value))  # type: ignore[arg-type]
+        file = inspect.getsourcefile(value)  # type: ignore[arg-type]
+        line = 1 if inspect.ismodule(value) else inspect.getsourcelines(value)[1]  # type: ignore[arg-type]
+    except (AttributeError, ImportError, TypeError, OSError):
+        return None
+    return (Path(file), line) if file else None

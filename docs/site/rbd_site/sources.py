@@ -1,0 +1,120 @@
+"""Source files as pages: highlighted, with an anchor at every function and class."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from html import escape
+from keyword import kwlist
+from pathlib import Path
+
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+
+from rbd_site.pages import TOP
+from rbd_site.public import place_of
+
+FOLDER = "source"
+
+
+@cache
+def lines_of(file: Path) -> dict[str, int]:
+    """{function or class: line where it begins} of a Python file; methods too, without their class."""
+    if file.suffix != ".py":
+        return {}
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    found: dict[str, int] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            found.setdefault(node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)]))
+    return found
+
+
+def page_of(file: Path) -> str:
+    """The address of a source file's page from the top of the site."""
+    return f"{FOLDER}/{file.relative_to(TOP).as_posix()}.html"
+
+
+def address(file: Path, *, function: str | None = None, line: int | None = None) -> str:
+    """The address of a function in a source file's page."""
+    at = lines_of(file).get(function) if function else line
+    return page_of(file) + (f"#L{at}" if at and at > 1 else "")
+
+
+def asked(env: BuildEnvironment, docname: str, file: Path) -> None:
+    """Remember that a page links to this file."""
+    env.__dict__.setdefault("rbd_sources", {}).setdefault(docname, set()).add(str(file.relative_to(TOP)))
+
+
+def forget(app: Sphinx, env: BuildEnvironment, docname: str) -> None:
+    """A page that is read again names its files again."""
+    env.__dict__.setdefault("rbd_sources", {}).pop(docname, None)
+
+
+PYTHON = re.compile(
+    r"""(?P<s>[rbfu]{0,2}(?:\"\"\".*?\"\"\"|'''.*?'''|"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'))"""
+    r"""|(?P<c1>\#[^\n]*)|(?P<nd>^[ ]*@[\w.]+)|(?P<nf>(?<=def )\w+|(?<=class )\w+)"""
+    rf"""|(?P<k>\b(?:{"|".join(kwlist)})\b)|(?P<mi>\b\d[\w.]*)""",
+    re.DOTALL | re.MULTILINE | re.IGNORECASE,
+)
+"""Strings, comments, decorators, names defined, keywords and numbers, by the class that the site's style colours.
+
+A lexer knows more, and takes ten times longer for three million letters."""
+
+
+def highlighted(text: str) -> list[str]:
+    """The lines of a Python file in HTML; a string of several lines is closed and opened at each line's end."""
+    made, end = [], 0
+    for found in PYTHON.finditer(text):
+        kind = found.lastgroup
+        inside = escape(found[0], quote=False).replace("\n", f'</span>\n<span class="{kind}">')
+        made += [escape(text[end : found.start()], quote=False), f'<span class="{kind}">{inside}</span>']
+        end = found.end()
+    return "".join([*made, escape(text[end:], quote=False)]).split("\n")
+
+
+def html_of(file: Path) -> str:
+    """The file as a page, in the colours of the other pages, light and dark."""
+    text = file.read_text(encoding="utf-8")
+    lines = highlighted(text) if file.suffix == ".py" else escape(text, quote=False).split("\n")
+    for line in {*lines_of(file).values()}:
+        lines[line - 1] = f'<span id="L{line}" class="target"></span>{lines[line - 1]}'
+    name = file.relative_to(TOP).as_posix()
+    up = "../" * page_of(file).count("/")
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(name)} - rbd</title>\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<link rel="stylesheet" href="{up}_static/pygments.css"><link rel="stylesheet" href="{up}_static/source.css"></head>\n'
+        f'<body data-theme="auto"><script>document.body.dataset.theme = localStorage.getItem("theme") || "auto";</script>\n'
+        f'<header><a href="{up}index.html">rbd</a> <code>{escape(name)}</code></header>\n'
+        f'<div class="highlight"><pre>{chr(10).join(lines)}</pre></div></body></html>\n'
+    )
+
+
+def write_sources(app: Sphinx, error: Exception | None) -> None:
+    """Write the pages of the package's modules and of all files that pages link to; those that are new."""
+    if error is not None or app.builder.format != "html":
+        return
+    named = set().union(*app.env.__dict__.get("rbd_sources", {}).values(), ())
+    files = {*(TOP / name for name in named), *(TOP / "rbd").rglob("*.py")}
+    this = Path(__file__).stat().st_mtime
+    for file in sorted(files):
+        page = Path(app.outdir) / page_of(file)
+        if not page.is_file() or page.stat().st_mtime < max(file.stat().st_mtime, this):
+            page.parent.mkdir(parents=True, exist_ok=True)
+            page.write_text(html_of(file), encoding="utf-8")
+
+
+def linkcode_resolve(domain: str, info: dict[str, str]) -> str | None:
+    """Where the [source] link of a name leads, from a page of the API."""
+    place = place_of(f"{info['module']}.{info['fullname']}") if domain == "py" and info["module"] else None
+    if place is None or not place[0].is_relative_to(TOP):
+        return None
+    return "../" + address(place[0], line=place[1])
+
+
+def setup(app: Sphinx) -> None:
+    """Register with Sphinx."""
+    app.connect("env-purge-doc", forget)
+    app.connect("build-finished", write_sources)
