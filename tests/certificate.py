@@ -1,4 +1,4 @@
-"""The equations of an answer, written a second time from `docs/reference/theory.md`; they share no code with what computed it.
+"""The equations of an answer, written a second time: from `docs/reference/theory.md`, without the code that computed it.
 
 Two views. `of_arrays` judges a least-constraint problem given as arrays. `of_robot` judges accelerations and world forces on a
 Pinocchio model: the equation of motion by `rnea` with the forces on the bodies (no M, no Jacobian of the package), the motion

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 from collections.abc import Iterable
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
+from rbd.arrays import lazy
+from rbd_site.pages import TOP
 from rbd_site.public import GROUPS, PACKAGES, Public, homes, names_of
 
 STOP = "BaseException, Enum, IntEnum, StrEnum, Protocol, str, int, float, tuple, dict, list"
@@ -41,9 +47,7 @@ def home_page(public: Public) -> str:
 
 def first_paragraph(package: str) -> str:
     """What a sub-package is for."""
-    import importlib
-
-    module = importlib.import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
+    module = import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
     return (inspect.getdoc(module) or "").split("\n", 1)[0]
 
 
@@ -60,8 +64,10 @@ def package_page(package: str) -> str:
     else:
         made.append(table(names.values()))
         if package == "rbd.errors":
-            doc = inspect.getdoc(__import__("rbd.errors").errors) or ""
-            made.append(doc.split("\n", 1)[1])
+            doc = inspect.getdoc(import_module("rbd.errors")) or ""
+            made.append(doc.split("\n", 1)[1] + "\n")
+    file = TOP / "rbd" / "model" / "dynamics.py" if package == "rbd.dynamics" else Path(str(import_module(package).__file__))
+    made.append(f"Source: `{file.relative_to(TOP).as_posix()}`.\n")
     return "\n".join(made)
 
 
@@ -117,13 +123,15 @@ def neighbours(app: Sphinx, pagename: str, templatename: str, context: dict[str,
 
 
 CODE = re.compile(r"(``.*?``|`[^`]*`)")
+MARKS = re.compile(r"\\.|(?<![\w*])(\*{1,2})(?=\w)[^*]*\w\1(?![\w*])|[|*]")
+"""What is escaped already, emphasis, and marks that stand for themselves."""
 
 
 def plain(line: str) -> str:
     """A line of a docstring in which | and * stand for themselves, and `Rows`s is code with an s."""
     parts = CODE.split(line)
     for i in range(0, len(parts), 2):
-        parts[i] = re.sub(r"(?<!\\)(\||\*(?!\w[^*]*\w\*(?!\*))(?<!\w\*))", r"\\\1", parts[i])
+        parts[i] = MARKS.sub(lambda mark: mark[0] if len(mark[0]) > 1 else "\\" + mark[0], parts[i])
         if i and parts[i] and (parts[i][0].isalnum()):
             parts[i] = "\\ " + parts[i]
     return "".join(parts)
@@ -152,8 +160,40 @@ def read_as_written(app: Sphinx, kind: str, name: str, value: object, options: o
             lines[i] = plain(line)
 
 
+SWAPPED: list[tuple[type, str, lazy[Any, Any]]] = []
+"""Members that are properties while the API is read, and what they are else."""
+
+
+def show_lazies(app: Sphinx) -> None:
+    """Let autodoc see a value computed on first use as the property that it is for users, with its type."""
+    modules = [module for name, module in sys.modules.items() if name.partition(".")[0] == "rbd"]
+    classes = {c for module in modules for c in vars(module).values() if inspect.isclass(c) and c.__module__.startswith("rbd")}
+    for owner in classes:
+        for name, value in list(vars(owner).items()):
+            if isinstance(value, lazy):
+                SWAPPED.append((owner, name, value))
+                setattr(owner, name, property(value.compute))
+
+
+def restore_lazies(app: Sphinx, *_: object) -> None:
+    """Undo `show_lazies`: the scenes are computed by the same process."""
+    while SWAPPED:
+        setattr(*SWAPPED.pop())
+
+
+def name_attributes(app: Sphinx, doctree: nodes.document) -> None:
+    """Head the list of a class's attributes by that word."""
+    for field in doctree.findall(nodes.field_name):
+        if field.astext() == "Variables":
+            field.children[:] = [nodes.Text("Attributes")]
+
+
 def setup(app: Sphinx) -> None:
     """Register with Sphinx."""
+    app.connect("builder-inited", show_lazies, priority=700)
+    app.connect("env-updated", restore_lazies)
+    app.connect("build-finished", restore_lazies, priority=100)
+    app.connect("doctree-read", name_attributes)
     app.connect("html-page-context", neighbours)
     app.connect("autodoc-process-docstring", keep_colons, priority=100)
     app.connect("autodoc-process-docstring", read_as_written, priority=700)

@@ -109,7 +109,7 @@ def place_of(dotted: str) -> tuple[Path, int] | None:
                 value = getattr(value, part)
         if isinstance(value, property):
             value = value.fget
-        value = inspect.unwrap(getattr(value, "function", value))  # type: ignore[arg-type]
+        value = inspect.unwrap(getattr(value, "compute", value))  # type: ignore[arg-type]
         file = inspect.getsourcefile(value)  # type: ignore[arg-type]
         line = 1 if inspect.ismodule(value) else inspect.getsourcelines(value)[1]  # type: ignore[arg-type]
     except (AttributeError, ImportError, TypeError, OSError):

@@ -19,16 +19,16 @@ FOLDER = "source"
 
 
 @cache
-def lines_of(file: Path) -> dict[str, int]:
-    """{function or class: line where it begins} of a Python file; methods too, without their class."""
+def beginnings(file: Path) -> list[tuple[str, int]]:
+    """(name, line where it begins) of each function, method and class of a Python file."""
     if file.suffix != ".py":
-        return {}
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    found: dict[str, int] = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-            found.setdefault(node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)]))
-    return found
+        return []
+    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    return [
+        (node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)]))
+        for node in nodes
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+    ]
 
 
 def page_of(file: Path) -> str:
@@ -38,7 +38,7 @@ def page_of(file: Path) -> str:
 
 def address(file: Path, *, function: str | None = None, line: int | None = None) -> str:
     """The address of a function in a source file's page."""
-    at = lines_of(file).get(function) if function else line
+    at = dict(reversed(beginnings(file))).get(function) if function else line
     return page_of(file) + (f"#L{at}" if at and at > 1 else "")
 
 
@@ -78,7 +78,7 @@ def html_of(file: Path) -> str:
     """The file as a page, in the colours of the other pages, light and dark."""
     text = file.read_text(encoding="utf-8")
     lines = highlighted(text) if file.suffix == ".py" else escape(text, quote=False).split("\n")
-    for line in {*lines_of(file).values()}:
+    for line in {line for _, line in beginnings(file)}:
         lines[line - 1] = f'<span id="L{line}" class="target"></span>{lines[line - 1]}'
     name = file.relative_to(TOP).as_posix()
     up = "../" * page_of(file).count("/")
@@ -93,11 +93,12 @@ def html_of(file: Path) -> str:
 
 
 def write_sources(app: Sphinx, error: Exception | None) -> None:
-    """Write the pages of the package's modules and of all files that pages link to; those that are new."""
+    """Write the pages of all modules, which docs/architecture.md lists, and of files that pages link to, if new."""
     if error is not None or app.builder.format != "html":
         return
     named = set().union(*app.env.__dict__.get("rbd_sources", {}).values(), ())
-    files = {*(TOP / name for name in named), *(TOP / "rbd").rglob("*.py")}
+    modules = {file for file in (TOP / "rbd").rglob("*.py") if not file.name.startswith("__")}
+    files = {*(TOP / name for name in named), *modules}
     this = Path(__file__).stat().st_mtime
     for file in sorted(files):
         page = Path(app.outdir) / page_of(file)

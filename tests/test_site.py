@@ -1,0 +1,263 @@
+"""The site builds without a warning or a network; every link holds, mathematics and both themes are readable."""
+
+import functools
+import http.server
+import json
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+import pytest
+from test_readme import TOP
+
+from rbd.visual import find_browser
+from rbd.visual.page import FLAGS
+
+sys.path.insert(0, str(TOP / "docs" / "site"))
+from rbd_site import api, bibliography, gallery, links, mathjax, public, sources  # noqa: E402
+
+SCENES = ("four_bar", "tipping")
+"""Scenes that the test builds; `make docs` builds all."""
+TAG = re.compile(r"<([a-z][a-z0-9]*)\b([^>]*)>")
+ADDRESS = re.compile(r'\b(?:href|src|action|srcset)="([^"]*)"')
+OUTSIDE = re.compile(r"""(?:\burl\(|@import)\s*["']?\s*(?:https?:)?//""")
+PROBED = ("index", "reference/theory", "reference/notation", "api/rbd.Solution", "gallery/index", "courses/planar_chains/index")
+READABLE = 4.5
+"""Contrast of text against its ground that accessibility rules ask for."""
+
+
+def built(folder: Path) -> str:
+    """Build the site into a folder; what Sphinx has to say."""
+    command = [sys.executable, "-m", "sphinx", "-b", "html", "-q", "-W", "--keep-going", "-d", str(folder.parent / "doctrees")]
+    command += ["-D", f"rbd_scenes={','.join(SCENES)}", str(TOP / "docs"), str(folder)]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=TOP, check=False, timeout=400)
+    return run.stderr + (f"exit code {run.returncode}" if run.returncode else "")
+
+
+def addresses(html: str) -> set[str]:
+    """What a page's tags refer to."""
+    return {address for tag in TAG.finditer(html) for address in ADDRESS.findall(tag[2])}
+
+
+def anchors(html: str) -> set[str]:
+    """The anchors of a page."""
+    return {anchor for tag in TAG.finditer(html) for anchor in re.findall(r'\bid="([^"]+)"', tag[2])}
+
+
+def needs_network(text: str) -> list[str]:
+    """What of a page or a style sheet a browser would fetch from elsewhere."""
+    return [a for a in addresses(text) if re.match(r"(https?:)?//", a)] + OUTSIDE.findall(text)
+
+
+def faults(site: Path) -> Iterator[str]:
+    """Dead links and anchors, addresses outside, pages that no link reaches."""
+    texts = {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html") if "scenes" not in page.parts}
+    found, anchored = {page: addresses(text) for page, text in texts.items()}, {p: anchors(t) for p, t in texts.items()}
+    leads_to: dict[Path, set[Path]] = {page: set() for page in texts}
+    for page, targets in found.items():
+        for target in targets:
+            path, anchor = urldefrag(target)
+            if re.match(r"\w+:|//", target):
+                yield from [f"{page}: outside, {target}"] if not target.startswith("data:") else []
+                continue
+            file = (page.parent / unquote(path.partition("?")[0])).resolve() if path else page
+            if not file.is_file():
+                yield f"{page}: dead link {target}"
+            elif anchor and file in anchored and unquote(anchor) not in anchored[file]:
+                yield f"{page}: dead anchor {target}"
+            if file in leads_to:
+                leads_to[page].add(file)
+    for style in [*site.rglob("*.css"), *texts]:
+        yield from (f"{style}: outside, {a}" for a in needs_network(style.read_text(encoding="utf-8")))
+    reached, coming = {site / "index.html"}, [site / "index.html"]
+    while coming:
+        coming = [page for page in set().union(*(leads_to[page] for page in coming)) - reached]
+        reached |= set(coming)
+    yield from (f"no link leads to {page}" for page in set(texts) - reached - {site / "search.html"})
+
+
+def found_by_search(site: Path, word: str) -> list[str]:
+    """Titles of the pages that the search finds for a word, or that define a name."""
+    text = (site / "searchindex.js").read_text(encoding="utf-8")
+    index = json.loads(text[text.index("{") : text.rindex("}") + 1])
+    pages = index["terms"].get(word, [])
+    names = [entry[4] if len(entry) > 4 else "" for entries in index["objects"].values() for entry in entries]
+    return [index["titles"][i] for i in ([pages] if isinstance(pages, int) else pages)] + [n for n in names if n == word]
+
+
+PROBE = """<!doctype html><title>probe</title><pre id="told"></pre><script>
+const pages = PAGES, told = {};
+function light(color) {
+  const linear = (c) => c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4;
+  const [r, g, b] = color.match(/[\\d.]+/g).slice(0, 3).map((c) => linear(c / 255));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
+function ground(view, element) {
+  for (; element; element = element.parentElement) {
+    const color = view.getComputedStyle(element).backgroundColor, parts = color.match(/[\\d.]+/g);
+    if (parts.length < 4 || parts[3] > 0.5) return color;
+  }
+  return "rgb(255, 255, 255)";
+}
+function contrast(view, element) {
+  const a = light(view.getComputedStyle(element).color), b = light(ground(view, element));
+  return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+}
+async function look(page, theme) {
+  localStorage.setItem("theme", theme);
+  const frame = document.createElement("iframe");
+  frame.width = 400; frame.height = 800; frame.src = page + ".html";
+  document.body.append(frame);
+  await new Promise((done) => { frame.onload = done; });
+  const view = frame.contentWindow, shown = view.document;
+  if (view.MathJax?.startup) await view.MathJax.startup.promise;
+  const texts = [...shown.querySelectorAll("article p, article li, article a, article code, article pre span, article td")];
+  const seen = texts.filter((e) => e.getClientRects().length && e.textContent.trim() && !e.closest("mjx-container"));
+  const poor = seen.filter((e) => contrast(view, e) < READABLE);
+  told[page + " " + theme] = {
+    wide: shown.documentElement.scrollWidth - shown.documentElement.clientWidth,
+    formulas: shown.querySelectorAll(".math").length,
+    rendered: shown.querySelectorAll(".math mjx-container").length,
+    wrong: [...shown.querySelectorAll("mjx-merror")].map((e) => e.textContent),
+    ground: ground(view, shown.querySelector("article")),
+    texts: seen.length,
+    poor: [...new Set(poor.map((e) => e.className + " " + e.tagName + " " + view.getComputedStyle(e).color))],
+  };
+  frame.remove();
+}
+(async () => {
+  for (const page of pages) for (const theme of ["light", "dark"]) await look(page, theme);
+  document.getElementById("told").textContent = JSON.stringify(told);
+})();
+</script>"""
+
+
+def seen_in_browser(site: Path, browser: str) -> tuple[dict[str, dict], list[str]]:
+    """({page and theme: what it looks like 400 pixels wide}, messages of the console)."""
+    page = PROBE.replace("PAGES", json.dumps(PROBED)).replace("READABLE", str(READABLE))
+    (site / "probe.html").write_text(page, encoding="utf-8")
+    handler = functools.partial(Quiet, directory=str(site))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        flags = [flag for flag in FLAGS if not flag.startswith(("--host-resolver", "--virtual-time"))]
+        flags += [
+            "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+            "--virtual-time-budget=60000",
+            "--enable-logging=stderr",
+        ]
+        flags += ["--enable-logging=stderr", f"--user-data-dir={site.parent}/profile", "--dump-dom"]
+        command = [browser, *flags, f"http://127.0.0.1:{server.server_port}/probe.html"]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
+        server.shutdown()
+    console = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
+    return json.loads(re.search(r'<pre id="told">(.*?)</pre>', run.stdout, flags=re.DOTALL)[1]), console
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """Serves files and writes nothing to the terminal."""
+
+    def log_message(self, *args: object) -> None:
+        """Nothing."""
+
+
+def test_the_site_is_whole(tmp_path):
+    """One build: no warning, no dead link, no address outside, each page reached, words found; and how it looks in Chromium.
+
+    One test, as a build takes half a minute and workers share nothing.
+    """
+    site = tmp_path / "site"
+    assert built(site) == ""
+    assert list(faults(site)) == []
+    assert "Which contact law?" in found_by_search(site, "friction") and "load_robot" in found_by_search(site, "load_robot")
+    assert all((site / "scenes" / f"{name}.html").stat().st_size > 100_000 for name in SCENES)
+    assert (site / "_static" / "mathjax" / "tex-chtml-full.js").is_file()
+    size = sum(file.stat().st_size for file in site.rglob("*") if file.is_file() and "scenes" not in file.parts)
+    assert size < 40e6
+    browser = find_browser()
+    if browser is None:
+        pytest.skip("Chromium is not installed: links hold, and how pages look is not tested")
+    seen, console = seen_in_browser(site, browser)
+    assert console == []
+    for page, look in seen.items():
+        assert look["wide"] <= 0, page
+        assert look["formulas"] == look["rendered"] and look["wrong"] == [], page
+        assert look["texts"] > 10 and look["poor"] == [], page
+    assert seen["reference/theory light"]["formulas"] > 15
+    assert all(seen[f"{page} light"]["ground"] != seen[f"{page} dark"]["ground"] for page in PROBED)
+
+
+def test_faults_of_a_site_are_noticed(tmp_path):
+    """The checks above can fail."""
+    front = '<a href="one.html#here">1</a><a href="gone.html">2</a><img src="https://example.org/x.png">'
+    (tmp_path / "index.html").write_text(front)
+    (tmp_path / "one.html").write_text('<p id="there">1</p><style>p { background: url(//example.org/y.png) }</style>')
+    (tmp_path / "lost.html").write_text("<p>nobody links here</p>")
+    said = "\n".join(faults(tmp_path))
+    for fault in (
+        "dead link gone.html",
+        "dead anchor one.html#here",
+        "index.html: outside, https",
+        "lost.html",
+        "one.html: outside",
+    ):
+        assert fault in said
+
+
+def test_mathjax_is_installed():
+    """What the site copies is in the package."""
+    assert all((mathjax.mathjax_folder() / name).exists() for name in mathjax.NEEDED)
+
+
+def test_every_public_name_has_one_home():
+    """A name on top is documented on top, wherever it is imported from; the groups on top hold each name once."""
+    homes = public.homes()
+    assert homes["rbd.model.State"] == "rbd.State" and homes["rbd.statics.hold"] == "rbd.hold"
+    assert homes["rbd.statics.zmp"] == "rbd.statics.zmp"
+    assert links.documented("rbd.model.State.q") == "rbd.State.q" and links.documented("rbd.nothing") is None
+    assert sorted(" ".join(public.GROUPS.values()).split()) == sorted(public.names_of("rbd"))
+
+
+def test_a_source_page_has_an_anchor_at_each_function():
+    """Links to a test lead to the line where it begins."""
+    file = Path(__file__)
+    html = sources.html_of(file)
+    address = sources.address(file, function="test_mathjax_is_installed")
+    line = int(address.rpartition("#L")[2])
+    assert file.read_text(encoding="utf-8").splitlines()[line - 1] == "def test_mathjax_is_installed():"
+    assert f'<span id="L{line}"' in html and address.startswith("source/tests/test_site.py.html")
+    shown = re.sub(r"<[^>]+>", "", html[html.index("<pre>") :]).replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
+    assert shown.strip() == file.read_text(encoding="utf-8").strip()
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("|v| is a size", r"\|v\| is a size"),
+        ("`|v|` and `Rows`s", r"`|v|` and `Rows`\ s"),
+        ("2 * 3, x**2", r"2 \* 3, x\*\*2"),
+        ("an *emphasis*", "an *emphasis*"),
+    ],
+)
+def test_docstrings_are_read_as_written(line, expected):
+    """Bars, stars and an s after code are no markup."""
+    assert api.plain(line) == expected
+
+
+def test_the_bibliography_has_no_address():
+    """Authors with their accents, titles, years; identifiers as text."""
+    page = bibliography.page()
+    assert "://" not in page and "Jean Jacques Moreau" in page and "Stéphane Caron" in page
+    assert all(f"**{key}**" in page for key in bibliography.keys())
+
+
+def test_every_example_has_a_page():
+    """With its question; links of examples/README.md lead to pages of the site."""
+    pages = gallery.pages()
+    for file in (TOP / "examples").glob("[0-9][0-9]_*.py"):
+        assert f"gallery/{file.stem}.md" in pages
+    assert "](../" not in "".join(pages.values())
+    assert gallery.sections()["14-does-it-fall"] == "14_push_recovery"
