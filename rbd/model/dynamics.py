@@ -1,11 +1,7 @@
 """Terms of the equations of motion: M(q) a + v^T C(q) v = S^T tau + tau_g(q) + tau_ext + J^T f.
 
 tau_ext is the force of the surroundings except constraints: a push, a load, wind. Source:
-<<<<<<< HEAD
 `docs/courses/least_constraint/free_motion.md`, which names the equation for each function here.
-=======
-`docs/reference/theory.md`, which names the equation for each function here.
->>>>>>> site
 """
 
 from __future__ import annotations
