@@ -286,7 +286,7 @@ def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tup
 
 def _portfolio(P: GaussProblem, law: str) -> tuple[Array, float]:
     """(row impulses, residual) by the solvers of `rbd.ConeSolver`, one after another."""
-    found = Solution.of(ConeSolver(law=law).solve(P))
+    found = Solution.of(ConeSolver(law=law).solve_from(P, None, others=False))
     if not found.residuals.within(USABLE):
         names = ", ".join(r.name for r in P.rows)
         raise NoSolution(
