@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rbd import compiled as _compiled_code
 from rbd.arrays import Array, is_finite, max_abs, zeros
-from rbd.solvers import compiled as _compiled_code
 from rbd.solvers.newton import FOUND, Order, Scaled, leaves_motion_open, plain_steps_from, settled
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.point_law import law_residual
@@ -84,7 +84,7 @@ class ContactNewton:
             c: Acceleration of the rows without the points' forces, shape (nw,); or velocity, and then forces are impulses.
             start: Weights to start from, shape (3 k,), in the cones or not, finite or not.
             coulomb: Coulomb's law; else the convex one.
-            compiled: Whether compiled code is used; None: where it is installed, see `rbd.solvers.compiled`.
+            compiled: Whether compiled code is used; None: where it is installed, see `rbd.compiled`.
         """
         run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
         if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
+from rbd.compiled import in_use
 from rbd.problem.force_set import ForceSet
-from rbd.solvers.compiled import in_use
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
@@ -156,7 +156,7 @@ def solve_newton(
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
 ) -> tuple[Array, float, int]:
-    """`solve_newton` in the problem's units and order; compiled where Numba is installed, see `rbd.solvers.compiled`."""
+    """`solve_newton` in the problem's units and order; compiled where Numba is installed, see `rbd.compiled`."""
     if in_use() and len(w) <= _MOST_COMPILED:
         order, best = problem.order, np.empty(len(w))
         merit, step = _compiled_steps()(

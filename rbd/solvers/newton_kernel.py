@@ -11,8 +11,9 @@ import numba
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
 from rbd.solvers.contact_kernel import project
-from rbd.solvers.small_systems import COUNT, FLAG, NUMBER, array, compiled, eliminate
+from rbd.solvers.small_systems import eliminate
 
 
 @compiled

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd import compiled
 from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
-from rbd.solvers import compiled
 from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
 from rbd.solvers.newton import FOUND, scaled, steps_from
 from rbd.testing import reference_problems
@@ -319,7 +319,7 @@ print(json.dumps({"before": before, "after": "numba" in sys.modules, "w": w.toli
 
 def test_code_that_cannot_be_kept_on_disk_is_compiled_all_the_same():
     """Where no cache can be written: Numba refuses to cache a function without a file, and it works nevertheless."""
-    from rbd.solvers.small_systems import compiled as compile_
+    from rbd.kernels import compiled as compile_
 
     space: dict = {}
     exec(compile("def twice(x):\n    return 2.0 * x\n", "<nowhere>", "exec"), space)
