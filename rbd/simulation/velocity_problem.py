@@ -35,7 +35,7 @@ from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
 from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.kkt import StickingSolver, independent_factor
-from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
+from rbd.solvers.newton import Scaled, compiled_weights, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 EXACT = 1e-10
@@ -257,10 +257,16 @@ def point_impulses(
             return *near, False
     T, coulomb = rows.sets, law == "coulomb"
     if shift is not None:
+        quick = _quick(D, u + shift, T, guess, coulomb)
+        if quick is not None:
+            return *quick, False
         x, merit, S = _newton(D, u + shift, T, guess, coulomb)
         if merit <= _exact(S):
             return T.project(S.weights(x)), merit, False
         # It can happen that no friction opposes the velocity in the middle: then use that at the end.
+    quick = _quick(D, u, T, guess, coulomb)
+    if quick is not None:
+        return *quick, False
     x, merit, S = _newton(D, u, T, guess, coulomb)
     exact = _exact(S)
     if merit > exact:
@@ -270,6 +276,14 @@ def point_impulses(
     if merit <= exact:
         return T.project(S.weights(x)), merit, False
     return *_portfolio(problem(), law), False
+
+
+def _quick(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float] | None:
+    """(row impulses, merit) by the first steps of `_newton`, compiled; None where they do not lead to an answer."""
+    found = compiled_weights(D, u, T, guess, coulomb=coulomb, iterations=_QUICK)
+    if found is None or not found[1] <= _least_merit(found[2]):
+        return None
+    return found[:2]
 
 
 def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float, Scaled]:
@@ -337,8 +351,12 @@ def independent_rows(
 
 
 def _exact(S: Scaled) -> float:
+    return _least_merit(S.rate)
+
+
+def _least_merit(rate: float) -> float:
     """Largest merit of an answer: for tiny velocities rounding exceeds `EXACT`."""
-    return max(EXACT, _ROUNDING / S.rate)
+    return max(EXACT, _ROUNDING / rate)
 
 
 def _bilateral(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:

@@ -17,7 +17,7 @@ from rbd import compiled
 from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
 from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
-from rbd.solvers.newton import FOUND, scaled, steps_from
+from rbd.solvers.newton import FOUND, compiled_weights, scaled, steps_from
 from rbd.testing import reference_problems
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed: there is nothing to compare")
@@ -105,6 +105,30 @@ def test_one_step_is_the_same_to_rounding(coulomb, rng):
                 plain = steps_from(S, w0, **settings)
             assert found[2] == plain[2] and abs(found[1] - plain[1]) < 1e-11
             assert np.abs(found[0] - plain[0]).max() < 1e-10
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_weights_in_one_call_are_those_of_its_parts_to_the_last_bit(coulomb, rng):
+    """Scaled, steps taken, brought into their sets: cones, and singles before them; without motion; forces far off."""
+    for cones in (Product([FrictionCone(0.5)] * 4), Product([Free(1), Box([-1.0, 0.3], [2.0, 0.3]), FrictionCone(1.2)])):
+        T = at_rest(cones)
+        for k in range(40):
+            A = rng.normal(size=(T.size, T.size)) * 10.0 ** rng.uniform(-2.0, 2.0, T.size)
+            y_free, w0 = A @ rng.normal(size=T.size) * (k > 0), rng.normal(size=T.size)
+            D = A @ A.T + 0.1 * np.eye(T.size)
+            for iterations in (1, 30):
+                with compiled.use(True):
+                    found = compiled_weights(D, y_free, T, w0, coulomb=coulomb, iterations=iterations)
+                    S = scaled(D, y_free, T)
+                    w, merit, _ = steps_from(S, S.guess(w0), coulomb=coulomb, iterations=iterations)
+                assert found is not None and found[1:] == (merit, S.rate)
+                assert np.array_equal(found[0], T.project(S.weights(w)))
+    turned = at_rest(Product([FrictionCone(0.5), Free(1)]))
+    settings = {"coulomb": coulomb, "iterations": 9}
+    with compiled.use(True):
+        assert compiled_weights(np.eye(4), np.zeros(4), turned, np.zeros(4), **settings) is None  # another order
+    with compiled.use(False):
+        assert compiled_weights(np.eye(3), np.zeros(3), at_rest(FrictionCone(0.5)), np.zeros(3), **settings) is None
 
 
 def test_whole_numbers_as_friction_and_bounds():
