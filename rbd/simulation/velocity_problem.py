@@ -50,6 +50,8 @@ _NOTHING = 1e-100
 """Velocities below this are zero [m/s, rad/s]: divided by them, others would overflow."""
 _QUICK = 10
 """Iterations of Newton's method before another is tried; started from the step before it usually takes two."""
+_FINE = 1e-10
+"""Proximal term of its second attempt: half of those that stall at a merit of 1e-10 to 1e-7 end here."""
 
 
 class VelocityAnswer(NamedTuple):
@@ -290,6 +292,10 @@ def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tup
     """(scaled weights, merit, the scaled problem) by Newton's method from a guess."""
     S = scaled(D, u, T)
     x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=_QUICK)
+    if merit > _exact(S):  # rows that are nearly dependent: the steps' own regularisation stalls them
+        finer, less, _ = steps_from(S, x, coulomb=coulomb, iterations=_QUICK, proximal=_FINE)
+        if less <= _exact(S):
+            return finer, less, S
     if merit > _exact(S):  # dependent rows: ADMM first, then exact
         near, _ = admm(S, x, coulomb=coulomb, iterations=200, tolerance=1e-6)
         x, merit, _ = steps_from(S, near, coulomb=coulomb, iterations=_QUICK)
