@@ -251,12 +251,9 @@ def point_impulses(
     if rows.sets.bilateral:
         return *_bilateral(D, u, max(h, max_abs(u)) or 1.0, problem), False
     if shift is None and rows.sticking is not None:
-        shortest = rows.sticking.impulses(D, u, np.zeros(len(u)), STILL, others=False)
-        if shortest is not None:
-            return *shortest, True
-        near = rows.sticking.impulses(D, u, guess, STILL)
-        if near is not None:
-            return *near, False
+        held = rows.sticking.shortest_or_near(D, u, guess, STILL)
+        if held is not None:
+            return held
     T, coulomb = rows.sets, law == "coulomb"
     if shift is not None:
         quick = _quick(D, u + shift, T, guess, coulomb)
