@@ -188,9 +188,10 @@ class StickingSolver:
             return None
         for _ in range(_TO_AND_FRO):
             x, y, n = w.reshape(-1, 3).T
-            pushes = np.maximum(n, 0.01 * np.abs(n).mean())
+            pushes = np.maximum(n, 0.01 * (np.add.reduce(np.abs(n)) / len(n)))
             shrink = np.minimum(0.99 * self._mu * pushes / np.maximum(np.hypot(x, y), 1e-300), 1.0)
-            inside = np.column_stack([shrink * x, shrink * y, pushes]).ravel()
+            inside = np.empty(len(w))
+            inside[0::3], inside[1::3], inside[2::3] = shrink * x, shrink * y, pushes
             w = inside - lapack.dpotrs(R, D @ inside + u)[0]
             if self._allow(w):
                 return w
