@@ -48,9 +48,10 @@ def anchors(html: str) -> set[str]:
     return {anchor for tag in TAG.finditer(html) for anchor in re.findall(r'\bid="([^"]+)"', tag[2])}
 
 
-def needs_network(text: str) -> list[str]:
-    """What of a page or a style sheet a browser would fetch from elsewhere."""
-    return [a for a in addresses(text) if re.match(r"(https?:)?//", a)] + OUTSIDE.findall(text)
+def styles(file: Path) -> str:
+    """The text of a style sheet, or of the styles within a page."""
+    text = file.read_text(encoding="utf-8")
+    return text if file.suffix == ".css" else "".join(re.findall(r"<style[^>]*>(.*?)</style>", text, flags=re.DOTALL))
 
 
 def faults(site: Path) -> Iterator[str]:
@@ -71,8 +72,8 @@ def faults(site: Path) -> Iterator[str]:
                 yield f"{page}: dead anchor {target}"
             if file in leads_to:
                 leads_to[page].add(file)
-    for style in [*site.rglob("*.css"), *texts]:
-        yield from (f"{style}: outside, {a}" for a in needs_network(style.read_text(encoding="utf-8")))
+    for file in [*site.rglob("*.css"), *texts]:
+        yield from (f"{file}: outside, {address}" for address in OUTSIDE.findall(styles(file)))
     reached, coming = {site / "index.html"}, [site / "index.html"]
     while coming:
         coming = [page for page in set().union(*(leads_to[page] for page in coming)) - reached]
