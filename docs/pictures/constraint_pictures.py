@@ -33,14 +33,14 @@ def closed(L, theta_1: float, theta_4: float, side: float) -> np.ndarray:
 
 def four_bar_loop() -> Path:
     """A loop with its absolute angles; the open and the folded branch of the rhombus of the text."""
-    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
     general, opened, folded = figure.subplots(1, 3, width_ratios=(1.5, 1.25, 1.0))
     L = np.array([1.0, 2.2, 1.7, 2.2])
     theta = closed(L, np.radians(65.0), np.pi, 1.0)
     _loop(general, L, theta, angles=True)
     general.set_title("Absolute angles, each from x", loc="left", fontsize=10)
-    for ax, side, title in ((opened, -1.0, "Open, $\\theta_4 = 0$: $\\theta_2 = 180°$, $\\theta_3 = 210°$"),
-                            (folded, 1.0, "Folded, $\\theta_4 = 0$: $\\theta_2 = 210°$, $\\theta_3 = 180°$")):  # fmt: skip
+    for ax, side, title in ((opened, -1.0, "Open: 30°, 180°, 210°, 0°"),
+                            (folded, 1.0, "Folded: 30°, 210°, 180°, 0°")):  # fmt: skip
         _loop(ax, np.ones(4), closed(np.ones(4), np.radians(30.0), 0.0, side), apart=0.07 if side > 0.0 else 0.0)
         ax.set_title(title, loc="left", fontsize=10)
     return _save(figure, "four_bar_loop")
@@ -48,7 +48,7 @@ def four_bar_loop() -> Path:
 
 def unicycle_from_above() -> Path:
     """A unicycle from above with forward and sideways; forward, turn, back, turn back from above."""
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(9.0, 3.9), layout="constrained")
     one, moves = figure.subplots(1, 2)
     heading = np.radians(35.0)
     e, n = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
@@ -96,7 +96,7 @@ def unicycle_from_above() -> Path:
 
 def four_bar_singular() -> Path:
     """Link 1 at the end of its range, and det J2 over the angle of link 1."""
-    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    figure = Figure(figsize=(9.4, 4.2), layout="constrained")
     pose, plot = figure.subplots(1, 2, width_ratios=(1.0, 1.5))
     L = np.array([1.2, 0.8, 0.9, 1.4])
     limit = np.arccos(-((L[1] + L[2]) ** 2 - L[0] ** 2 - L[3] ** 2) / (2.0 * L[0] * L[3]))
@@ -116,7 +116,9 @@ def four_bar_singular() -> Path:
     plot.set_ylabel("$\\det J_2\\, /\\, (L_2 L_3) = \\sin(\\theta_3 - \\theta_2)$")
     plot.set(xlabel="$\\theta_1$, ground at $\\theta_4$ = 180° [deg]", xlim=(-180, 180),
              ylim=(-1.1, 1.45), xticks=range(-180, 181, 60))  # fmt: skip
-    plot.legend(frameon=False, loc="upper center", ncols=3, title="lengths of links 1 to 4; one branch solid, the other dashed")
+    plot.legend(
+        frameon=False, loc="upper center", ncols=3, title="lengths of links 1 to 4; the other branch dashed", fontsize=9
+    )
     frame(plot, "both")
     return _save(figure, "four_bar_singular")
 
@@ -133,7 +135,7 @@ def _loop(ax: Axes, L, theta, *, angles: bool = False, apart: float = 0.0) -> No
         normal = 1j * np.exp(1j * theta[i])
         out = ((0.5 * (a + b) - corners[:4].mean()) * np.conj(normal)).real > 0.0
         outward = out or apart > 0.0
-        middle = 0.5 * (a + b) + (0.09 if outward else -0.09) * size * normal
+        middle = 0.5 * (a + b) + (0.12 if outward else -0.12) * size * normal
         ax.text(middle.real, middle.imag, f"$L_{i + 1}$", color=COLORS[i], ha="center", va="center", fontsize=13)
         if angles:
             radius = 0.2 * size

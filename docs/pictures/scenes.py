@@ -15,6 +15,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import task_pictures
+
 import rbd
 from rbd.visual import Scene
 
@@ -89,6 +91,8 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "motion_check": motion_check,
     "four_bar": four_bar,
     "double_pendulum": double_pendulum,
+    "task_walker": task_pictures.walker_page,
+    "task_loop": task_pictures.loop_page,
 }
 """{picture in docs/pictures: writes the scene of which it is taken}."""
 

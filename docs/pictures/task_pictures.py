@@ -4,7 +4,7 @@ import contextlib
 import io
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,8 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 
 def pictures() -> Iterator[Path]:
     """All of them."""
-    for make in (walker, hold, wall, loop, sweep, many, forces, swing, figure):
+    makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
+    for make in makers:
         yield make()
 
 
@@ -37,12 +38,17 @@ def computed(page: str) -> dict[str, Any]:
     return names
 
 
-def scene(picture: str, state: rbd.State, answer: Any = None, **shown: Any) -> Path:
-    """A photograph of a robot with the forces of an answer."""
-    with tempfile.TemporaryDirectory() as folder, Scene(state.robot) as drawn:
+def exported(page: Path, state: rbd.State, answer: Any = None, **shown: Any) -> Path:
+    """A robot with the forces of an answer, as a page."""
+    with Scene(state.robot) as drawn:
         drawn.show(state, answer, **shown)
-        page = drawn.export(Path(folder) / f"{picture}.html")
-        return screenshot(page, PICTURES / f"{picture}.png", width=1000, height=760)
+        return drawn.export(page)
+
+
+def photograph(write: Callable[[Path], Path], picture: str, height: int = 760) -> Path:
+    """A picture of the page that this function writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        return screenshot(write(Path(folder) / f"{picture}.html"), PICTURES / f"{picture}.png", width=1000, height=height)
 
 
 def saved(drawn: Figure, picture: str) -> Path:
@@ -51,40 +57,48 @@ def saved(drawn: Figure, picture: str) -> Path:
     return PICTURES / f"{picture}.png"
 
 
-def walker() -> Path:
-    """The walker of `load_my_robot`, in the pose of `put_it_on_its_feet`."""
+def walker_page(page: Path) -> Path:
+    """The walker of `load_my_robot`, in the pose of `put_it_on_its_feet`, in 3-D."""
     names = computed("put_it_on_its_feet")
-    state = names["state"]
-    return scene("task_walker", state, rbd.hold(state, names["robot"].soles()))
+    return exported(page, names["state"], rbd.hold(names["state"], names["robot"].soles()))
 
 
-def hold() -> Path:
+def task_walker() -> Path:
+    """A photograph of it."""
+    return photograph(walker_page, "task_walker")
+
+
+def task_hold() -> Path:
     """Talos on its left leg."""
     names = computed("hold_it")
-    return scene("task_hold", names["pose"].state, names["hold"])
+    return photograph(lambda page: exported(page, names["pose"].state, names["hold"]), "task_hold")
 
 
-def wall() -> Path:
+def task_wall() -> Path:
     """Talos between the wall and the push."""
     names = computed("place_a_hand_on_a_wall")
-    return scene("task_wall", names["state"], names["hold"], external=names["push"])
+    return photograph(lambda page: exported(page, names["state"], names["hold"], external=names["push"]), "task_wall")
 
 
-def loop() -> Path:
-    """The four-bar in both of its branches."""
+def loop_page(page: Path) -> Path:
+    """The four-bar in both of its branches, in 3-D."""
     names = computed("close_a_loop")
     four_bar, state = names["four_bar"], names["state"]
     found = rbd.mechanism.branches(state, [names["pin"]], fixed={"crank_joint": 0.7}).found
     others = {str(i): four_bar.at(branch.q) for i, branch in enumerate(found) if abs(branch.q - state.q).max() > 1e-3}
     view = {"legend": False, "ground": False, "seen_from": (0.25, -1.0, 0.2)}
-    with tempfile.TemporaryDirectory() as folder, Scene(four_bar, **view) as drawn:
+    with Scene(four_bar, **view) as drawn:
         drawn.show(state, names["solution"])
         drawn.beside(others)
-        page = drawn.export(Path(folder) / "loop.html")
-        return screenshot(page, PICTURES / "task_loop.png", width=1000, height=560)
+        return drawn.export(page)
 
 
-def sweep() -> Path:
+def task_loop() -> Path:
+    """A photograph of it."""
+    return photograph(loop_page, "task_loop", height=560)
+
+
+def task_sweep() -> Path:
     """Acceleration of the base against friction."""
     names = computed("sweep_a_parameter")
     drawn = Figure(figsize=(7.0, 3.6), layout="constrained")
@@ -98,7 +112,7 @@ def sweep() -> Path:
     return saved(drawn, "task_sweep")
 
 
-def many() -> Path:
+def task_many() -> Path:
     """How hard the hardest motor works, over all poses."""
     names = computed("solve_thousands_of_states")
     drawn = Figure(figsize=(7.0, 3.6), layout="constrained")
@@ -109,7 +123,7 @@ def many() -> Path:
     return saved(drawn, "task_many")
 
 
-def forces() -> Path:
+def task_forces() -> Path:
     """The push as it is, as a low-pass of it, and as the observer sees it; and the loads of both soles."""
     names = computed("read_forces_from_data")
     record, seen = names["record"], names["seen"]
@@ -130,7 +144,7 @@ def forces() -> Path:
     return saved(drawn, "task_forces")
 
 
-def swing() -> Path:
+def task_swing() -> Path:
     """The box on its rod, at equal distances of time."""
     path = computed("add_a_constraint")["swing"].q[:, (0, 2)]
     drawn = Figure(figsize=(7.0, 4.4), layout="constrained")
@@ -146,7 +160,7 @@ def swing() -> Path:
     return saved(drawn, "task_swing")
 
 
-def figure() -> Path:
+def task_figure() -> Path:
     """The plot that the page `export_a_figure` saves."""
     moved = computed("export_a_figure")["moved"]
     drawn = Figure(figsize=(8.0, 5.0), layout="constrained")

@@ -76,8 +76,12 @@ def link_jacobians(state: State, constraints: Sequence[Constraint] | None = None
         InputError: joints other than hinges across the plane and slides in it, constraints that are no loops, an unknown or
             repeated name.
 
+    >>> state = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=math.radians(40)).at("assembled")
     >>> found = rbd.mechanism.link_jacobians(state, known=["crank"])
-    >>> rates = -np.linalg.solve(found.J_unknown, found.J_known) @ [25.0]  # of coupler and rocker, from the ground
+    >>> round(found.determinant, 1)
+    -5781.0
+    >>> (-np.linalg.solve(found.J_unknown, found.J_known @ [25.0])).round(4)  # rates of coupler and rocker
+    array([-4.1209,  6.998 ])
     """
     robot, turning = check_state(state).robot, _turning(state)
     joints = list(robot.joints.values())

@@ -2,11 +2,11 @@
 
 from sphinx.application import Sphinx
 
-from rbd_site import api, links, mathjax, pages, scenes, sources
+from rbd_site import api, links, mathjax, pages, scenes, sources, subscripts
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register all parts of the site with Sphinx."""
-    for part in (pages, api, links, sources, scenes, mathjax):
+    for part in (pages, api, links, sources, scenes, mathjax, subscripts):
         part.setup(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}
