@@ -69,7 +69,7 @@ class Patch:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rows:
-    """m scalar constraint rows with one name: c = J a + bias + feedback, with forces in a cone.
+    """m scalar constraint rows with one name: y = J a + bias + feedback, with forces in a cone.
 
     Attributes:
         name: The constraint's name.

@@ -30,7 +30,8 @@ class KKT:
     For bilateral constraints. Where rows are redundant f has minimum norm, and where they contradict each other a is
     the least-squares one, with residuals that show it.
 
-    Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0; `docs/reference/theory.md`.
+    Source: Lagrange's stationarity M (a - a_free) - J^T f = 0 with J a + J_dot v = 0;
+    `docs/courses/least_constraint/multipliers.md`.
     """
 
     law: Law = BILATERAL
