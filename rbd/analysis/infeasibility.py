@@ -1,12 +1,12 @@
 """Infeasible constraints: an irreducible conflicting set of rows, with its Farkas certificate.
 
-The rows require c = J a + offset in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
+The rows require y = J a + offset in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
 bilateral rows, only if) there are forces f in K with
 
     J^T f = 0     and     f . offset = -1 :
 
-forces in equilibrium on every body that still do work on the required motion. Then f . c = -1 for every a, while f . c >= 0
-for all c in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
+forces in equilibrium on every body that still do work on the required motion. Then f . y = -1 for every a, while f . y >= 0
+for all y in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
 polyhedron, and their supports are the irreducible contradictions [GleesonRyan1990]; linear programs (HiGHS) find them.
 """
 
@@ -114,7 +114,7 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
     """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
 
     Contradictions within rounding (`CONTRADICTS`) do not count. Every certificate is verified before it is returned. None
-    concerns only c in K*: a point that already slides can have no answer for another reason (Painleve), which
+    concerns only y in K*: a point that already slides can have no answer for another reason (Painleve), which
     `Solution.reason` gives; and circular cones that are disjoint only at infinity have no certificate.
 
     Args:

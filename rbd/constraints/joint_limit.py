@@ -32,8 +32,8 @@ class JointLimit:
 
     One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`)::
 
-        lower bound   c = +q'',  error = q - lower      the limit's torque on the joint is +f
-        upper bound   c = -q'',  error = upper - q      the limit's torque on the joint is -f
+        lower bound   y = +q'',  error = q - lower      the limit's torque on the joint is +f
+        upper bound   y = -q'',  error = upper - q      the limit's torque on the joint is -f
 
     with f >= 0 in both: `solution.forces[name]` is its torque or force, `J^T f` the generalised force, which at an upper
     bound is negative. J_dot v is zero. The limit is rigid: a joint that moves into it needs an impact, and is refused.

@@ -24,7 +24,7 @@ CARRIES = 1e-9
 class Baumgarte:
     """Feedback that makes the error of a constraint decay like a damped oscillator [Baumgarte1972].
 
-    It is added to c = J a + J_dot v::
+    It is added to y = J a + J_dot v::
 
         feedback = 2 zeta w velocity + w^2 error,      so that      error'' + 2 zeta w error' + w^2 error = 0
 

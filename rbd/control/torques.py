@@ -31,8 +31,8 @@ def inverse_dynamics(
     """Motor torques and contact forces with which a robot accelerates as wanted: M a + h = S^T tau + tau_ext + J^T f.
 
     Torques are within their limits, nothing drives bases and passive joints, and forces are those that the wanted motion
-    allows under Coulomb's law, point by point, with c = J a + J_dot v: a point that keeps still (c = 0) any force in its cone;
-    one that opens (c_n > 0) none; one that slips (c_n = 0, c_t != 0, or it slides already) friction mu f_n against the slip; a
+    allows under Coulomb's law, point by point, with y = J a + J_dot v: a point that keeps still (y = 0) any force in its cone;
+    one that opens (y_n > 0) none; one that slips (y_n = 0, y_t != 0, or it slides already) friction mu f_n against the slip; a
     bilateral row any. Of all these it takes the ones of least effort, sum (tau / limit)^2 and a small weight on the forces.
 
     Args:

@@ -1,7 +1,7 @@
 """Terms of the equations of motion: M(q) a + v^T C(q) v = S^T tau + tau_g(q) + tau_ext + J^T f.
 
 tau_ext is the force of the surroundings except constraints: a push, a load, wind. Source:
-`docs/reference/theory.md`, which names the equation for each function here.
+`docs/courses/least_constraint/free_motion.md`, which names the equation for each function here.
 """
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ def coriolis_tensor(state: State) -> Array:
     Christoffel symbols of the first kind. On a floating base v is not the derivative of coordinates and Pinocchio's C(v) w
     differs from C(w) v; the symmetric part, C_ijk = 1/2 (C(e_j) e_k + C(e_k) e_j)_i, is the one that `v @ C @ v` defines.
 
-    Source: Wieber's form of the equations of motion, `docs/reference/theory.md`.
+    Source: Wieber's form of the equations of motion, `docs/courses/least_constraint/free_motion.md`.
 
     Example:
         >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])

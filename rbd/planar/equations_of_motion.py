@@ -10,7 +10,7 @@ Other angles are psi = S q + s with constant S: M, the Christoffel symbols and t
 without differentiation or simplification. Two links share one cosine whose angle is the sum of the joint angles between them.
 A test derives the same by differentiation.
 
-Sources: [Duarte2021], problem 4; docs/reference/theory.md for the form M a + C v + g = tau.
+Sources: [Duarte2021], problem 4; docs/courses/least_constraint/free_motion.md for the form M a + C v + g = tau.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ class ContactDynamics:
         self._frictional = [i for i, contact in enumerate(contacts) if contact.friction is not None]
         self.G = self._turn_back(T.G) if self._turned else T.G
         self._pull = np.ascontiguousarray(self.G.T)
-        self._least_norm = _pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G)
+        self._least_norm = np.ascontiguousarray(_pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G))
         self._room = _room_of(T) if len(T.mu) <= _FEW else None
         self._weights_and_squares = np.empty(2 * T.size)
         self._newton = ContactNewton(self.G, T.mu) if T.only_cones else None

@@ -99,7 +99,7 @@ class Origin(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaussProblem:
-    """The least-constraint problem in arrays: `argmin 1/2 |a - a_free|_M^2` for c = J a + offset in K*, forces f in K.
+    """The least-constraint problem in arrays: `argmin 1/2 |a - a_free|_M^2` for y = J a + offset in K*, forces f in K.
 
     M a = rhs + J^T f are the equations of motion; rhs = S^T tau + tau_ext - h. It can be built by hand, without a robot.
 

@@ -69,7 +69,7 @@ class Patch:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rows:
-    """A constraint at one state, in arrays: m rows c = J a + bias + feedback, with forces in a cone.
+    """A constraint at one state, in arrays: m rows y = J a + bias + feedback, with forces in a cone.
 
     Attributes:
         name: The constraint's name.

@@ -123,13 +123,16 @@ class ConeSolver:
         """
         return self.solve_from(problem, None)
 
-    def solve_from(self, problem: GaussProblem, weights: Array | None, since: float | None = None) -> Answer:
+    def solve_from(
+        self, problem: GaussProblem, weights: Array | None, since: float | None = None, *, others: bool = True
+    ) -> Answer:
         """The same, its second step started from weights of `problem.force_set`, e.g. those of another law's answer.
 
         Args:
             problem: The problem to solve.
             weights: Shape (p,); None for those of the first step.
             since: Start of the search that this continues, by `time.perf_counter`.
+            others: Whether the convex law's motion is looked for beside Coulomb's; a time step takes the first answer.
         """
         start = time.perf_counter() if since is None else since
         P = checked(problem)
@@ -137,7 +140,7 @@ class ConeSolver:
             return replace(KKT().solve(P), solver="ConeSolver")
         if P.force_set.sliding:
             return _of_sliding(P, start)
-        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights)
+        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights, others)
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
@@ -168,8 +171,11 @@ class _Search:
         self.best: Answer | None = None
         self.answers: list[Answer] = []
 
-    def run(self, wanted: int, weights: Array | None = None) -> Answer:
-        """The answer, after `wanted` starts or the first answer, whichever is later; started from weights, if given."""
+    def run(self, wanted: int, weights: Array | None = None, others: bool = True) -> Answer:
+        """The answer, after `wanted` starts or the first answer, whichever is later; started from weights, if given.
+
+        With `others` the convex law's motion is looked for, too.
+        """
         T = self.P.force_set
         w = holding(self.P)
         first = T.project(w)
@@ -192,7 +198,7 @@ class _Search:
                 reason = ""
             if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
                 break
-        if self.coulomb and self.answers and self._might_hold(self.answers[0]):
+        if others and self.coulomb and self.answers and self._might_hold(self.answers[0]):
             self._try_convex(S, S.guess(first))
         return self._result()
 

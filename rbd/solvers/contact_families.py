@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 from rbd.arrays import Array
-from rbd.solvers.small_systems import compiled, independent, inverse
+from rbd.kernels import compiled
+from rbd.solvers.small_systems import independent, inverse
 
 
 class Bodies(NamedTuple):

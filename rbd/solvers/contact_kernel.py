@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numba
 
 from rbd.arrays import Array
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
 from rbd.solvers.contact_families import Bodies, leaves_motion_open
-from rbd.solvers.small_systems import COUNT, FLAG, NUMBER, array, compiled, eliminate, inverse
+from rbd.solvers.small_systems import eliminate, inverse
 
 _SMALL = 1e-200
 _MOST_STEPS = 50

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rbd import compiled as _compiled_code
 from rbd.arrays import Array, is_finite, max_abs, zeros
-from rbd.solvers import compiled as _compiled_code
 from rbd.solvers.newton import FOUND, Order, Scaled, leaves_motion_open, plain_steps_from, settled
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.point_law import law_residual
@@ -84,7 +84,7 @@ class ContactNewton:
             c: Acceleration of the rows without the points' forces, shape (nw,); or velocity, and then forces are impulses.
             start: Weights to start from, shape (3 k,), in the cones or not, finite or not.
             coulomb: Coulomb's law; else the convex one.
-            compiled: Whether compiled code is used; None: where it is installed, see `rbd.solvers.compiled`.
+            compiled: Whether compiled code is used; None: where it is installed, see `rbd.compiled`.
         """
         run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
         if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():
@@ -92,6 +92,26 @@ class ContactNewton:
                 self._compiled = _Compiled(self.P, self.mu)
             run = self._compiled.forces
         return run(D, c, start, coulomb)
+
+    def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
+        """Forces of the convex law on bodies that are held, in one compiled call.
+
+        Returns:
+            2 if they are found, 1 if all points stick, and nothing is written; 0 if nothing is known.
+
+        Args:
+            D: As in `forces`.
+            f: Forces on the rows that hold them, shape (nw,); written: those of the points.
+            w: Written: weights, shape (3 k,).
+            change: Its first entries are written: accelerations of the rows, shape (nw or more,).
+            least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
+        """
+        if not _compiled_code.in_use():
+            return 0
+        if self._compiled is None:
+            self._compiled = _Compiled(self.P, self.mu)
+        D = D if D.flags.c_contiguous else D.T  # symmetric
+        return int(self._compiled.release(D, f, w, change, least_norm, FOUND, *self._compiled.fixed))
 
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
@@ -196,6 +216,7 @@ class _Compiled:
         memory = np.zeros(vectors + squares + rows + nw * n)
         self.fixed = (columns, first, mu, seeds(columns, first), memory, np.zeros((2, k), dtype=np.int64))
         self.run = _kernel()
+        self.release = _release()
 
     def forces(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
         out = np.empty(self.size)
@@ -226,3 +247,10 @@ def _kernel() -> Callable[..., tuple[float, int, bool]]:
     from rbd.solvers.contact_kernel import body_forces  # imports Numba
 
     return body_forces
+
+
+@cache
+def _release() -> Callable[..., int]:
+    from rbd.solvers.release_kernel import release  # imports Numba
+
+    return release

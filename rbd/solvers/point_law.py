@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.solvers.compiled import in_use
+from rbd.compiled import in_use
 
 LEAST_PUSH = 1e-3
 """Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""

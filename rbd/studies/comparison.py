@@ -232,8 +232,8 @@ class ContactUnderLaw:
         normal: Normal force [N].
         slip: Largest tangential acceleration of its points [m/s2].
         lift_off: Largest normal acceleration of its loaded points [m/s2]: zero under Coulomb's law.
-        dissipation: What friction takes, -sum f_t . c_t [W/s].
-        lifted: What the normal forces put back by lifting, sum f_n c_n [W/s]: under the convex law all that friction takes.
+        dissipation: What friction takes, -sum f_t . y_t [W/s].
+        lifted: What the normal forces put back by lifting, sum f_n y_n [W/s]: under the convex law all that friction takes.
     """
 
     normal: float
@@ -318,7 +318,7 @@ def compare_laws(
 
     Where a loaded point starts to slip, the convex law lets it lift at mu times its tangential acceleration, gives it another
     normal force, and puts back by lifting what friction takes. The two differ too where a point without load breaks with
-    `c_n < mu |c_t|`, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
+    `y_n < mu |y_t|`, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
     `coulomb.others` has the others. Elsewhere they agree.
 
     Args:

@@ -149,7 +149,7 @@ def _boxes() -> list[ReferenceProblem]:
 def _slipping() -> list[ReferenceProblem]:
     """The box pushed along x, mu = 0.6: at 30 N it sticks; at 80 N the convex law lifts it, Coulomb's makes it slide.
 
-    Convex: f = N (-mu, 0, 1) with c . f = 0, so N = (m g + mu F) / (1 + mu^2) = 107.43 N and c_z = 0.933 m/s2.
+    Convex: f = N (-mu, 0, 1) with y . f = 0, so N = (m g + mu F) / (1 + mu^2) = 107.43 N and y_z = 0.933 m/s2.
     """
     mu, push = 0.6, 80.0
     N = (_WEIGHT + mu * push) / (1.0 + mu**2)
