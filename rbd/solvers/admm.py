@@ -43,7 +43,7 @@ _FIXED_POINT_STEPS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class ConeSolver:
-    """Contact forces in circular cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
+    """Solver with circular friction cones, for Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
     Weights w in the product of the sets (`problem.force_set`) with::
 
@@ -80,6 +80,17 @@ class ConeSolver:
 
     Raises:
         InputError: if `law` is neither, or `starts` is not a whole number from 1 to 20.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> push = [rbd.ExternalForce("box", (80.0, 0.0, 0.0))]
+        >>> state = rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1])
+        >>> for law in ("coulomb", "convex"):
+        ...     solution = rbd.solve(state, [], [face], external=push, solver=rbd.ConeSolver(law=law))
+        ...     print(solution.law, solution.a[:3].round(3) , solution.forces["face"][:3].round(2))
+        coulomb [ 2.114 0.     0.   ] [-58.86  0.    98.1 ]
+        convex [1.554 0.    0.933] [-64.46   0.   107.43]
     """
 
     law: Law | str = COULOMB
