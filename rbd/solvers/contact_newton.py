@@ -19,7 +19,7 @@ import numpy as np
 from rbd.arrays import Array, is_finite, max_abs, zeros
 from rbd.solvers import compiled as _compiled_code
 from rbd.solvers.contact_steps import ContactSteps
-from rbd.solvers.newton import FOUND, Order, Scaled, leaves_motion_open
+from rbd.solvers.newton import FOUND, Order, Scaled
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.point_law import law_residual
 
@@ -146,24 +146,21 @@ class ContactNewton:
             first = np.zeros(len(start))
         found = newton.steps_from(first, coulomb=coulomb)
         if not found.merit <= FOUND:
-            S = self._in_arrays()
-            near, steps = admm(S, first, coulomb=coulomb, iterations=_ITERATIONS, tolerance=_NEAR, step=_STEP)
-            for guess in (near, np.zeros(len(first))):
-                steps += found.steps
+            none, unit = zeros(0), np.full(len(first), newton.unit)
+            S = Scaled(newton.D, newton.q, self._order, none, none, unit, newton.rate)
+            near, taken = admm(S, first, coulomb=coulomb, iterations=_ITERATIONS, tolerance=_NEAR, step=_STEP)
+            steps = found.steps + taken
+            for guess in (near, zeros(len(first))):
                 found = newton.steps_from(guess, coulomb=coulomb)
+                steps += found.steps
                 if found.merit <= FOUND:
                     break
-            found = found._replace(steps=found.steps + steps)
-        opened = coulomb and found.merit <= FOUND and leaves_motion_open(self._in_arrays(), found.w)
+            found = found._replace(steps=steps)
+        opened = coulomb and found.merit <= FOUND and newton.leaves_motion_open(found.w)
         if opened:
             found = newton.settled(found, coulomb=coulomb)
         weights = newton.unit * found.w
         return ContactForces(weights, P @ weights, found.merit, found.steps, opened)
-
-    def _in_arrays(self) -> Scaled:
-        """The problem that was posed last."""
-        newton = self._steps
-        return Scaled(newton.D, newton.q, self._order, zeros(0), zeros(0), np.full(len(newton.q), newton.unit), newton.rate)
 
 
 def contact_forces(

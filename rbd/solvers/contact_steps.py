@@ -26,6 +26,12 @@ _GROWS, _EARLY = 4.0, 6
 """The first steps, in which points change between open, sticking and slipping, may make the sum of squares grow so much."""
 _COMPLIANCES = (1e-2, 1e-4)
 """Of equally compliant points, over their mobility: see `rbd.solvers.newton.YIELDING`."""
+_TOUCHES = 1e-9
+"""Scaled accelerations and weights below this are zero in an answer."""
+_DEPENDENT = 1e-5
+"""Pivots of the normals' mobility below this, over the largest: their shares of a load may be open."""
+_RANK = 1e-8
+"""Columns that add less than this to the span of the others, over the largest, add nothing."""
 _OPEN = (0.0,) * 9
 _SMALL = 1e-200
 
@@ -56,7 +62,7 @@ class ContactSteps:
         self._blocks = as_strided(self._M, (n // 3, 3, 3), (3 * (down + right), down, right))
 
     def pose(self, D: Array, c: Array) -> bool:
-        """Scale the problem, `D` and `q` of the points, `unit` of their weights; False where it is none.
+        """Scale the problem: `D` and `q` of the points, the `unit` of their weights; False where it is none.
 
         Args:
             D: Inverse inertia of the bodies' rows, symmetric positive definite, shape (nw, nw).
@@ -168,3 +174,65 @@ class ContactSteps:
             return found._replace(steps=taken)
         exact = self.steps_from(yielding, coulomb=coulomb)
         return (exact if exact.merit <= max(found.merit, EXACT) else found)._replace(steps=taken + exact.steps)
+
+    def leaves_motion_open(self, w: Array) -> bool:
+        """Whether an answer of Coulomb's law is one of a family of motions: `rbd.solvers.newton.leaves_motion_open`.
+
+        In the bodies' rows. Loads N of slipping points and forces g of sticking ones, as changes, move the bodies by z:
+        (L + the turning of friction) z = P_edge N + P g. The points' conditions are y_n = 0 of the ones and y = 0 of the
+        others. There is a family where some P_edge N + P g other than zero meets them.
+        """
+        y = self.D.dot(w)
+        y += self.q
+        touches, slides = self._touching(y.tolist())
+        if not slides:
+            return False
+        R, info = lapack.dpotrf(self.D[touches[:, None], touches])
+        pivots = R.diagonal()
+        if info == 0 and pivots.min() > _DEPENDENT * pivots.max():
+            return False  # independent normals determine their shares
+        forces, conditions, H = self._changes((w - y).tolist(), w.tolist(), touches.tolist())
+        if not len(forces):
+            return False
+        basis = _orthonormal(forces.T)
+        _, _, moved, info = lapack.dgesv(H, basis)
+        return info == 0 and len(_orthonormal(conditions.dot(moved)).T) < basis.shape[1]
+
+    def _touching(self, y: list[float]) -> tuple[Array, bool]:
+        """(indices of the normals of points that do not leave, whether one of these slides)."""
+        each, touches, slides = iter(y), [], False
+        for i, (a, b, normal) in enumerate(zip(each, each, each, strict=True)):
+            if normal < _TOUCHES:
+                touches.append(3 * i + 2)
+                slides = slides or math.hypot(a, b) > _TOUCHES
+        return np.array(touches, dtype=int), slides
+
+    def _changes(self, p: list[float], w: list[float], touches: list[int]) -> tuple[Array, Array, Array]:
+        """(wrenches of the possible changes of forces, accelerations that must stay zero, inertia with friction's turning)."""
+        pull, H = self._pull, self._inertia.copy()
+        forces, conditions = [], []
+        for at, (mu, _) in zip(range(0, len(p), 3), self._frictions, strict=True):
+            x, y, normal = p[at : at + 3]
+            if at + 2 in touches:
+                normal += max(_TOUCHES - w[at + 2], 0.0)  # a touching unloaded point may become loaded
+            if not normal > 0.0:
+                continue
+            t = math.hypot(x, y)
+            if t <= mu * normal:
+                forces.append(pull[at : at + 3])
+                conditions.append(pull[at : at + 3])
+                continue
+            along, side = (x * pull[at] + y * pull[at + 1]) / t, (x * pull[at + 1] - y * pull[at]) / t
+            forces.append((pull[at + 2] + mu * along)[None])
+            conditions.append(pull[at + 2 : at + 3])
+            H += side[:, None] * (mu * normal / (t - mu * normal) * side)
+        none = np.zeros((0, len(H)))
+        return np.concatenate([none, *forces]), np.concatenate([none, *conditions]), H
+
+
+def _orthonormal(A: Array) -> Array:
+    """An orthonormal basis of the columns of A."""
+    QR, _, scale, _, _ = lapack.dgeqp3(A)
+    pivots = np.abs(QR.diagonal())
+    rank = int((pivots > _RANK * pivots[0]).sum())
+    return np.asarray(lapack.dorgqr(QR[:, :rank], scale[:rank])[0])
