@@ -183,12 +183,16 @@ class _Compiled:
         self.n, self.size = n, n + nw
         vectors, squares, rows = 10 * n + 4 * nw + n * d + 4 * k, 4 * nw * nw, 2 * n * nw
         memory = np.zeros(vectors + squares + rows + nw * n)
-        self.fixed = (columns, first, mu, seeds(columns, first), memory, np.zeros((2, k), dtype=np.int64))
+        begin = seeds(columns, first)
+        self.fixed = (columns, first, mu, begin, memory, np.zeros((2, k), dtype=np.int64))
+        self.share = None if len(begin) == k else np.linalg.pinv(P.reshape(nw, k, 3)[:, begin].reshape(nw, -1)) @ P
         self.run = _kernel()
 
     def forces(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
         out = np.empty(self.size)
         D = D if D.flags.c_contiguous else D.T  # symmetric
+        if self.share is not None:  # weights of the first points, of the same wrench
+            start = self.share.dot(start)
         merit, steps, opened = self.run(D, c, start, coulomb, *self.fixed, out)
         return ContactForces(out[: self.n], out[self.n :], merit, steps, opened)
 
