@@ -18,8 +18,8 @@ import numpy as np
 
 from rbd.arrays import Array, is_finite, max_abs, zeros
 from rbd.solvers import compiled as _compiled_code
-from rbd.solvers.contact_steps import ContactSteps
-from rbd.solvers.newton import FOUND, Order, Scaled
+from rbd.solvers.contact_steps import ContactSteps, Reached
+from rbd.solvers.newton import FOUND, Order, Scaled, plain_steps_from
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.point_law import law_residual
 
@@ -158,6 +158,9 @@ class ContactNewton:
                 steps += found.steps
                 if found.merit <= FOUND:
                     break
+            if not found.merit <= FOUND:
+                w, merit, more = plain_steps_from(S, near, coulomb=coulomb)
+                found, steps = Reached(newton.projected(w, coulomb=coulomb), merit, 0), steps + more
             found = found._replace(steps=steps)
         opened = coulomb and found.merit <= FOUND and newton.leaves_motion_open(found.w)
         if opened:
