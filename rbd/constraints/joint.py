@@ -28,7 +28,7 @@ class JointLock:
     """A locked joint: a brake, a pin, a joint that does not take part in the motion.
 
     Bilateral rows, one a degree of freedom of the joint (a floating base has six). Without `position` it is locked in place:
-    c is its acceleration, and there is no error. With it the error is the joint's displacement from there, and c = error''::
+    y is its acceleration, and there is no error. With it the error is the joint's displacement from there, and y = error''::
 
         one DOF             error = q - position                                   (an angle of a continuous joint: wrapped)
         position in space   error = R_l^T (p - p_l),        J = R_l^T R            (l: the lock's)
@@ -101,7 +101,7 @@ class JointLock:
 class JointCoupling:
     """Linear coupling of two joints, e.g. by a gear: q_joint = ratio q_to + offset.
 
-    One bilateral row: `c = q_joint'' - ratio q_to''`, J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is
+    One bilateral row: `y = q_joint'' - ratio q_to''`, J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is
     the torque on `joint`; -ratio f acts on `to`. The angle of a continuous joint is known up to turns, and so is the
     error: the nearest value is used; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
 
@@ -182,7 +182,7 @@ class JointFriction:
         at rest (|v| <= 1e-6)   |f| <= torque; f = -torque where the joint starts in the positive direction, and so on
         moving                  f = -torque sign(v)
 
-    One row `c = q''`; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
+    One row `y = q''`; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
 
     Attributes:
         name: The constraint's role, e.g. "knee_friction".
