@@ -164,6 +164,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
         """Nothing."""
 
 
+@pytest.mark.long
 def test_the_site_is_whole(tmp_path):
     """One build: no warning, no dead link, no address outside, each page reached, words found; and how it looks in Chromium.
 
