@@ -6,7 +6,6 @@ Sphinx reads them where they are, so that no generated file stands beside the so
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,8 @@ FILES = {"changelog": "CHANGELOG.md", "contributing": "CONTRIBUTING.md", "refere
 """{page of the site: file of the repository}."""
 INSTEAD = {"README.md": "index", "examples/README.md": "gallery/index"}
 """{file of the repository: page of the site that a link to it opens}."""
+SIDEBARS: dict[tuple[object, ...], str] = {}
+"""{folder and options: the sidebar of pages that stand in no table of contents}, of one build."""
 
 
 class SiteProject(Project):
@@ -49,6 +50,7 @@ def add_pages(app: Sphinx) -> None:
     """Tell Sphinx of the pages from outside docs/."""
     project = SiteProject(app.srcdir, app.config.source_suffix)
     project.restore(app.project)
+    SIDEBARS.clear()
     project.top, project.generated = Path(app.confdir).resolve().parent, {}
     from rbd_site import api, bibliography, gallery
 
@@ -60,9 +62,26 @@ def add_pages(app: Sphinx) -> None:
 
 
 def shorten_navigation(app: Sphinx, pagename: str, templatename: str, context: dict[str, Any], doctree: object) -> None:
-    """The sidebar lists two levels: names of the API and examples would make it longer than the page."""
-    if whole := context.get("toctree"):
-        context["toctree"] = lambda **options: partial(whole, **{**options, "maxdepth": 2})()
+    """The sidebar lists two levels: names of the API and examples would make it longer than the page.
+
+    Pages that stand in no table of contents share one sidebar in each folder, as none of its entries is theirs: to resolve it
+    for each public name would be a quarter of a build.
+    """
+    whole = context.get("toctree")
+    alone = "orphan" in app.env.metadata.get(pagename, {})
+
+    def shortened(**options: Any) -> str:
+        options["maxdepth"] = 2
+        key = (pagename.rpartition("/")[0], *sorted(options.items()))
+        html = SIDEBARS.get(key) if alone else None
+        if html is None:
+            html = whole(**options)
+        if alone:
+            SIDEBARS[key] = html
+        return html
+
+    if whole:
+        context["toctree"] = shortened
 
 
 def setup(app: Sphinx) -> None:
