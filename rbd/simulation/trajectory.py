@@ -1,4 +1,4 @@
-"""A motion that was computed: arrays over time, with residuals."""
+"""`Trajectory`: a simulated motion as arrays over time, with residuals."""
 
 from __future__ import annotations
 
