@@ -130,15 +130,27 @@ async function look(page, theme) {
   };
   frame.remove();
 }
+async function search(words) {
+  const frame = document.createElement("iframe");
+  frame.src = "search.html?q=" + encodeURIComponent(words);
+  document.body.append(frame);
+  await new Promise((done) => { frame.onload = done; });
+  const found = () => [...frame.contentDocument.querySelectorAll("#search-results li > a")].map((a) => a.textContent);
+  const summary = () => frame.contentDocument.querySelector(".search-summary")?.textContent ?? "";
+  for (let i = 0; i < 100 && !summary().includes("finished"); i++)
+    await new Promise((done) => setTimeout(done, 100));
+  told[words] = found();
+}
 (async () => {
+  await search("load_robot");
   for (const page of pages) for (const theme of ["light", "dark"]) await look(page, theme);
   document.getElementById("told").textContent = JSON.stringify(told);
 })();
 </script>"""
 
 
-def seen_in_browser(site: Path, browser: str) -> tuple[dict[str, dict], list[str]]:
-    """({page and theme: what it looks like 400 pixels wide}, messages of the console)."""
+def seen_in_browser(site: Path, browser: str) -> tuple[dict, list[str]]:
+    """({page and theme: what it looks like 400 pixels wide; words: pages found}, messages of the console)."""
     page = PROBE.replace("PAGES", json.dumps(PROBED)).replace("READABLE", str(READABLE))
     (site / "probe.html").write_text(page, encoding="utf-8")
     handler = functools.partial(Quiet, directory=str(site))
@@ -175,6 +187,12 @@ def test_the_site_is_whole(tmp_path):
     assert built(site) == ""
     assert list(faults(site)) == []
     assert "Which contact law?" in found_by_search(site, "friction") and "load_robot" in found_by_search(site, "load_robot")
+    theory, example = (
+        (site / page).read_text(encoding="utf-8") for page in ("reference/theory.html", "gallery/10_four_bar.html")
+    )
+    for address in ("../api/rbd.solve.html#rbd.solve", "../source/tests/test_cones.py.html#test_", "../bibliography.html#ref-"):
+        assert f'href="{address}' in theory, address
+    assert 'href="../scenes/four_bar.html"' in example
     assert all((site / "scenes" / f"{name}.html").stat().st_size > 100_000 for name in SCENES)
     assert (site / "_static" / "mathjax" / "tex-chtml-full.js").is_file()
     size = sum(file.stat().st_size for file in site.rglob("*") if file.is_file() and "scenes" not in file.parts)
@@ -184,6 +202,7 @@ def test_the_site_is_whole(tmp_path):
         pytest.skip("Chromium is not installed: links hold, and how pages look is not tested")
     seen, console = seen_in_browser(site, browser)
     assert console == []
+    assert "rbd.load_robot" in seen.pop("load_robot")
     for page, look in seen.items():
         assert look["wide"] <= 0, page
         assert look["formulas"] == look["rendered"] and look["wrong"] == [], page
