@@ -1,6 +1,6 @@
-"""How do I bring my own robot, of which `rbd` knows nothing but a URDF?
+"""How do I load my own robot, if all I have is its URDF?
 
-The walker of `urdf/walker.urdf` has no SRDF, no posture and no feet that anyone has named. Three things are needed: a
+The walker of `urdf/walker.urdf` has no SRDF, no named posture and no named feet. Three things are needed: a
 configuration in which it stands, its soles, and the report of the model check (the doctor).
 """
 

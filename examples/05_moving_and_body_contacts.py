@@ -1,4 +1,4 @@
-"""What if the ground moves, or what is touched is another robot?
+"""What if the ground moves, or a robot touches another robot?
 
 A parcel on a conveyor belt: put down on it, moving with it, and when the belt brakes. Then two Talos face to face, fist to
 fist: each braces itself against a push of its own choice, and one of them may be the stronger.

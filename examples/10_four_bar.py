@@ -1,4 +1,4 @@
-"""A crank turns: where do the other links of a four-bar go, how fast, and is the loop of the text that of the robot?
+"""A crank turns: where do the other links of a four-bar go, how fast, and is the text's loop the same as the robot's?
 
 First the rhombus of the text, all links 1 m, crank at 30 deg and 1 rad/s: its loop L1 e^(i th1) + L2 e^(i th2) + L3 e^(i th3) +
 L4 = 0 as a function of q, its two branches, rates, and det J2 = L2 L3 sin(th3 - th2). The text draws the ground to the left:

@@ -1,4 +1,4 @@
-"""Why does a rolling coin stay upright, and how long does one that slides go on sliding?
+"""Why does a rolling coin stay upright, and how long does a sliding coin keep sliding?
 
 An upright coin (A = m r^2 / 4, C = m r^2 / 2) that rolls with w = v / r and is tipped by a small x0 turns into its lean x, with
 the rate w C / A (x - x0), which rights it:

@@ -1,4 +1,4 @@
-"""Which torques does a G1 need to crouch and stand up again, how near are they to their limits, and what if it hurries?"""
+"""Which torques does a G1 need to crouch and stand up again, how near are they to their limits, and what if it is faster?"""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A file says how a G1 crouches. Can the robot do it? And if the file is wrong, which frames, and what is wrong with them?"""
+"""A file holds the motion of a crouching G1. Can the robot do it? If not, which frames are impossible, and why?"""
 
 import tempfile
 from pathlib import Path

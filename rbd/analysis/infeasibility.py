@@ -46,11 +46,18 @@ class Contradiction:
             distance to the dual cone.
         smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
             set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
-        unbalanced: Largest entry of |J^T f|. The proof is valid for motions with sum |a_i| < 1 / unbalanced.
+        unbalanced: Largest entry of `|J^T f|`. The proof is valid for motions with `sum |a_i| < 1 / unbalanced`.
         law: The law whose rows they are.
         met: {bilateral constraint: the feasible part of its required -offset, shape (m,)}, by least
             squares over all bilateral rows, in their units [m/s2, rad/s2].
         unmet: {bilateral constraint: the infeasible part}; zero where they agree. met + unmet = -offset.
+
+    Example:
+        >>> up = rbd.Rows("up", J=np.eye(1), bias=np.array([-1.0]), cone=rbd.problem.Free(1))  # a = 1
+        >>> down = rbd.Rows("down", J=np.eye(1), bias=np.array([1.0]), cone=rbd.problem.Free(1))  # a = -1
+        >>> found = rbd.analysis.contradiction(rbd.GaussProblem(M=np.eye(1), rhs=np.zeros(1), rows=[up, down]))
+        >>> print(found.who, found.violation, found.certificate["up"])
+        'up' and 'down' 1.0 [0.5]
     """
 
     rows: Mapping[str, tuple[str, ...]]
@@ -117,6 +124,12 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
 
     Raises:
         InputError: if the problem or the law is not one.
+
+    Example:
+        >>> up = rbd.Rows("up", J=np.eye(1), bias=np.array([-1.0]), cone=rbd.problem.Free(1))  # a = 1
+        >>> down = rbd.Rows("down", J=np.eye(1), bias=np.array([1.0]), cone=rbd.problem.Free(1))  # a = -1
+        >>> print(rbd.analysis.contradiction(rbd.GaussProblem(M=np.eye(1), rhs=np.zeros(1), rows=[up, down])).claim)
+        'up' and 'down' contradict each other; every motion misses some of these rows by 1 m/s2 (rad/s2) or more
     """
     law = Law.of(law)
     search = _Search(conditions_of(checked(problem), law))

@@ -1,4 +1,4 @@
-"""Files from anywhere, XML and meshes: found where they may be, and looked at by their bytes before a reader opens them.
+"""Input files, XML and meshes: found only in allowed folders, and checked as bytes before a reader opens them.
 
 What could fill the memory or lead elsewhere is refused. Meshes are taken from the folders of the robot's packages and from
 nowhere else. Assimp reads some forty formats, follows references to other files, and never returns on some headers; coal takes
@@ -47,6 +47,13 @@ class FileLimits:
         max_dof: Degrees of freedom; one `pin.Data` takes about 32 nv^3 bytes, so 400 of them want 2 GB.
         max_attributes: An element of so many attributes is refused.
         max_depth: Elements inside elements.
+
+    Example:
+        >>> small = rbd.model.FileLimits(max_dof=10)
+        >>> rbd.load_robot("solo12", limits=small)
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ModelError: ...
     """
 
     max_bytes: int = 64_000_000

@@ -1,4 +1,4 @@
-"""`SensorNoise`: standard deviations of what is measured, and the covariance that they give to generalised forces.
+"""`SensorNoise`: standard deviations of measurements, and the resulting covariance of generalised forces.
 
 To first order, of the equations y = M(q) a + h(q, v) - tau_ext(q) - S^T tau = J(q)^T f,
 
@@ -41,6 +41,14 @@ class SensorNoise:
 
     Raises:
         InputError: negative numbers, or all zero.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> noise = rbd.motion.SensorNoise(a=0.1, tau=0.02)
+        >>> estimate = rbd.estimate_forces(state, np.zeros(solo.nv), feet, rbd.hold(state, feet).tau, noise=noise)
+        >>> estimate.deviations["front_left"].round(3)
+        array([0.077, 0.084, 0.126])
     """
 
     q: float | Sequence[float] | Array = 0.0

@@ -1,4 +1,4 @@
-"""Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), written down pair by pair of links.
+"""Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), as sums over pairs of links.
 
 In the absolute angles psi_i of the links the kinetic energy is a sum over pairs of links, and the potential energy one over
 links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:
@@ -46,6 +46,13 @@ class Dynamics:
         chain: Whose angles q they are in.
         bodies: Masses, centres of mass, inertias.
         gravity: Along -y [m/s2].
+
+    Example:
+        >>> pendulum = rbd.planar.dynamics(rbd.planar.Chain(1, lengths=[1], angles="vertical"), bodies="points", masses=[2])
+        >>> pendulum.M, pendulum.g
+        (Matrix([[2]]), Matrix([[2*g*sin(theta_1(t))]]))
+        >>> pendulum.subs({"g": 9.81}).forward([0.1], [0.0]).round(4)
+        array([-0.9794])
     """
 
     chain: Chain
@@ -174,7 +181,7 @@ class Dynamics:
         return Dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
     def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
-        """Small motion about a posture at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
+        """Small motion about a posture at rest: `M x'' + K x = 0`; see `rbd.planar.small_motion`.
 
         Args:
             at: q, n angles [rad], numbers or expressions; by default the chain hanging down.
@@ -307,7 +314,7 @@ def dynamics(
     inertias: Iterable[Any] | None = None,
     gravity: Any = None,
 ) -> Dynamics:
-    """Lagrange's equations of a chain.
+    """Lagrange's equations of a planar chain, in symbols: M(q) qdd + C(q, qd) qd + g(q) = tau.
 
     Values not given are positive symbols: m_i, d_i, I_i, g.
 
@@ -322,9 +329,10 @@ def dynamics(
     Raises:
         InputError: wrong counts, numbers that no body has, gravity below zero.
 
-    >>> dyn = dynamics(Chain(2), gravity=0)
-    >>> dyn.christoffel[1, 0, 0]
-    d_2*ell_1*m_2*sin(theta_2(t))
+    Example:
+        >>> dyn = rbd.planar.dynamics(rbd.planar.Chain(2), gravity=0)
+        >>> dyn.christoffel[1, 0, 0]
+        d_2*ell_1*m_2*sin(theta_2(t))
     """
     known = bodies_of(chain, bodies=bodies, masses=masses, centres=centres, inertias=inertias)
     return Dynamics(chain, known, GRAVITY if gravity is None else _gravity(gravity, chain.t))

@@ -1,4 +1,4 @@
-"""Where a time step begins, what its halves gave, and where it ends: records that are handed from step to step."""
+"""Records of a time step, which are handed from step to step: its start, the results of its halves, and its end."""
 
 from __future__ import annotations
 
@@ -111,6 +111,11 @@ class HalfStep(NamedTuple):
     def a(self) -> Array:
         """Acceleration in it, of a floating base in the base's axes, shape (nv,)."""
         return (self.answer.v - self.turned) * (2.0 / self.h)
+
+    def active_in(self, layout: Layout) -> Array:
+        """Which points of another layout are active, shape (k,)."""
+        at = self.start.at
+        return self.active if layout is at.layout else PointMatching(at.layout, layout).points(self.active, False)
 
     def points_in(self, layout: Layout) -> PointsAtStart:
         """The same data for the points of another layout."""

@@ -1,11 +1,11 @@
-"""The compiled twin of `rbd.solvers.point_law.plain`: imported only where Numba is installed and asked for."""
+"""The compiled form of `rbd.solvers.point_law.plain`: imported only if Numba is installed and in use."""
 
 from __future__ import annotations
 
 import math
 
 from rbd.arrays import Array
-from rbd.solvers.small_systems import compiled
+from rbd.kernels import compiled
 
 
 @compiled

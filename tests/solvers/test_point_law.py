@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd import compiled
 from rbd.problem.residuals import residuals_of
-from rbd.solvers import compiled
 from rbd.solvers.point_law import law_residual, plain
 
 
@@ -54,3 +54,13 @@ def test_it_bounds_the_full_certificate(law):
         full = residuals_of(problem, y, w, w, law)
         told = plain(y, w, mu, law == "coulomb")
         assert max(full.feasibility.scaled, full.complementarity.scaled) <= told * (1.0 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize("coulomb", [True, False])
+def test_a_few_points_in_floats_and_many_in_arrays_agree(coulomb):
+    """Five points, and the same four times over, which are too many for floats; NaN in either stays NaN."""
+    for y, w, mu in draws():
+        few, many = plain(y, w, mu, coulomb), plain(np.tile(y, 4), np.tile(w, 4), np.tile(mu, 4), coulomb)
+        assert few == pytest.approx(many, rel=1e-12, abs=1e-15)
+    y[4] = np.nan
+    assert not plain(y, w, mu, coulomb) <= 1.0 and not plain(np.tile(y, 4), np.tile(w, 4), np.tile(mu, 4), coulomb) <= 1.0
