@@ -18,7 +18,7 @@ from rbd.visual import find_browser
 from rbd.visual.page import FLAGS
 
 sys.path.insert(0, str(TOP / "docs" / "site"))
-from rbd_site import api, bibliography, gallery, links, mathjax, public, sources  # noqa: E402
+from rbd_site import api, bibliography, gallery, links, mathjax, public, sources, subscripts  # noqa: E402
 
 SCENES = ("four_bar", "task_loop")
 """Scenes that the test builds, of four bars: no motion is computed for them; `make docs` builds all."""
@@ -265,6 +265,45 @@ def test_a_source_page_has_an_anchor_at_each_function():
 def test_docstrings_are_read_as_written(line, expected):
     """Bars, stars and an s after code are no markup."""
     assert api.plain(line) == expected
+
+
+def marked(text: str) -> str:
+    """Running text as the site sets it, with tags."""
+    tags = {"subscript": "sub", "superscript": "sup"}
+
+    def written(node) -> str:
+        inside = "".join(written(child) for child in node.children) or node.astext()
+        return f"<{tags[node.tagname]}>{inside}</{tags[node.tagname]}>" if node.tagname in tags else inside
+
+    return "".join(written(node) for node in subscripts.split(text)) or text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("the free motion a_free, and f_n > 0", "the free motion a<sub>free</sub>, and f<sub>n</sub> > 0"),
+        ("|f_t| ≤ μ f_n", "|f<sub>t</sub>| ≤ μ f<sub>n</sub>"),
+        ("h = q̇ᵀC q̇ − τ_g, q̈_free", "h = q̇ᵀC q̇ − τ<sub>g</sub>, q̈<sub>free</sub>"),
+        ("½‖a − a_free‖²_M", "½‖a − a<sub>free</sub>‖²<sub>M</sub>"),
+        ("λᵀ(J_c a) and p_WF", "λᵀ(J<sub>c</sub> a) and p<sub>WF</sub>"),
+        ("Σ (τ_i / τ_max,i)², 2θ_1", "Σ (τ<sub>i</sub> / τ<sub>max,i</sub>)², 2θ<sub>1</sub>"),
+        ("J a + J_dot v = 0", "J a + J\u0307 v = 0"),
+        ("f = J^T λ, M^-1, |x|^2", "f = J<sup>T</sup> λ, M<sup>−1</sup>, |x|<sup>2</sup>"),
+        ("L_2 e^(iθ₂) = s e^{iθ_k}", "L<sub>2</sub> e<sup>iθ₂</sup> = s e<sup>iθ<sub>k</sub></sup>"),
+    ],
+)
+def test_letters_in_running_text_get_their_indices(text, expected):
+    """One letter, dotted or in bars, with its index or exponent."""
+    assert marked(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["test_docs", "tau_ext of a robot", "mj_step", "x86_64", "01_stand.py", "rbd.q_free", "a_b_c", "f_", "_x", "^T", "a ^ b"],
+)
+def test_names_in_running_text_stay(text):
+    """Names of several letters, of files and of functions are no formulas."""
+    assert marked(text) == text and subscripts.split(text) == []
 
 
 def test_the_bibliography_has_no_address():

@@ -1,4 +1,4 @@
-"""Letters of formulas in running text: a_free and f_n, as pages write them in plain Markdown, get true subscripts."""
+"""Letters of formulas in running text: a_free, f_n and J^T, as pages write them in Markdown, get true sub- and superscripts."""
 
 from __future__ import annotations
 
@@ -7,25 +7,39 @@ import re
 from docutils import nodes
 from sphinx.application import Sphinx
 
+LETTER = r"(?:(?<![A-Za-z0-9_.\u0300-\u036f])[^\W\d_]|(?<=[0-9a-z])[α-ω])[\u0300-\u036f]*['⁺⁻]?"
+"""A letter that no word ends with: f, q̈, and of Greek ones also those after a number or another letter, 2θ, iθ."""
 SUBSCRIPT = re.compile(
-    r"((?<![A-Za-z0-9_.\u0300-\u036f])[^\W\d_][\u0300-\u036f]*['⁺⁻]?|[‖|]²)"  # one letter, perhaps dotted, or the end of a norm
+    rf"({LETTER}|[‖|]²)"  # one letter, perhaps dotted, or the end of a norm
     r"_([A-Za-zα-ω0-9]{1,7}(?:,[A-Za-z0-9]{1,3})?)(?![A-Za-zα-ω0-9_])"
 )
 """One letter, perhaps with dots or a prime, an underscore and a short index: a_free, τ_g, r̈_k, ‖x‖²_M, but not test_docs."""
+SUPERSCRIPT = re.compile(r"(?<=[^\W_]|[)|‖\]])\^(?:(T|-?\d+)(?![A-Za-z0-9_])|\(([^()]+)\)|\{([^{}]+)\})")
+"""After a letter, a digit or a bracket: J^T, x^2, M^-1, e^(iθ), e^{iθ_k}."""
+DOT = "\u0307"
 
 
 def split(text: str) -> list[nodes.Node]:
-    """The text with its subscripts as nodes."""
+    """The text with its sub- and superscripts as nodes; J_dot is J with a dot above."""
     made: list[nodes.Node] = []
     end = 0
-    for found in SUBSCRIPT.finditer(text):
-        made += [nodes.Text(text[end : found.end(1)]), nodes.subscript("", found[2])]
+    for found in sorted([*SUBSCRIPT.finditer(text), *SUPERSCRIPT.finditer(text)], key=lambda found: found.start()):
+        if found.start() < end:
+            continue  # an index inside an exponent, already set
+        if found.re is SUPERSCRIPT:
+            exponent = next(group for group in found.groups() if group is not None)
+            inner = split(exponent.replace("-", "−")) or [nodes.Text(exponent.replace("-", "−"))]
+            made += [nodes.Text(text[end : found.start()]), nodes.superscript("", "", *inner)]
+        elif found[2] == "dot":
+            made.append(nodes.Text(text[end : found.end(1)] + DOT))
+        else:
+            made += [nodes.Text(text[end : found.end(1)]), nodes.subscript("", found[2])]
         end = found.end()
     return [*made, nodes.Text(text[end:])] if made else []
 
 
 def lower_indices(app: Sphinx, doctree: nodes.document) -> None:
-    """Set the indices of a page that was read."""
+    """Set the indices and exponents of a page that was read."""
     kept = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.FixedTextElement, nodes.Invisible)
     if app.env.docname.startswith("api/"):
         return  # docstrings name arguments and fields
